@@ -6,15 +6,20 @@ import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
+from pathlib import Path
 from time import monotonic
 
 from fastapi import FastAPI
 
+from pincette.bus.endpoints import direct_endpoint, program_endpoint
 from pincette.bus.protocol import BusError
+from pincette.bus.stopping import trip_at
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
+from pincette.core.faults import Cause
+from pincette.core.messages import Message, Trip
 from pincette.engine.program import Context
-from pincette.security.identity import SUPERVISOR
+from pincette.security.identity import SUPERVISOR, program
 from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
 from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.attention import ATTENTION
@@ -82,14 +87,20 @@ def run(context: Context) -> None:
         stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
         factory = RigFactory(
-            store, listeners, context.data, context.open_bus, partial(worker.run, played), clock
+            store,
+            listeners,
+            context.data,
+            context.open_bus,
+            partial(worker.run, played),
+            clock,
+            partial(_trip_directly, context.rig),
         )
         unfinished = _by_rig(store, store.interrupt_unfinished(utc_now()))
 
         def create(rig: RigFile) -> JobManager:
             return factory.create(rig, unfinished.pop(rig.rig.name, ()))
 
-        rigs = Rigs(create(context.rig))
+        rigs = Rigs(create(context.rig), partial(_trip_unserved, context.rig))
         stack.callback(rigs.release)
         finder = stack.enter_context(closing(RigFinder(rigs, context.open_bus, create)))
         finder.start(bus)
@@ -99,6 +110,20 @@ def run(context: Context) -> None:
             stack.callback(close)
         context.ready(f"serves at {config.url}/api/v1")
         context.stop.wait()
+
+
+def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
+    """Trip the actuator of a rig without the router; certificates are the supervisor's own."""
+    if own.bus.pki is not None:
+        rig = rig.secured(Path(own.bus.pki))
+    ends = direct_endpoint(rig, "actuator", program(SUPERVISOR, ""))
+    return trip_at(ends, rig.rig.name, trip, SUPERVISOR)
+
+
+def _trip_unserved(own: RigFile, rig: str) -> Message:
+    """Trip the actuator of a rig of which nothing but the name is known, through the router."""
+    ends = program_endpoint(own, SUPERVISOR, lockstep=False)
+    return trip_at(ends, rig, Trip(Cause.ESTOP), SUPERVISOR)
 
 
 def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:

@@ -107,10 +107,13 @@ def tool_endpoint(rig: RigFile) -> SessionConfig:
     return _client(rig, client_session(*rig.bus.served_by))
 
 
-def direct_endpoint(rig: RigFile, service: str) -> SessionConfig:
-    """The session of a person's tool at one service, without the router."""
+def direct_endpoint(rig: RigFile, service: str, identity: Identity | None = None) -> SessionConfig:
+    """Return the session of a client at one service, without the router.
+
+    ``identity``: whose certificate the client shows; None: that of a person's tool.
+    """
     config = direct_session(rig.bus.host, rig.bus.port, service)
-    return _client(rig, config, server=program(rig.program_of(service), rig.rig.name))
+    return _client(rig, config, identity, program(rig.program_of(service), rig.rig.name))
 
 
 def _client(

@@ -39,7 +39,7 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
         "listen": {"endpoints": list(config.listen), "exit_on_failure": True},
         "connect": {
             "endpoints": list(config.connect),
-            "timeout_ms": 3000 if waits else -1,
+            "timeout_ms": round(1e3 * config.connect_s) if waits else -1,
             "exit_on_failure": waits,
             "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
         },

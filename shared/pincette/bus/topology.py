@@ -36,6 +36,8 @@ class SessionConfig:
     """None: the links are neither encrypted nor closed to anybody."""
     near: tuple[str, ...] = ()
     """Of ``connect``: programs of the same rig; see ``local_sockets``."""
+    connect_s: float = 3.0
+    """Limit of the time in which a client joins, in s."""
 
 
 def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:

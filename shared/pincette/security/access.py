@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pincette.core.service import Participant, member_services
-from pincette.core.topics import NAMESPACE, key, request_key
+from pincette.core.topics import NAMESPACE, TRIP, key, request_key
 from pincette.security.identity import (
     OPERATOR,
     PEOPLE,
@@ -83,8 +83,10 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
 def service_access(
     service: Participant, rig: str, partners: Mapping[str, Participant], operators: Collection[str]
 ) -> Access:
-    """What a program of the loop lets pass: from a linked partner what its steps take."""
-    # ``operators`` may trip it without the router.
+    """Return what a program of the loop lets pass: from a linked partner what its steps take.
+
+    ``operators`` and the supervisor may trip the actuator without the router.
+    """
     own = program(service.name, rig)
     lists: dict[str, tuple[Rule, ...]] = {ROUTER: _from_router(rights(own))}
     for name, partner in partners.items():
@@ -92,6 +94,9 @@ def service_access(
     asked = tuple(request_key(rig, one) for one in service.requests if may_ask(OPERATOR, one))
     for name in operators:
         lists[name] = (_in(("query",), asked), _out(ANSWERS, asked))
+    stops = tuple(request_key(rig, one) for one in service.requests if one == TRIP)
+    if stops:
+        lists[SUPERVISOR] = (_in(("query",), stops), _out(ANSWERS, stops))
     return lists
 
 

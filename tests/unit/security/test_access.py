@@ -5,7 +5,7 @@ from itertools import combinations, product
 import pytest
 
 from pincette.bus.topology import partners
-from pincette.core.topics import (
+from pincette.core.topics import TRIP, (
     COMMAND,
     LOOP,
     REQUESTS,
@@ -145,7 +145,7 @@ def test_the_router_and_a_service_agree_on_what_passes_between_them() -> None:
             assert asked == lets(AT_ROUTER, who, "egress", "query", wanted)
 
 
-def test_beside_the_router_an_operator_may_ask_what_it_may_and_nobody_else_anything() -> None:
+def test_without_the_router_operators_make_their_requests_and_the_supervisor_trips() -> None:
     for name, who in product(LOOP, EVERYBODY):
         granted = list_of(name).get(who.name, ())
         linked = {f"left/{other}" for other in partners(name, SERVICES, lockstep=False)}
@@ -153,6 +153,9 @@ def test_beside_the_router_an_operator_may_ask_what_it_may_and_nobody_else_anyth
         if who == OPERATOR:
             asked = {one for rule in granted if "query" in rule.messages for one in rule.keys}
             assert asked == {request_key("left", one) for one in questions}
+        elif who == SUPERVISOR:
+            asked = {one for rule in granted for one in rule.keys}
+            assert asked == ({request_key("left", TRIP)} if name == "actuator" else set())
         elif who.name not in linked:
             assert granted == ()
 

@@ -1,12 +1,12 @@
 """Actions of a person on a job, passed on to the rig."""
 
-from typing import Literal, cast
+from typing import Literal
 
 from pincette.api.states import HOLDS, ActionType, JobState, TransitionError, allowed_actions
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
-from pincette.core.messages import Ack, Action
-from pincette.core.topics import ACTION, TRIP
+from pincette.core.messages import Action
+from pincette.core.topics import ACTION
 from pincette_supervisor.jobs import policies, refusals
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_queue import Entry, JobQueue
@@ -79,10 +79,10 @@ class JobActions:
             if trips:  # before anything is written
                 trip = policies.abort_trip(live.request, "")
                 try:
-                    reply = self._context.bus.call(TRIP, trip, 1.0)
+                    reply = self._context.trip(trip)
                 finally:
                     live.record_action(action, by)
-                live.record_effect("abort", cast(Ack, reply).seq)
+                live.record_effect("abort", reply.seq)
         except (RefusalError, TransitionError) as error:
             raise invalid_action(action, live.state, allowed, str(error)) from error
         except BusError as error:

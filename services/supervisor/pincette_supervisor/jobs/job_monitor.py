@@ -5,7 +5,7 @@ from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Acted, Cause, Outcome
 from pincette.core.messages import Action, Applied
-from pincette.core.topics import ACTION, TELEMETRY, TRIP
+from pincette.core.topics import ACTION, TELEMETRY
 from pincette_supervisor.alarms.trips import TripReason, trip_ending
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.controller_actions import ControllerActions
@@ -201,7 +201,7 @@ class JobMonitor:
             self._trip_asked = True
             self._last_message_at = self._context.observer.awake_clock()
             try:
-                self._context.bus.call(TRIP, policies.abort_trip(job.request, job.cause[:200]), 1.0)
+                self._context.trip(policies.abort_trip(job.request, job.cause[:200]))
             except BusError as error:
                 job.note_cause(str(error), Ending(code="unanswered"))
                 self._close("fail")

@@ -22,6 +22,7 @@ from pincette.api.rigs import (
     Stopped,
     StoppedList,
 )
+from pincette.core.faults import Cause
 from pincette_supervisor.journal.listeners import TooManyListenersError
 from pincette_supervisor.model.checklist import checklist
 from pincette_supervisor.model.model_view import model_view
@@ -43,8 +44,10 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
+from pincette_supervisor.rigs.latch import unconfirmed
 from pincette_supervisor.rigs.live import LiveCursor
 from pincette_supervisor.rigs.rig_view import rig_view
+from pincette_supervisor.rigs.rigs import Rigs
 from pincette_supervisor.rigs.standing import standing
 
 LIVE_INTERVAL_S = 1.0 / 15.0
@@ -58,21 +61,39 @@ router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 @router.post("/estop", responses=responses(503))
 async def estop_all(rigs: AllRigs, by: Sender) -> StoppedList:
     """Stop every rig at once; see the one of a rig. 503 where one has not confirmed."""
-    asked = [manager.latch.stopped(by) for manager in rigs.all()]
+    managers, unserved = rigs.all(), list(rigs.unusable)
+    others = asyncio.create_task(_stop_unserved(rigs, unserved))
+    asked = [manager.latch.stopped(by) for manager in managers]
     answers = await asyncio.gather(*asked, return_exceptions=True)
-    stopped = [answer for answer in answers if isinstance(answer, Stopped)]
-    silent = [str(answer) for answer in answers if not isinstance(answer, Stopped)]
-    silent += [f"{rig}: {why}" for rig, why in rigs.unusable.items()]
+    missed = await others
+    named = list(zip([one.name for one in managers], answers, strict=True))
+    stopped = [answer for _, answer in named if isinstance(answer, Stopped)]
+    silent = {name: str(answer) for name, answer in named if not isinstance(answer, Stopped)}
+    stopped += [_stopped(rig) for rig in unserved if rig not in missed]
+    silent |= {rig: f"{rig}: {why}" for rig, why in missed.items()}
     if silent:
         raise ProblemError(
             503,
             "estop-unconfirmed",
             "Not every rig has confirmed the emergency stop",
-            "; ".join(silent),
+            "; ".join(silent.values()),
             stopped=[answer.rig for answer in stopped],
-            reasons=silent,
+            unconfirmed=list(silent),
+            reasons=list(silent.values()),
         )
     return StoppedList(rigs=stopped)
+
+
+async def _stop_unserved(rigs: Rigs, names: list[str]) -> dict[str, str]:
+    """Stop rigs that were found and cannot be served; returns why each one was not stopped."""
+    if not names:
+        return {}
+    threads = rigs.own.latch.threads
+    return await asyncio.get_running_loop().run_in_executor(threads, rigs.stop_unserved, names)
+
+
+def _stopped(rig: str) -> Stopped:
+    return Stopped(rig=rig, cause=Cause.ESTOP.value, acknowledged=True, detail="")
 
 
 @router.get("/rigs", dependencies=[OBSERVE])
@@ -88,9 +109,14 @@ def rig_state(manager: Manager) -> Rig:
 
 
 @router.post("/rigs/{rig}/estop", responses=responses(404, 503))
-async def estop(manager: Manager, by: Sender) -> Stopped:
+async def estop(rig: str, rigs: AllRigs, by: Sender) -> Stopped:
     """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken."""
-    return await manager.latch.stopped(by)
+    if rigs.find(rig) is not None or rig not in rigs.unusable:
+        return await rigs.get(rig).latch.stopped(by)
+    failed = await _stop_unserved(rigs, [rig])
+    if failed:
+        raise unconfirmed(failed[rig])
+    return _stopped(rig)
 
 
 @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])

@@ -8,7 +8,6 @@ from pincette.api.rigs import Stopped
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
-from pincette.core.topics import TRIP
 from pincette.engine.threads import log_failure
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.refusals import unanswered
@@ -16,6 +15,18 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.rig_context import RigContext
 
 ESTOP_THREADS = 4
+REPLY_S = 1.4
+"""Limit of the time until a request for an emergency stop is answered, in its turn or not."""
+
+
+def unconfirmed(why: str) -> ProblemError:
+    """Return the problem of an emergency stop that no actuator has confirmed."""
+    return ProblemError(
+        503,
+        "estop-unconfirmed",
+        "The actuator did not confirm the emergency stop",
+        f"{why}; switch the amplifier off by hand",
+    )
 
 
 class LatchControl:
@@ -33,17 +44,20 @@ class LatchControl:
         """Trips the actuator, and has not begun to."""
 
     async def stopped(self, by: str) -> Stopped:
-        """Trip the actuator, in a thread of its own: no other request and no other rig delays it.
+        """Trip the actuator in a thread of its own, which no other request and no other rig uses.
 
-        Anybody may ask, as often as they like. Those who come while all threads are at it share
-        the next trip, which begins after the press of each of them.
+        Anybody may request it, at any rate. Requests that come while all threads are busy share
+        the next trip, which begins after all of them have arrived.
         """
         loop = asyncio.get_running_loop()
         task = self._next
         if task is None or task.done() or task.get_loop() is not loop:
             task = self._next = loop.create_task(self._in_turn(by))
             task.add_done_callback(lambda done: done.cancelled() or done.exception())
-        return await asyncio.shield(task)
+        try:
+            return await asyncio.wait_for(asyncio.shield(task), REPLY_S)
+        except TimeoutError:
+            raise unconfirmed(f"no confirmation within {REPLY_S:g} s; it is still tried") from None
 
     async def _in_turn(self, by: str) -> Stopped:
         async with self._slots:
@@ -51,19 +65,14 @@ class LatchControl:
             return await asyncio.get_running_loop().run_in_executor(self.threads, self.estop, by)
 
     def estop(self, by: str) -> Stopped:
-        """Trip the actuator at once; takes no lock and touches no disk."""
+        """Trip the actuator at once over all ways; takes no lock and touches no disk."""
         context = self._context
         context.alarms.expect(Cause.ESTOP, by)
         try:
-            context.bus.call(TRIP, Trip(Cause.ESTOP), 1.0)
+            context.trip(Trip(Cause.ESTOP))
         except BusError as error:
             self._aside.submit(self._raise_alarm, str(error)).add_done_callback(log_failure)
-            raise ProblemError(
-                503,
-                "estop-unconfirmed",
-                "The actuator did not confirm the emergency stop",
-                f"{error}; switch the amplifier off by hand",
-            ) from error
+            raise unconfirmed(str(error)) from error
         self._aside.submit(self._raise_alarm).add_done_callback(log_failure)
         return Stopped(
             rig=context.rig.rig.name, cause=Cause.ESTOP.value, acknowledged=True, detail=""

@@ -8,6 +8,7 @@ from pathlib import Path
 from time import monotonic
 
 from pincette.config import RigFile
+from pincette.core.messages import Trip
 from pincette_supervisor.alarms.alarms import AlarmLog
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.journal.events import EventLog
@@ -15,6 +16,7 @@ from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.results.history import HistoryReader
+from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
@@ -37,6 +39,13 @@ class RigContext:
     """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
     clock: Callable[[], float] = monotonic
     """What deadlines are held to."""
+    trip_directly: Callable[[Trip], object] | None = None
+    """Trips the actuator over a link of its own, past the router; None: there is no such link."""
+
+    @cached_property
+    def trip(self) -> ActuatorTrip:
+        """Trips the actuator over all ways."""
+        return ActuatorTrip(self.rig.rig.name, self.bus, self.trip_directly)
 
     @property
     def rig(self) -> RigFile:

@@ -1,9 +1,10 @@
 """The rigs of one supervisor: its own and those found on the router, and how one is created."""
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Protocol, TypeVar
@@ -12,6 +13,7 @@ from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.config.rig_file import JOINED
+from pincette.core.messages import Trip
 from pincette_supervisor import problems
 from pincette_supervisor.config import MODELS, RECORDS
 from pincette_supervisor.jobs.job_manager import JobManager
@@ -26,6 +28,7 @@ from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.results import archive
+from pincette_supervisor.rigs.actuator_trip import trip_each
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -36,8 +39,12 @@ T = TypeVar("T")
 class Rigs:
     """The rigs by name, the supervisor's own first; no method waits for a bus."""
 
-    def __init__(self, own: JobManager) -> None:
+    def __init__(
+        self, own: JobManager, trip_unserved: Callable[[str], object] | None = None
+    ) -> None:
+        """``trip_unserved``: trips the actuator of a rig that was found and cannot be served."""
         self.own = own
+        self._trip_unserved = trip_unserved
         self._lock = threading.Lock()
         self._managers: Mapping[str, JobManager] = {own.name: own}
         self._unusable: Mapping[str, str] = {}
@@ -65,6 +72,13 @@ class Rigs:
         with self._lock:
             others = {name: other for name, other in self._unusable.items() if name != rig}
             self._unusable = {**others, rig: why} if why else others
+
+    def stop_unserved(self, rigs: Iterable[str]) -> dict[str, str]:
+        """Trip rigs that cannot be served; returns why each one was not stopped."""
+        if self._trip_unserved is None:
+            return {rig: self._unusable.get(rig, "") for rig in rigs}
+        failed = trip_each(rigs, self._trip_unserved)
+        return {rig: f"{self._unusable.get(rig, '')}: {why}" for rig, why in failed.items()}
 
     def all(self) -> list[JobManager]:
         """All served rigs, the supervisor's own first."""
@@ -181,6 +195,8 @@ class RigFactory:
     """Simulates a plan on the model, on a spare processor."""
     awake_clock: Callable[[], float] | None = None
     """A clock that stands still while this process is suspended."""
+    trip_directly: Callable[[RigFile, Trip], object] | None = None
+    """Trips the actuator of a rig without the router; None: there is no such link."""
 
     def create(self, rig: RigFile, unfinished: Sequence[str] = ()) -> JobManager:
         """Serve a rig with its interrupted jobs, the newest last; raises BusError."""
@@ -208,4 +224,5 @@ class RigFactory:
             events=EventLog(self.store, rig.rig.name, self.listeners),
             records=home / RECORDS,
             archivist=archive.archivist(),
+            trip_directly=None if self.trip_directly is None else partial(self.trip_directly, rig),
         )

@@ -1,0 +1,106 @@
+"""Trips a rig's actuator over the bus and, in parallel, over a link straight to the actuator."""
+
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
+from threading import BoundedSemaphore
+from time import monotonic
+from typing import cast
+
+from pincette.bus.protocol import Bus, BusError, RefusalError
+from pincette.bus.stopping import REPLY_S, StopAttempts
+from pincette.core.messages import Ack, Trip
+from pincette.core.topics import TRIP
+
+ROUTED, DIRECT = "through the router", "at the actuator"
+HEAD_START_S = 0.1
+"""Time for which the bus is tried alone. Where it works, the actuator needs no further session."""
+TRIP_S = 1.2
+"""Limit of the time for all ways together."""
+UNDER_WAY = 8
+"""Attempts of one way that may be under way; those of a dead link last for seconds."""
+MOST_AT_ONCE = 64
+"""Actuators that one request trips beside those of the served rigs."""
+
+
+class ActuatorTrip:
+    """Trips the actuator of one rig; the first confirmation counts."""
+
+    def __init__(self, rig: str, bus: Bus, direct: Callable[[Trip], object] | None) -> None:
+        """``direct``: trips without the router; None: there is no such link."""
+        self._rig, self._bus, self._direct = rig, bus, direct
+        self._free = {way: BoundedSemaphore(UNDER_WAY) for way in (ROUTED, DIRECT)}
+
+    def __call__(self, trip: Trip) -> Ack:
+        """Trip, and return the acknowledgement.
+
+        Raises
+        ------
+        RefusalError
+            The actuator refuses.
+        BusError
+            No way has brought a confirmation within ``TRIP_S``.
+        """
+        if self._direct is None:
+            return cast(Ack, self._bus.call(TRIP, trip, REPLY_S))
+        replies: list[Ack] = []
+        attempts, until_s = StopAttempts(), monotonic() + TRIP_S
+
+        def start(way: str, call: Callable[[], object]) -> None:
+            def attempt() -> None:
+                with _one_of(self._free[way]):
+                    replies.append(cast(Ack, call()))
+                attempts.confirm(self._rig, way)
+
+            attempts.start(way, attempt)
+
+        direct = self._direct
+        start(ROUTED, lambda: self._bus.call(TRIP, trip, REPLY_S))
+        attempts.wait(HEAD_START_S, lambda: bool(replies))
+        if not replies:
+            start(DIRECT, lambda: direct(trip))
+            attempts.wait(until_s - monotonic(), lambda: bool(attempts.confirmed))
+        if replies:
+            return replies[0]
+        raise _unconfirmed(attempts)
+
+
+@contextmanager
+def _one_of(free: BoundedSemaphore) -> Generator[None]:
+    """Permit one attempt more; raises BusError where too many are under way."""
+    if not free.acquire(blocking=False):
+        raise BusError(f"{UNDER_WAY} earlier attempts have had no reply yet")
+    try:
+        yield
+    finally:
+        free.release()
+
+
+def _unconfirmed(attempts: StopAttempts) -> BusError:
+    for _, error in attempts.failed:
+        if isinstance(error, RefusalError):
+            return error
+    why = [f"{way}: {error}" for way, error in attempts.failed]
+    why += [f"{way}: no reply within {TRIP_S:g} s" for way in attempts.running]
+    return BusError("; ".join(why))
+
+
+def trip_each(rigs: Iterable[str], call: Callable[[str], object]) -> dict[str, str]:
+    """Trip several actuators at once, each by a call of its own.
+
+    Returns why each rig that has not confirmed within ``TRIP_S`` has not.
+    """
+    attempts, wanted = StopAttempts(), sorted(rigs)[:MOST_AT_ONCE]
+
+    def start(rig: str) -> None:
+        def attempt() -> None:
+            call(rig)
+            attempts.confirm(rig, ROUTED)
+
+        attempts.start(rig, attempt)
+
+    for rig in wanted:
+        start(rig)
+    attempts.wait(TRIP_S)
+    failed = {rig: str(error) for rig, error in attempts.failed}
+    silent = f"no reply within {TRIP_S:g} s"
+    return {rig: failed.get(rig, silent) for rig in wanted if rig not in attempts.confirmed}

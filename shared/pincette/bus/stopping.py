@@ -1,0 +1,113 @@
+"""Stops rigs over several ways at once; the first confirmation of a rig counts.
+
+The command line and the supervisor share this module. Only the standard library is imported with
+it, so that a stop over REST does not wait for the packages of the bus.
+"""
+
+import threading
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from socket import create_connection
+from time import monotonic
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pincette.bus.topology import SessionConfig
+    from pincette.core.messages import Message, Trip
+
+CONNECT_S = 1.0
+"""Limit of the time to connect to a port, and of the time to open a session there."""
+REPLY_S = 1.0
+"""Limit of the time in which an actuator replies."""
+
+
+class StopAttempts:
+    """Attempts to stop rigs, each in its own thread, and the rigs that they have confirmed.
+
+    An attempt may hang for ever: its thread is a daemon, and nobody waits longer than asked.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._running: Counter[str] = Counter()
+        self._threads: list[threading.Thread] = []
+        self.confirmed: dict[str, str] = {}
+        """Way on which each rig was stopped first."""
+        self.failed: list[tuple[str, BaseException]] = []
+        """Ways that have failed, each with its error."""
+
+    def start(self, way: str, attempt: Callable[[], object]) -> None:
+        """Run an attempt in a thread. It calls ``confirm``, and raises where it fails."""
+        with self._changed:
+            self._running[way] += 1
+        thread = threading.Thread(
+            target=self._run, args=(way, attempt), name=f"stop {way}", daemon=True
+        )
+        try:
+            thread.start()
+        except RuntimeError:  # no further thread is allowed
+            self._run(way, attempt)
+        else:
+            self._threads.append(thread)
+
+    def _run(self, way: str, attempt: Callable[[], object]) -> None:
+        try:
+            attempt()
+        # Whatever fails on one way, a panic of the bus included, must not end the others.
+        except BaseException as error:  # noqa: BLE001
+            with self._changed:
+                self.failed.append((way, error))
+        finally:
+            with self._changed:
+                self._running[way] -= 1
+                self._changed.notify_all()
+
+    def confirm(self, rig: str, way: str) -> None:
+        """Note that a rig's actuator has confirmed the stop."""
+        with self._changed:
+            self.confirmed.setdefault(rig, way)
+            self._changed.notify_all()
+
+    def wait(self, timeout_s: float, done: Callable[[], bool] = lambda: False) -> None:
+        """Wait until ``done``, until every attempt has ended, or for ``timeout_s``."""
+        with self._changed:
+            self._changed.wait_for(lambda: done() or not self.running, timeout_s)
+
+    @property
+    def running(self) -> list[str]:
+        """Ways on which an attempt has not ended."""
+        return [way for way, count in self._running.items() if count > 0]
+
+    def join(self, timeout_s: float) -> None:
+        """Let the threads end, so that none is inside a library when the process ends."""
+        until_s = monotonic() + timeout_s
+        for thread in self._threads:
+            thread.join(max(0.0, until_s - monotonic()))
+
+
+def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop") -> "Message":
+    """Trip the actuator of a rig in a session of its own, and return the acknowledgement.
+
+    Raises
+    ------
+    BusError
+        The place cannot be reached, or the actuator does not confirm.
+    """
+    from pincette.bus.protocol import BusError
+    from pincette.bus.topology import address_of
+    from pincette.bus.zenoh_bus import ZenohBus
+    from pincette.core.topics import TRIP
+
+    place = config.connect[0]
+    try:
+        # A closed port refuses at once; the bus would try again until its limit.
+        create_connection(address_of(place), CONNECT_S).close()
+    except OSError as error:
+        why = "nobody listens" if isinstance(error, ConnectionRefusedError) else str(error)
+        raise BusError(f"{why} at {place}") from error
+    bus = ZenohBus(replace(config, connect_s=CONNECT_S), rig, name)
+    try:
+        return bus.call(TRIP, trip, REPLY_S)
+    finally:
+        bus.close()
