@@ -29,8 +29,9 @@ from pincette.bus.endpoints import (
 )
 from pincette.bus.protocol import BusError
 from pincette.bus.session import open_session
+from pincette.bus.stopping import trip_at
 from pincette.bus.zenoh_bus import ZenohBus
-from pincette.cli.safety import trip_past_supervisor
+from pincette.cli.estop import EmergencyStop
 from pincette.config import RigFile
 from pincette.core.codec import encode
 from pincette.core.faults import Cause
@@ -166,14 +167,28 @@ def test_an_operator_trips_on_both_ways_and_does_nothing_else(site: Site) -> Non
 
 
 def test_an_emergency_stop_past_the_supervisor_is_an_operators(site: Site) -> None:
-    refused = trip_past_supervisor(seen_as(site.rig, "viewer"), "demo")
-    assert (refused.ways, refused.missing) == ({}, ["demo"])
-    assert all("may viewer ask it" in trouble for trouble in refused.trouble)
-    nobody = trip_past_supervisor(seen_as(site.rig, "nobody"), "demo")
-    assert "'nobody' has no certificate" in nobody.trouble[0]
+    refused = EmergencyStop("demo").past_supervisor(seen_as(site.rig, "viewer"))
+    assert (refused.attempts.confirmed, refused.missing()) == ({}, ["demo"])
+    assert all("may viewer ask it" in str(error) for _, error in refused.attempts.failed)
+    nobody = EmergencyStop("demo").past_supervisor(seen_as(site.rig, "nobody"))
+    assert "'nobody' has no certificate" in str(nobody.attempts.failed[0][1])
     assert site.asked == []
-    assert trip_past_supervisor(site.rig, "demo").ways == {"demo": "at the actuator"}
+    stopped = EmergencyStop("demo").past_supervisor(site.rig)
+    assert stopped.missing() == []
+    assert set(site.asked) == {Trip(Cause.ESTOP)}
+    site.asked.clear()
+
+
+def test_the_supervisor_trips_without_the_router_and_makes_no_other_request(site: Site) -> None:
+    ends = direct_endpoint(site.rig, "actuator", program("supervisor", ""))
+    assert trip_at(ends, "demo", Trip(Cause.ESTOP)) == Ack(1)
     assert site.asked == [Trip(Cause.ESTOP)]
+    bus = ZenohBus(ends, "demo", "supervisor")
+    with pytest.raises(BusError):
+        bus.call(RESET, Reset(), 0.3)
+    bus.close()
+    assert site.asked == [Trip(Cause.ESTOP)]
+    site.asked.clear()
     site.asked.clear()
 
 

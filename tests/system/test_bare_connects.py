@@ -16,7 +16,7 @@ import pytest
 
 from pincette.bus.endpoints import direct_endpoint, tool_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
-from pincette.cli.safety import trip_past_supervisor
+from pincette.cli.estop import EmergencyStop
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.core.topics import LOOP, TRIP
@@ -88,7 +88,7 @@ def over_rest(rig: RunningRig) -> None:
 
 def past_supervisor(rig: RunningRig) -> None:
     """Stop as ``pincette estop`` does where no supervisor answers."""
-    assert trip_past_supervisor(rig.rig, rig.rig.rig.name).missing == []
+    assert EmergencyStop(rig.rig.rig.name).past_supervisor(rig.rig).missing() == []
 
 
 def over_bus(rig: RunningRig) -> None:

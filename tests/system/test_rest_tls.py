@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from pincette.cli import Exit
-from pincette.cli.safety import SUPERVISOR as WAY
+from pincette.cli.estop import SUPERVISOR as WAY
 from pincette.client import NoAnswerError, ProblemError, Supervisor
 from pincette.config import ConfigError
 from pincette.security.folder import Folder

@@ -6,7 +6,8 @@ it, so that a stop over REST does not wait for the packages of the bus.
 
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from socket import create_connection
 from time import monotonic
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pincette.bus.topology import SessionConfig
+    from pincette.bus.zenoh_bus import ZenohBus
     from pincette.core.messages import Message, Trip
 
 CONNECT_S = 1.0
@@ -94,10 +96,23 @@ def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop"
     BusError
         The place cannot be reached, or the actuator does not confirm.
     """
+    from pincette.core.topics import TRIP
+
+    with _joined(config, rig, name) as bus:
+        return bus.call(TRIP, trip, REPLY_S)
+
+
+def alive_at(config: "SessionConfig", rig: str) -> set[tuple[str, str]]:
+    """Return the rigs and programs that are on a router; raises BusError."""
+    with _joined(config, rig, "estop") as bus:
+        return bus.alive_everywhere()
+
+
+@contextmanager
+def _joined(config: "SessionConfig", rig: str, name: str) -> "Generator[ZenohBus]":
     from pincette.bus.protocol import BusError
     from pincette.bus.topology import address_of
     from pincette.bus.zenoh_bus import ZenohBus
-    from pincette.core.topics import TRIP
 
     place = config.connect[0]
     try:
@@ -106,8 +121,5 @@ def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop"
     except OSError as error:
         why = "nobody listens" if isinstance(error, ConnectionRefusedError) else str(error)
         raise BusError(f"{why} at {place}") from error
-    bus = ZenohBus(replace(config, connect_s=CONNECT_S), rig, name)
-    try:
-        return bus.call(TRIP, trip, REPLY_S)
-    finally:
-        bus.close()
+    with closing(ZenohBus(replace(config, connect_s=CONNECT_S), rig, name)) as bus:
+        yield bus

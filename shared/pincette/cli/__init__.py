@@ -7,6 +7,8 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pincette.core.user_folders import is_readable_file
+
 
 class Exit(IntEnum):
     """Exit statuses of the command line."""
@@ -65,14 +67,22 @@ def chosen(given: Path | None) -> Path:
     named = os.environ.get(RIG_VARIABLE)
     if named:
         return Path(named)
-    if IN_A_CHECKOUT.is_file():
+    if is_readable_file(IN_A_CHECKOUT):
         return IN_A_CHECKOUT
     if (ours := brought()) is not None:
         return ours
     raise CliError(
-        f"no rig file: {IN_A_CHECKOUT} is not in {Path.cwd()}. Name one with --rig FILE or in "
-        f"the environment variable {RIG_VARIABLE}, or work in a checkout of pincette"
+        f"no rig file: {IN_A_CHECKOUT} is not in {working_folder()}. Name one with --rig FILE "
+        f"or in the environment variable {RIG_VARIABLE}, or work in a checkout of pincette"
     )
+
+
+def working_folder() -> str:
+    """Return the working folder as text; it may have been deleted."""
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "the working folder, which has been deleted"
 
 
 def brought() -> Path | None:

@@ -1,23 +1,19 @@
-"""The supervisor of a command and the key for it; ``pincette key``."""
+"""The supervisor of a command and the key for it."""
 
 import os
-import re
 import stat
-import sys
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol, cast
+from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, BadParameter, Option
+from typer import Option
 
-from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
 from pincette.cli import PKI, CliError, Exit
-from pincette.cli.options import DATA, DataFolder, number
-from pincette.cli.terminal import Json, clock, command, emit, group, table
-from pincette.core import plugins
+from pincette.cli.terminal import Json, emit
 from pincette.core.text_files import EncodingError, decoded
+from pincette.core.user_folders import config_folder, is_readable_file
 
 if TYPE_CHECKING:
     from pincette.client import JobHandle, RigHandle, Supervisor
@@ -30,6 +26,8 @@ FILE_MARK = "@"
 """Before the name of a file in place of a key."""
 PATIENCE_S = 0.5
 """How long a person waits to learn that no supervisor answers."""
+LONGEST_NAME = 80
+"""Characters of an operator's name that a request carries."""
 FOLLOWED_S = 30.0
 """How long a job is followed on while its supervisor does not answer, as when it restarts."""
 STATUSES = {  # of refusals, by their codes
@@ -158,29 +156,37 @@ def authority_of(given: Path | None, pki: str | None) -> Path | None:
 
 
 def operator() -> str | None:
-    """The user of this terminal, if the environment tells it."""
-    from pincette.client.call import OPERATOR_MAX
-
-    name = os.environ.get("USER", "")
-    return name if name.isascii() and name.isprintable() and 0 < len(name) <= OPERATOR_MAX else None
+    """Return the user of this terminal, if the environment names one."""
+    name = os.environ.get("USER", "")[:LONGEST_NAME]
+    return name if name and name.isascii() and name.isprintable() and name.strip() else None
 
 
 def key_of(given: str | None) -> str | None:
-    """The key of ``--key``, else of the environment, else of the user's file, else None."""
+    """Return the key as ``find_key`` does; raises CliError also where no header can carry it."""
     from pincette.client.call import identity_headers
 
-    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    usual = Path(config) / "pincette" / "key"
-    key = given or os.environ.get(VARIABLE) or None
-    if key is not None and key.startswith(FILE_MARK):
-        key = _read(Path(key.removeprefix(FILE_MARK)))
-    elif key is None and usual.is_file():
-        key = _read(usual)
+    key = find_key(given)
     try:
         identity_headers(None, key)
     except ValueError as error:
         raise CliError(str(error), Exit.USAGE) from error
     return key
+
+
+def find_key(given: str | None) -> str | None:
+    """Return the key of ``--key``, else of the environment, else of the user's file, else None.
+
+    Raises CliError where a file with a key cannot be used. An account without a home, or with one
+    that it may not enter, has no file.
+    """
+    key = given or os.environ.get(VARIABLE) or None
+    if key is not None and key.startswith(FILE_MARK):
+        return _read(Path(key.removeprefix(FILE_MARK)))
+    folder = config_folder()
+    if key is not None or folder is None:
+        return key
+    usual = folder / "pincette" / "key"
+    return _read(usual) if is_readable_file(usual) else None
 
 
 def _read(path: Path) -> str:
@@ -196,106 +202,3 @@ def _read(path: Path) -> str:
     if not text:
         raise CliError(f"key file {path} is empty: write the key into it", Exit.USAGE)
     return text
-
-
-SCOPE_HELP = "; ".join(f"{name}: {text}" for name, text in MEANINGS.items())
-SUPERVISOR = "supervisor"
-SOON = "a supervisor that runs on this folder knows it within a second"
-LONGEST_DAYS = 36_500.0
-
-app = group()
-key_app = group("key", "make, list and revoke keys of the REST interface, in a data folder")
-app.add_typer(key_app)
-
-
-class _Keys(Protocol):
-    """The keys of a data folder, as the supervisor keeps them; a key itself is told once."""
-
-    def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]: ...
-
-    def add_user(self, name: str, scope: Scope, password: str) -> KeyView: ...
-
-    def set_password(self, name: str, password: str) -> bool: ...
-
-    def all(self, *, users: bool = False) -> list[KeyView]: ...
-
-    def revoke(self, name: str) -> bool: ...
-
-
-def key_name(text: str) -> str:
-    """A name of a key or a user from the command line; raises BadParameter."""
-    if re.fullmatch(KEY_NAME, text) is None:
-        raise BadParameter(
-            f"{text!r} is no name: a-z, 0-9, and behind the first . _ and -, 40 at most"
-        )
-    return text
-
-
-@contextmanager
-def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
-    """Open the keys of a data folder; raises CliError, also for errors ``refused``."""
-    try:
-        keys = plugins.load(plugins.KEYS, SUPERVISOR)(data)
-        with cast("AbstractContextManager[_Keys]", keys) as opened:
-            yield opened
-    except (*refused, OSError, plugins.PluginError) as error:
-        raise CliError(str(error)) from error
-
-
-@command(key_app, "add")
-def add_key(
-    form: Json,
-    name: Annotated[
-        str, Argument(metavar="NAME", parser=key_name, help="whose it is; kept with each action")
-    ],
-    scope: Annotated[Scope, Option("--scope", help=SCOPE_HELP)] = SCOPES[0],
-    days: Annotated[
-        float | None,
-        Option("--days", parser=number("days"), metavar="DAYS", help="after which it expires"),
-    ] = None,
-    data: DataFolder = DATA,
-) -> None:
-    """Make a key; it is shown once. From the first one on, keys are required."""
-    if days is not None and not 0.0 < days <= LONGEST_DAYS:
-        raise CliError(f"--days {days:g} is not above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
-    with opened_keys(data, ValueError) as keys:
-        key, view = keys.add(name, scope, days)
-    form.answer({**view.model_dump(mode="json"), "key": key}, key)
-    if not form.json:
-        may = f"key {view.name!r} may {MEANINGS[view.scope]}; it is shown this once."
-        sys.stderr.write(f"{may} Kept as a digest in {data}: {SOON}\n")
-
-
-@command(key_app, "list")
-def list_keys(form: Json, data: DataFolder = DATA) -> None:
-    """List the keys, without the keys themselves."""
-    with opened_keys(data) as keys:
-        found = keys.all()
-    rows = [
-        (one.name, one.scope, clock(one.made_at), clock(one.used_at) or "never", key_state(one))
-        for one in found
-    ]
-    none = f"no key in {data}: unless its rig file requires keys, the supervisor is open"
-    form.answer(found, table("key", "scope", "made", "last used", "state", rows=rows), none)
-
-
-def key_state(one: KeyView) -> str:
-    """Whether a key or a user is in force."""
-    if one.revoked_at is not None:
-        return f"revoked {clock(one.revoked_at)}"
-    if one.expires_at is None:
-        return "in force"
-    return f"{'until' if one.usable else 'expired'} {clock(one.expires_at)}"
-
-
-@command(key_app, "revoke")
-def revoke(
-    form: Json, name: Annotated[str, Argument(metavar="NAME")], data: DataFolder = DATA
-) -> None:
-    """Revoke a key, and sign out its pages."""
-    with opened_keys(data) as keys:
-        done = keys.revoke(name)
-        there = ", ".join(one.name for one in keys.all() if one.revoked_at is None) or "none"
-    if not done:
-        raise CliError(f"no key {name!r} is in force in {data}; there are {there}")
-    form.answer({"revoked": name}, f"key {name!r} is revoked; {SOON}. In force: {there}")

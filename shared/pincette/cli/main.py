@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ from pincette import __version__
 from pincette.cli import IN_A_CHECKOUT, MEANINGS, RIG_VARIABLE, CliError, Exit
 from pincette.cli.terminal import Command, Group
 from pincette.core import plugins
+from pincette.core.streams import flushed, open_missing_streams
 
 HELP_WIDTH = 100
 ABOUT = "Control position and contact force of a piezoelectric microgripper."
@@ -74,7 +76,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
     "model": ("model", "show the model in use, and decide about what calibrations propose"),
     "learning": ("job", "show what programs have learned across their cycles, or erase it"),
-    "estop": ("safety", "stop every rig at once, or one: over REST, else directly at the actuator"),
+    "estop": ("estop", "stop every rig at once, or one: over REST and straight at the actuators"),
     "reset": ("safety", "clear the latch; its cause has been seen to"),
     "rigs": ("rigs", "list the rigs of a supervisor: what each does, and why no job can start"),
     "timing": ("rigs", "show how punctual the programs of a loop have been since they were armed"),
@@ -83,7 +85,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "rig": ("rigs", "operate a simulated rig: its part, weights, faults; alone: list them"),
     "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
     "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
-    "key": ("access", "make, list and revoke keys of the REST interface, in a data folder"),
+    "key": ("user", "make, list and revoke keys of the REST interface, in a data folder"),
     "user": ("user", "people who sign in to the page by name and password, in a data folder"),
     "audit": (
         "journal",
@@ -159,19 +161,26 @@ def application() -> TyperGroup:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
+    open_missing_streams()
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None:
         # A terminal that cannot show µ is no reason to fail.
         reconfigure(errors="replace")
     given = sys.argv[1:] if arguments is None else list(arguments)
+    return flushed(_run(given), Exit.FAILED)
+
+
+def _run(given: Sequence[str]) -> int:
     try:
-        status = application().main(given, prog_name="pincette", standalone_mode=False)
+        status = application().main(list(given), prog_name="pincette", standalone_mode=False)
     except CliError as error:
         return _failed("pincette", str(error), error.status)
     except TyperException as error:
         return _misused(error)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
+    except OSError as error:  # such as a full disk, or a working folder that has been deleted
+        return _failed("pincette", str(error), Exit.FAILED)
     return int(status or Exit.DONE)
 
 
@@ -186,5 +195,6 @@ def _misused(error: TyperException) -> int:
 
 
 def _failed(place: str, text: str, status: int) -> int:
-    sys.stderr.write(f"{place}: {text}\n")
+    with suppress(OSError):
+        sys.stderr.write(f"{place}: {text}\n")
     return status

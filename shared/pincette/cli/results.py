@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from pincette.cli import working_folder
 from pincette.cli.terminal import figures, table
 
 if TYPE_CHECKING:
@@ -253,8 +254,9 @@ def record_lines(record: str | None) -> list[tuple[str, str]]:
     if not record:
         return []
     folder = Path(record)
-    if folder.is_relative_to(Path.cwd()):
-        folder = folder.relative_to(Path.cwd())
+    here = working_folder()
+    if folder.is_relative_to(here):
+        folder = folder.relative_to(here)
     lines = [("record", str(folder))]
     plots = (folder / name for name in sorted({kind.plot for kind in job_kinds().values()}))
     return [*lines, *(("plot", str(plot)) for plot in plots if plot.is_file())]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from pincette.cli import PKI, CliError, opened, run
+from pincette.cli import PKI, CliError, opened, run, working_folder
 from pincette.cli.options import DATA, DataFolder, choice, integer
 from pincette.cli.terminal import (
     Command,
@@ -222,7 +222,7 @@ def bench(
     """Run the bench of the checkout; raises CliError if there is none."""
     if not BENCH.is_file():
         raise CliError(
-            f"{BENCH} is not in {Path.cwd()}: the bench and the rings that it compares "
+            f"{BENCH} is not in {working_folder()}: the bench and the rings that it compares "
             "with come with a checkout of pincette, not with the package"
         )
     words = ["--ticks", str(ticks), "--blocks", str(blocks)]

@@ -1,21 +1,127 @@
-"""``pincette user``: people who sign in to the page by name and password."""
+"""``pincette key`` and ``pincette user``: programs and people who may use a supervisor."""
 
 import getpass
+import re
 import sys
-from typing import Annotated
+from collections.abc import Generator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Annotated, Protocol, cast
 
-from typer import Argument, Option
+from typer import Argument, BadParameter, Option
 
-from pincette.api.access import Scope
+from pincette.api.access import KEY_NAME, MEANINGS, SCOPES, KeyView, Scope
 from pincette.cli import CliError, Exit
-from pincette.cli.access import SCOPE_HELP, SOON, key_name, key_state, opened_keys
-from pincette.cli.options import DATA, DataFolder
+from pincette.cli.options import DATA, DataFolder, number
 from pincette.cli.terminal import Json, clock, command, group, table
+from pincette.core import plugins
+
+SCOPE_HELP = "; ".join(f"{name}: {text}" for name, text in MEANINGS.items())
+SUPERVISOR = "supervisor"
+SOON = "a supervisor that runs on this folder knows it within a second"
+LONGEST_DAYS = 36_500.0
+
+app = group()
+key_app = group("key", "make, list and revoke keys of the REST interface, in a data folder")
+app.add_typer(key_app)
+
+
+class _Keys(Protocol):
+    """The keys of a data folder, as the supervisor keeps them; a key itself is told once."""
+
+    def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]: ...
+
+    def add_user(self, name: str, scope: Scope, password: str) -> KeyView: ...
+
+    def set_password(self, name: str, password: str) -> bool: ...
+
+    def all(self, *, users: bool = False) -> list[KeyView]: ...
+
+    def revoke(self, name: str) -> bool: ...
+
+
+def key_name(text: str) -> str:
+    """A name of a key or a user from the command line; raises BadParameter."""
+    if re.fullmatch(KEY_NAME, text) is None:
+        raise BadParameter(
+            f"{text!r} is no name: a-z, 0-9, and behind the first . _ and -, 40 at most"
+        )
+    return text
+
+
+@contextmanager
+def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
+    """Open the keys of a data folder; raises CliError, also for errors ``refused``."""
+    try:
+        keys = plugins.load(plugins.KEYS, SUPERVISOR)(data)
+        with cast("AbstractContextManager[_Keys]", keys) as opened:
+            yield opened
+    except (*refused, OSError, plugins.PluginError) as error:
+        raise CliError(str(error)) from error
+
+
+@command(key_app, "add")
+def add_key(
+    form: Json,
+    name: Annotated[
+        str, Argument(metavar="NAME", parser=key_name, help="whose it is; kept with each action")
+    ],
+    scope: Annotated[Scope, Option("--scope", help=SCOPE_HELP)] = SCOPES[0],
+    days: Annotated[
+        float | None,
+        Option("--days", parser=number("days"), metavar="DAYS", help="after which it expires"),
+    ] = None,
+    data: DataFolder = DATA,
+) -> None:
+    """Make a key; it is shown once. From the first one on, keys are required."""
+    if days is not None and not 0.0 < days <= LONGEST_DAYS:
+        raise CliError(f"--days {days:g} is not above 0 and at most {LONGEST_DAYS:g}", Exit.USAGE)
+    with opened_keys(data, ValueError) as keys:
+        key, view = keys.add(name, scope, days)
+    form.answer({**view.model_dump(mode="json"), "key": key}, key)
+    if not form.json:
+        may = f"key {view.name!r} may {MEANINGS[view.scope]}; it is shown this once."
+        sys.stderr.write(f"{may} Kept as a digest in {data}: {SOON}\n")
+
+
+@command(key_app, "list")
+def list_keys(form: Json, data: DataFolder = DATA) -> None:
+    """List the keys, without the keys themselves."""
+    with opened_keys(data) as keys:
+        found = keys.all()
+    rows = [
+        (one.name, one.scope, clock(one.made_at), clock(one.used_at) or "never", key_state(one))
+        for one in found
+    ]
+    none = f"no key in {data}: unless its rig file requires keys, the supervisor is open"
+    form.answer(found, table("key", "scope", "made", "last used", "state", rows=rows), none)
+
+
+def key_state(one: KeyView) -> str:
+    """Whether a key or a user is in force."""
+    if one.revoked_at is not None:
+        return f"revoked {clock(one.revoked_at)}"
+    if one.expires_at is None:
+        return "in force"
+    return f"{'until' if one.usable else 'expired'} {clock(one.expires_at)}"
+
+
+@command(key_app, "revoke")
+def revoke(
+    form: Json, name: Annotated[str, Argument(metavar="NAME")], data: DataFolder = DATA
+) -> None:
+    """Revoke a key, and sign out its pages."""
+    with opened_keys(data) as keys:
+        done = keys.revoke(name)
+        there = ", ".join(one.name for one in keys.all() if one.revoked_at is None) or "none"
+    if not done:
+        raise CliError(f"no key {name!r} is in force in {data}; there are {there}")
+    form.answer({"revoked": name}, f"key {name!r} is revoked; {SOON}. In force: {there}")
+
 
 SHORTEST, LONGEST = 10, 200
 Name = Annotated[str, Argument(metavar="NAME", parser=key_name, help="kept with each action")]
 
-app = group()
 user_app = group("user", "people who sign in by name and password, in a data folder")
 app.add_typer(user_app)
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         Model,
         RecordedFreeResponse,
     )
-    from pincette.config.reading import parse_rig, parse_rig_json, read_rig
+    from pincette.config.reading import parse_rig, parse_rig_json, read_for_stop, read_rig
     from pincette.config.rig_file import RigFile
     from pincette.config.simulation import Simulation
     from pincette.config.tables import ConfigError, Table
@@ -33,13 +33,14 @@ __all__ = [
     "parse_calibration",
     "parse_rig",
     "parse_rig_json",
+    "read_for_stop",
     "read_rig",
 ]
 PLACES = {
     "calibration": ("Calibration", "calibrated", "parse_calibration"),
     "instruments": ("Output", "Sensor"),
     "model": ("FreeResidual", "IdentifiedFreeResponse", "Model", "RecordedFreeResponse"),
-    "reading": ("parse_rig", "parse_rig_json", "read_rig"),
+    "reading": ("parse_rig", "parse_rig_json", "read_for_stop", "read_rig"),
     "rig_file": ("RigFile",),
     "simulation": ("Simulation",),
     "tables": ("ConfigError", "Table"),

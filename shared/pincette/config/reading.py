@@ -2,14 +2,17 @@
 
 import reprlib
 import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
 from pydantic import ValidationError
 
-from pincette.config.rig_file import RigFile
+from pincette.config.programs import Bus, Supervisor
+from pincette.config.rig_file import Rig, RigFile
 from pincette.config.second import completed
-from pincette.config.tables import ConfigError
+from pincette.config.tables import ConfigError, Table
 from pincette.core.text_files import EncodingError, decoded
 from pincette.core.validation_wording import place, refusal
 
@@ -53,6 +56,44 @@ def _beside(path: Path, name: str) -> Path:
     """Return the path of what a rig file names: beside it, else beside what a link points to."""
     here, there = path.parent / name, path.resolve().parent / name
     return there if there.exists() and not here.exists() else here
+
+
+NEEDED_FOR_A_STOP: Mapping[str, type[Table]] = {"rig": Rig, "bus": Bus, "supervisor": Supervisor}
+"""Tables that lead to a rig's actuator and to its supervisor."""
+
+
+def read_for_stop(path: Path) -> RigFile:
+    """Read only what leads to the actuator and the supervisor; the rest of the file may be wrong.
+
+    The other tables are absent from what is returned. Raises ConfigError where even the rig's name
+    cannot be read.
+    """
+    tables = _tables(path)
+    base = tables.pop(BASE, None)
+    if isinstance(base, str):
+        with suppress(ConfigError):
+            tables = laid_over(_tables(_beside(path, base)), tables)
+    found = {name: _valid_part(kind, tables.get(name)) for name, kind in NEEDED_FOR_A_STOP.items()}
+    if not isinstance(found["rig"], Rig):
+        raise ConfigError(f"rig file {path}: [rig] name cannot be read")
+    rig = RigFile.model_construct(**cast(Any, found))
+    return rig if rig.bus.pki is None else rig.secured(_beside(path, rig.bus.pki))
+
+
+def _valid_part(kind: type[Table], given: object) -> Table | None:
+    """Return a table without its faulty values, or None where one that is missing is needed."""
+    values = dict(cast(Tree, given)) if isinstance(given, dict) else {}
+    while True:
+        try:
+            return kind.model_validate(values)
+        except ValidationError as error:
+            faulty = {str(one["loc"][0]) for one in error.errors() if one["loc"]} & values.keys()
+            # A fault of several values together names none of them.
+            if not faulty and not values:
+                return None
+            values = {
+                name: value for name, value in values.items() if faulty and name not in faulty
+            }
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}

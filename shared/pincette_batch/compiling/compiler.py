@@ -5,7 +5,6 @@ exponentials come from the same library. What has been compiled is kept in the u
 by the digest of its code.
 """
 
-import os
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -14,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from pincette.core.user_folders import cache_folder
 from pincette_batch.compiling.linking import Function, Linker
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -83,6 +83,7 @@ def _numba() -> Any:
 
 def _cache_folder(digest: str) -> Path:
     """Raises RuntimeError where there is no home."""
-    tag, given = sys.implementation.cache_tag, os.environ.get("XDG_CACHE_HOME")
-    caches = Path(given) if given else Path.home() / ".cache"
+    tag, caches = sys.implementation.cache_tag, cache_folder()
+    if caches is None:
+        raise RuntimeError("this account has no home, and XDG_CACHE_HOME is not set")
     return caches / "pincette" / "compiled" / f"{digest}-{tag}"

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -10,15 +9,12 @@ import pytest
 
 from pincette.api.events import Event
 from pincette.api.rigs import Rig
-from pincette.cli import Exit, safety
+from pincette.cli import Exit
 from pincette.cli.main import main
-from pincette.cli.safety import Tripped
 from pincette.client import Supervisor
-from pincette.config import RigFile
 from tests.unit.client import desk
 from tests.unit.client.desk import Desk
 
-FILE = str(Path(__file__).parents[3] / "deploy" / "rigs" / "left.toml")
 NAMES = ("left", "right")
 At = Callable[..., Desk]
 
@@ -39,28 +35,8 @@ def at(monkeypatch: pytest.MonkeyPatch) -> At:
     return place
 
 
-@pytest.fixture
-def past(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str | None]]:
-    """Emergency stops past the supervisor: the file's rig, and the only one that is meant."""
-    asked: list[tuple[str, str | None]] = []
-
-    def trip(file: RigFile, only: str | None) -> Tripped:
-        asked.append((file.rig.name, only))
-        return Tripped({"left": "at the actuator"}, [] if only else ["right"], ["no answer"])
-
-    monkeypatch.setattr(safety, "trip_past_supervisor", trip)
-    return asked
-
-
 def rigs(*names: str) -> httpx.Response:
     return httpx.Response(200, json={"rigs": [desk.example(Rig, name=name) for name in names]})
-
-
-def stopped(*names: str) -> httpx.Response:
-    entries = [
-        {"rig": name, "cause": "estop", "acknowledged": True, "detail": ""} for name in names
-    ]
-    return httpx.Response(200, json={"rigs": entries})
 
 
 def test_each_rig_has_a_line_with_what_keeps_it(at: At, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,50 +61,6 @@ def test_what_could_mean_two_is_refused_before_anything_is_asked_for(
     assert main(words) == Exit.USAGE
     assert "serves 2: left, right. Name one of them with --rig-name" in capsys.readouterr().err
     assert supervisor.paths() == ["GET /api/v1/rigs"]
-
-
-def test_an_emergency_stop_without_a_name_is_of_all(
-    at: At, past: list[tuple[str, str | None]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    supervisor = at(stopped(*NAMES))
-    assert main(["estop", "--rig", FILE]) == Exit.DONE
-    assert supervisor.paths() == ["POST /api/v1/estop"]
-    said = capsys.readouterr().out.splitlines()
-    assert said[:2] == [f"rig {name}: stopped through the supervisor" for name in NAMES]
-    assert said[2].startswith("every rig is stopped, in ")
-    assert past == []
-
-
-def test_an_emergency_stop_of_one_is_of_that_one(
-    at: At, past: list[tuple[str, str | None]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    one = {"rig": "right", "cause": "estop", "acknowledged": True, "detail": ""}
-    supervisor = at(httpx.Response(200, json=one))
-    assert main(["estop", "--rig", FILE, "--rig-name", "right", "--json"]) == Exit.DONE
-    assert supervisor.paths() == ["POST /api/v1/rigs/right/estop"]
-    assert json.loads(capsys.readouterr().out)["stopped"] == {"right": "through the supervisor"}
-    assert past == []
-
-
-def test_the_rig_of_the_file_is_stopped_where_the_supervisor_does_not_serve_it(
-    at: At, past: list[tuple[str, str | None]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    at(stopped("other"))
-    assert main(["estop", "--rig", FILE]) == Exit.DONE
-    assert past == [("left", "left")]
-    assert "rig left: stopped at the actuator" in capsys.readouterr().out
-
-
-def test_one_that_no_way_has_stopped_is_named(
-    at: At, past: list[tuple[str, str | None]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    at(desk.problem(503, "estop-unconfirmed", reasons=["right: nobody answers"]))
-    assert main(["estop", "--rig", FILE]) == Exit.FAILED
-    said = capsys.readouterr().err
-    assert "rig right could not be stopped from here: take the amplifier's power away" in said
-    assert "stopped: left" in said
-    assert "right: nobody answers" in said
-    assert past == [("left", None)]
 
 
 def test_events_of_all_are_followed_where_none_is_named(

@@ -5,11 +5,12 @@ from itertools import combinations, product
 import pytest
 
 from pincette.bus.topology import partners
-from pincette.core.topics import TRIP, (
+from pincette.core.topics import (
     COMMAND,
     LOOP,
     REQUESTS,
     TOPICS,
+    TRIP,
     Topic,
     key,
     live_key,

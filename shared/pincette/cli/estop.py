@@ -1,0 +1,298 @@
+"""``pincette estop``: stops rigs over REST and straight at their actuators, at the same time.
+
+Whatever is not needed for the stop is optional: the rig file, the key, the certificates, a home, a
+place for output. What cannot be used is named, and the other way is taken.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from threading import Event, Thread
+from time import CLOCK_BOOTTIME, clock_gettime
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from urllib.parse import quote
+
+from typer import Option
+
+from pincette.bus.stopping import StopAttempts, trip_at
+from pincette.cli import PKI, RIG_VARIABLE, CliError, Exit, chosen
+from pincette.cli.access import DEFAULT_URL, Authority, Key, authority_of, find_key, operator
+from pincette.cli.terminal import Json, RigOption, command, emit, group
+from pincette.core.rest_stop import RestStopError, stop_over_rest
+from pincette.core.streams import drop
+
+if TYPE_CHECKING:
+    from pincette.config import RigFile
+
+REST_S, LIMIT_S = 2.0, 3.0
+"""Limits of the time for a reply over REST, and for all ways together."""
+FOUND_S = 0.5
+"""Limit of the time to read a key or a rig file, which may be on a share that hangs."""
+HEAD_START_S = 0.1
+"""Time by which the way straight to an actuator is ahead of that through the router."""
+ENDED_S = 4.0
+"""Limit of the wait for threads that are inside the bus; the result has been printed by then."""
+URL = "PINCETTE_URL"
+ACTUATOR = "actuator"
+SUPERVISOR, STRAIGHT, ROUTED = "through the supervisor", "at the actuator", "through the router"
+T = TypeVar("T")
+
+app = group()
+
+
+@command(app, "estop")
+def estop(
+    rig: RigOption,
+    form: Json,
+    url: Annotated[
+        str | None,
+        Option(
+            "--url",
+            help=f"of the supervisor; if not given, ${URL} unless --rig is given, else as the rig "
+            "file says",
+        ),
+    ] = None,
+    key: Key = None,
+    authority: Authority = None,
+    rig_name: Annotated[
+        str | None,
+        Option("--rig-name", metavar="RIG", help="the only rig to stop; every one if not given"),
+    ] = None,
+) -> int:
+    """Trip the actuators over REST and directly at once; status 0 only if all have confirmed.
+
+    Status 1: some rigs have confirmed, not all. Status 3: none has.
+    """
+    stop = EmergencyStop(rig_name)
+    stop.start_over_rest(url or (None if rig.rig else os.environ.get(URL)), key, authority)
+    stop.start_past_supervisor(lambda: chosen(rig.rig))
+    stop.url_given = bool(url)
+    stop.file_given = rig.rig is not None or bool(os.environ.get(RIG_VARIABLE))
+    stop.attempts.wait(LIMIT_S, stop.is_complete)
+    status = stop.report(form)
+    stop.attempts.join(ENDED_S)
+    return status
+
+
+class EmergencyStop:
+    """One emergency stop: what is known of the rigs, and which of them have confirmed it."""
+
+    def __init__(self, only: str | None) -> None:
+        """``only``: name of the only rig to stop."""
+        self.only = only
+        self.attempts = StopAttempts()
+        self.file: RigFile | None = None
+        self.file_given = self.url_given = False
+        """Whether the caller has named a rig file, and an address."""
+        self.notes: list[str] = []
+        """What could not be used."""
+        self.found: set[str] = set()
+        """Rigs that the supervisor serves, or whose actuator is on the router."""
+        self.answered = False
+        """Whether the supervisor has stopped all rigs that it serves."""
+        self._file_read, self._direct_ended = Event(), Event()
+
+    def is_complete(self) -> bool:
+        """Return whether nothing is left to wait for."""
+        confirmed = self.attempts.confirmed
+        if self.only is not None:
+            return self.only in confirmed
+        own = self._file_read.is_set() and (self.file is None or self.file.rig.name in confirmed)
+        return self.answered and own
+
+    def missing(self) -> list[str]:
+        """Return what has not confirmed: names of rigs, or words where a name is not known."""
+        confirmed = self.attempts.confirmed
+        if self.only is not None:
+            return [] if self.only in confirmed else [self.only]
+        wanted, unknown = set(self.found), list[str]()
+        if self.file is not None and (self.file_given or not self.answered):
+            wanted.add(self.file.rig.name)
+        if not self.answered and (self.file is None or (self.url_given and not self.file_given)):
+            unknown.append("every rig of that supervisor")
+        if self.file is None and self.file_given and not self.url_given:
+            unknown.append("the rig of the rig file")
+        return [*sorted(wanted - confirmed.keys()), *unknown]
+
+    # Over REST.
+
+    def start_over_rest(self, url: str | None, key: str | None, authority: Path | None) -> None:
+        """Ask the supervisor; without an address that of the rig file, else the usual one."""
+
+        def attempt() -> None:
+            address = url or self._file_url()
+            headers = {"X-Operator": quote(operator() or "", safe=" ")} if operator() else {}
+            known = within(FOUND_S, lambda: find_key(key), None, self.notes)
+            if known is not None and known.isascii() and known.isprintable() and " " not in known:
+                headers["Authorization"] = f"Bearer {known}"
+            elif known is not None:
+                self.notes.append("the key cannot be sent: it is left out, as a stop needs none")
+            self._over_rest(address, headers, authority)
+
+        self.attempts.start(SUPERVISOR, attempt)
+
+    def _file_url(self) -> str:
+        self._file_read.wait(FOUND_S + REST_S)
+        return DEFAULT_URL if self.file is None else self.file.supervisor.url
+
+    def _over_rest(self, url: str, headers: Mapping[str, str], authority: Path | None) -> None:
+        pki = os.environ.get(PKI)
+        if authority is None and not pki and url.lower().startswith("https:"):
+            self._file_read.wait(FOUND_S)
+            pki = None if self.file is None else self.file.bus.pki
+        reply = stop_over_rest(url, self.only, headers, authority_of(authority, pki), REST_S)
+        self.notes += reply.notes
+        self.found |= {*reply.stopped, *reply.unconfirmed}
+        for rig in reply.stopped:
+            self.attempts.confirm(rig, SUPERVISOR)
+        if reply.unconfirmed:
+            raise RestStopError(f"{url}: {', '.join(reply.unconfirmed)} not confirmed")
+        self.answered = True
+
+    # Past the supervisor.
+
+    def start_past_supervisor(self, path: Callable[[], Path]) -> None:
+        """Go to the actuators of a rig file, and of the rigs on its router."""
+
+        def attempt() -> None:
+            try:
+                self.file = self._read(path)
+            finally:
+                self._file_read.set()
+            self._start(self.file)
+
+        self.attempts.start("rig file", attempt)
+
+    def _read(self, path: Callable[[], Path]) -> "RigFile":
+        from pincette.config import ConfigError, read_for_stop, read_rig
+
+        name = path()
+        try:
+            file = read_rig(name)
+        except ConfigError as error:
+            self.notes.append(str(error))
+            file = read_for_stop(name)
+        pki = os.environ.get(PKI)
+        return file.secured(Path(pki)) if pki else file
+
+    def past_supervisor(self, file: "RigFile") -> "EmergencyStop":
+        """Stop only past the supervisor, and wait for that."""
+        self.file, self.file_given = file, True
+        self._file_read.set()
+        self._start(file)
+        self.attempts.wait(LIMIT_S, lambda: self.only is not None and self.is_complete())
+        self.attempts.join(ENDED_S)
+        return self
+
+    def _start(self, file: "RigFile") -> None:
+        """Start the attempts that need the rig file."""
+        from pincette.bus.endpoints import direct_endpoint, tool_endpoint
+
+        own = file.rig.name
+        if self.only in (None, own):
+
+            def direct() -> None:
+                try:
+                    self._trip(own, STRAIGHT, lambda: direct_endpoint(file, ACTUATOR))
+                finally:
+                    self._direct_ended.set()
+
+            self.attempts.start(STRAIGHT, direct)
+        else:
+            self._direct_ended.set()
+
+        def routed() -> None:
+            self._direct_ended.wait(HEAD_START_S)
+            self._trip(self.only or own, ROUTED, lambda: tool_endpoint(file))
+
+        self.attempts.start(ROUTED, routed)
+        if self.only is None:
+            self.attempts.start("on the router", lambda: self._stop_others(file))
+
+    def _trip(self, rig: str, way: str, ends: Callable[[], Any]) -> None:
+        from pincette.core.faults import Cause
+        from pincette.core.messages import Trip
+
+        if rig not in self.attempts.confirmed:
+            trip_at(ends(), rig, Trip(Cause.ESTOP))
+            self.attempts.confirm(rig, way)
+
+    def _stop_others(self, file: "RigFile") -> None:
+        """Stop the rigs on the router whose actuator is there, except the file's own."""
+        from pincette.bus.endpoints import tool_endpoint
+        from pincette.bus.stopping import alive_at
+
+        ends = tool_endpoint(file)
+        others = {rig for rig, program in alive_at(ends, file.rig.name) if program == ACTUATOR}
+        others.discard(file.rig.name)
+        self.found |= others
+        for rig in others - self.attempts.confirmed.keys():
+
+            def attempt(rig: str = rig) -> None:
+                self._trip(rig, ROUTED, lambda: ends)
+
+            self.attempts.start(ROUTED, attempt)
+
+    # The result.
+
+    def report(self, form: Json) -> int:
+        """Print the result, where there is a place for it, and return the exit status."""
+        ways, missing = dict(self.attempts.confirmed), self.missing()
+        elapsed_ms = 1e3 * since_start_s()
+        failed = [f"{way}: {error}" for way, error in self.attempts.failed]
+        failed += [f"{way}: no reply within {LIMIT_S:g} s" for way in self.attempts.running]
+        status = Exit.DONE if not missing and ways else Exit.FAILED if ways else Exit.NO_ANSWER
+        if form.json:
+            answer = {"stopped": ways, "unconfirmed": missing, "elapsed_ms": round(elapsed_ms, 1)}
+            written(sys.stdout, lambda: emit({**answer, "failed": failed, "notes": self.notes}))
+        else:
+            lines = [f"rig {rig}: stopped {way}" for rig, way in sorted(ways.items())]
+            if status == Exit.DONE:
+                every = "every rig is" if self.only is None else f"rig {self.only} is"
+                done = f"{every} stopped, in {elapsed_ms:.0f} ms"
+                lines.append(f"{done}; `pincette reset` clears the latch")
+            written(sys.stdout, lambda: print("\n".join(lines)) if lines else None)
+        if status != Exit.DONE:
+            words = [
+                f"not stopped from here: {', '.join(missing) or 'any rig'}: take the amplifier's "
+                "power away unless you know that the rig is not up"
+                + (f"; stopped: {', '.join(ways)}" if ways else ""),
+                *(f"  {one}" for one in (*failed, *self.notes)),
+            ]
+            text = "pincette: " + "\n".join(words)
+        else:
+            text = "\n".join(f"pincette: {one}" for one in self.notes)
+        written(sys.stderr, lambda: sys.stderr.write(f"{text}\n") if text else None)
+        return status
+
+
+def within(limit_s: float, read: Callable[[], T], otherwise: T, notes: list[str]) -> T:
+    """Return what is read, or another value where that fails or takes too long."""
+    found = [otherwise]
+
+    def run() -> None:
+        try:
+            found[0] = read()
+        except (CliError, OSError, ValueError) as error:
+            notes.append(f"{error}: it is left out, as a stop needs none")
+
+    thread = Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(limit_s)
+    return found[0]
+
+
+def written(stream: Any, write: Callable[[], object]) -> None:
+    """Write to a stream; output that cannot be written changes nothing."""
+    try:
+        write()
+        stream.flush()
+    except (OSError, ValueError):
+        drop(stream)
+
+
+def since_start_s() -> float:
+    """Return the time since this process was started, in s."""
+    fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return clock_gettime(CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK")

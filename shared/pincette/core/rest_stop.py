@@ -1,0 +1,146 @@
+"""An emergency stop over REST with the standard library alone: it begins as soon as it can.
+
+An answer counts only if it is a supervisor's own, and if its certificate is believed.
+"""
+
+import json
+import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from http.client import HTTPConnection, HTTPException, HTTPSConnection
+from pathlib import Path
+from typing import Any, cast
+from urllib.parse import quote, urlsplit
+
+API = "/api/v1"
+MOST_BYTES = 1_000_000
+"""Limit of an answer's length."""
+UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
+KEY = "Authorization"
+
+
+class RestStopError(Exception):
+    """No rig has been confirmed as stopped; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class RestStop:
+    """What a supervisor has confirmed."""
+
+    stopped: tuple[str, ...]
+    """Names of the rigs that are stopped."""
+    unconfirmed: tuple[str, ...] = ()
+    """Names of the rigs whose actuator has not confirmed."""
+    notes: tuple[str, ...] = ()
+    """What could not be used."""
+
+
+def stop_over_rest(
+    url: str, only: str | None, headers: Mapping[str, str], authority: Path | None, timeout_s: float
+) -> RestStop:
+    """Stop one rig of a supervisor, or all of them.
+
+    Where the supervisor's certificate is not believed the stop is sent without the headers, and
+    nothing counts as confirmed.
+
+    Raises
+    ------
+    RestStopError
+        Nothing is confirmed.
+    """
+    path = f"{API}/estop" if only is None else f"{API}/rigs/{quote(only, safe='')}/estop"
+    notes: list[str] = []
+    context: ssl.SSLContext | None = None
+    if url.lower().startswith("https:"):
+        try:
+            context = ssl.create_default_context(cafile=authority)
+        except OSError as error:
+            notes.append(f"authority {authority}: {error}")
+            context = ssl.create_default_context()
+    try:
+        status, tree = _posted(url, path, headers, context, timeout_s)
+        if status in (401, 403) and KEY in headers:
+            bare = {name: value for name, value in headers.items() if name != KEY}
+            status, tree = _posted(url, path, bare, context, timeout_s)
+    except ssl.SSLCertVerificationError as error:
+        open_to_all = ssl.create_default_context()
+        open_to_all.check_hostname, open_to_all.verify_mode = False, ssl.CERT_NONE
+        status, tree = _posted(url, path, {}, open_to_all, timeout_s)
+        raise RestStopError(
+            "; ".join(
+                [
+                    *notes,
+                    f"{url}: the stop was sent and answered with status {status}, but the "
+                    f"certificate is not believed ({error.verify_message}): name the authority's "
+                    "file with --authority",
+                ]
+            )
+        ) from error
+    return replace(_confirmed(url, only, status, tree), notes=tuple(notes))
+
+
+def _posted(
+    url: str,
+    path: str,
+    headers: Mapping[str, str],
+    context: ssl.SSLContext | None,
+    timeout_s: float,
+) -> tuple[int, object]:
+    """Post without a body; returns the status, and the JSON of the answer or None."""
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise RestStopError(f"{url} is no address of a supervisor ({error})") from error
+    if parts.scheme not in ("http", "https") or not host:
+        raise RestStopError(f"{url} is no address of a supervisor, such as http://127.0.0.1:8000")
+    if context is not None:
+        line = HTTPSConnection(host, port, timeout=timeout_s, context=context)
+    else:
+        line = HTTPConnection(host, port, timeout=timeout_s)
+    try:
+        line.request("POST", parts.path.rstrip("/") + path, headers=dict(headers))
+        answer = line.getresponse()
+        content = answer.read(MOST_BYTES)
+    except ssl.SSLCertVerificationError:
+        raise
+    except (OSError, HTTPException, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else repr(error)
+        raise RestStopError(f"{url}: no answer ({why})") from error
+    finally:
+        line.close()
+    try:
+        return answer.status, json.loads(content)
+    except (ValueError, RecursionError):
+        return answer.status, None
+
+
+def _confirmed(url: str, only: str | None, status: int, tree: object) -> RestStop:
+    answer = cast("dict[str, Any]", tree) if isinstance(tree, dict) else {}
+    if status == 503 and answer.get("type") == UNCONFIRMED:
+        missing = _names(answer.get("unconfirmed")) or (() if only is None else (only,))
+        if missing:
+            return RestStop(_names(answer.get("stopped")), missing)
+    if status != 200:
+        words = answer.get("detail") or answer.get("title") or "without a reason"
+        raise RestStopError(f"{url} answers with status {status}: {words}")
+    entries: object = answer.get("rigs") if only is None else [answer]
+    stopped = (
+        [_name(entry) for entry in cast("list[object]", entries)]
+        if isinstance(entries, list)
+        else []
+    )
+    if not stopped or not all(stopped) or (only is not None and stopped != [only]):
+        raise RestStopError(f"{url} answers with status 200, but not as a supervisor does")
+    return RestStop(tuple(stopped))
+
+
+def _names(found: object) -> tuple[str, ...]:
+    return tuple(map(str, cast("list[object]", found))) if isinstance(found, list) else ()
+
+
+def _name(entry: object) -> str:
+    """Return the rig that an entry confirms, or an empty text."""
+    one = cast("dict[str, Any]", entry) if isinstance(entry, dict) else {}
+    confirmed = one.get("cause") == "estop" and one.get("acknowledged") is True
+    return one["rig"] if confirmed and isinstance(one.get("rig"), str) else ""

@@ -1,0 +1,279 @@
+"""`pincette estop` stops whatever is missing or damaged around it, and says what was confirmed."""
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import pytest
+
+from pincette.bus.endpoints import service_endpoint
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.cli import Exit
+from pincette.cli.main import main
+from pincette.config import RigFile
+from pincette.core.messages import Ack, Message
+from pincette.core.topics import TRIP, Request
+from pincette.engine.process import loop_services
+from tests.support.answering import Answering, answering, stopped
+from tests.support.rigs import demo_rig, rig_toml
+
+NOBODY = 54321
+"""A user id without an entry in the list of accounts."""
+Environment = dict[str, str]
+
+
+def estop(
+    *words: str,
+    env: Environment | None = None,
+    cwd: Path | None = None,
+    other_account: bool = False,
+    before: Callable[[], None] | None = None,
+    **streams: Any,
+) -> "subprocess.CompletedProcess[str]":
+    """Run the command as a process of its own, perhaps as an account that is in no list."""
+    account = ["unshare", "--user", f"--map-user={NOBODY}"] if other_account else []
+    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams}
+    return subprocess.run(
+        [*account, sys.executable, "-m", "pincette", "estop", *words],
+        env={"HOME": "/nonexistent"} if env is None else env,
+        cwd=cwd,
+        preexec_fn=before,
+        text=True,
+        timeout=30.0,
+        check=False,
+        **settings,
+    )
+
+
+@pytest.fixture(scope="module")
+def supervisor() -> Generator[Answering]:
+    with answering(200, stopped("demo")) as found:
+        yield found
+
+
+def has_namespaces() -> bool:
+    """Whether a process may have another account in a namespace of its own."""
+    words = ["unshare", "--user", f"--map-user={NOBODY}", "true"]
+    return subprocess.run(words, capture_output=True, check=False).returncode == 0
+
+
+def odd_environments(folder: Path) -> dict[str, dict[str, Any]]:
+    """Surroundings in which nothing that the stop needs is missing."""
+    broken = folder / "broken.toml"
+    broken.write_bytes(b"[rig\x00\xff")
+    closed = folder / "closed"
+    closed.mkdir()
+    if os.geteuid() == 0:
+        os.chown(closed, NOBODY, NOBODY)  # which is no account of the namespace
+    closed.chmod(0o000)
+    gone = folder / "gone"
+    gone.mkdir()
+    key = folder / "key"
+    key.write_bytes(b"\xff\xfe")
+    fifo = folder / "fifo"
+    os.mkfifo(fifo)
+    unprotected = folder / "config" / "pincette" / "key"
+    unprotected.parent.mkdir(parents=True)
+    unprotected.write_text("secret")
+    unprotected.chmod(0o644)
+    plain: Environment = {"PATH": os.environ["PATH"]}
+    nobody = {"other_account": has_namespaces()}
+
+    def leave() -> None:
+        gone.rmdir()
+
+    return {
+        "no HOME": {"env": {}},
+        "HOME that may not be entered": {"env": plain | {"HOME": str(closed)}, **nobody},
+        "account without an entry": {"env": plain, **nobody},
+        "rig file that may not be read": {
+            "env": plain | {"PINCETTE_RIG": str(closed / "rig.toml")},
+            **nobody,
+        },
+        "damaged rig file": {"env": plain | {"PINCETTE_RIG": str(broken)}},
+        "missing rig file": {"env": plain | {"PINCETTE_RIG": str(folder / "no.toml")}},
+        "rig file is a folder": {"env": plain | {"PINCETTE_RIG": str(folder)}},
+        "rig file is a pipe": {"env": plain | {"PINCETTE_RIG": str(fifo)}},
+        "outside a checkout": {"env": plain, "cwd": Path("/")},
+        "deleted folder": {"env": plain, "cwd": gone, "before": leave},
+        "unreadable folder": {"env": {}, "cwd": closed},
+        "broken key file": {"env": plain | {"PINCETTE_KEY": f"@{key}"}},
+        "missing key file": {"env": plain | {"PINCETTE_KEY": f"@{folder / 'none'}"}},
+        "unprotected key file": {"env": plain | {"XDG_CONFIG_HOME": str(folder / "config")}},
+        "key that no header carries": {"env": plain | {"PINCETTE_KEY": "ü\nx"}},
+        "malformed variables": {
+            "env": plain
+            | {
+                "PINCETTE_CLAIM": "x",
+                "PINCETTE_PKI": str(folder / "no-pki"),
+                "PINCETTE_AUTHORITY": str(folder / "no-authority"),
+                "PINCETTE_URL": "::::",
+                "PINCETTE_SOCKETS": str(closed),
+                "PINCETTE_LOG_FORMAT": "xml",
+                "USER": "x" * 500,
+            }
+        },
+        "bad locale": {"env": plain | {"LC_ALL": "xx_YY.nothing", "LANG": "\udcff"}},
+        "full disk": {"env": plain, "stdout": "/dev/full", "stderr": "/dev/full"},
+        "closed output": {"env": plain, "before": lambda: os.closerange(0, 3)},
+    }
+
+
+def test_everything_that_a_stop_does_not_need_is_optional(
+    supervisor: Answering, tmp_path: Path
+) -> None:
+    """Each variant is a process; a few at a time, since each takes half a second."""
+
+    def run(entry: tuple[str, dict[str, Any]]) -> tuple[str, Any]:
+        name, how = entry
+        streams = {
+            which: Path(how[which]).open("w")  # noqa: SIM115
+            for which in ("stdout", "stderr")
+            if which in how
+        }
+        words = ["--url", supervisor.url]
+        try:
+            given: dict[str, Any] = {**how, **streams}
+            return name, estop(*words, **given)
+        finally:
+            for stream in streams.values():
+                stream.close()
+
+    supervisor.posts.clear()
+    variants = odd_environments(tmp_path)
+    with ThreadPoolExecutor(4) as threads:
+        ended = dict(threads.map(run, variants.items()))
+    (tmp_path / "closed").chmod(0o755)
+    failed = {
+        name: (one.returncode, one.stdout, one.stderr)
+        for name, one in ended.items()
+        if one.returncode != Exit.DONE or "Traceback" in (one.stderr or "")
+    }
+    assert failed == {}
+    assert [path for path, _ in supervisor.posts] == ["/api/v1/estop"] * len(variants)
+
+
+@pytest.mark.parametrize(
+    ("status", "body"),
+    [
+        (200, None),
+        (200, b"<html>welcome</html>"),
+        (200, {"rigs": []}),
+        (200, {"ok": True}),
+        (200, {"rigs": [{"rig": "demo", "cause": "estop", "acknowledged": False}]}),
+        (200, [1]),
+        (204, b""),
+        (307, b""),
+        (404, {"title": "Not found"}),
+        (500, b"oops"),
+    ],
+    ids=str,
+)
+def test_the_answer_of_another_program_confirms_nothing(
+    status: int, body: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with answering(status, body) as other:
+        ended = main(["estop", "--url", other.url, "--rig", "/nonexistent", "--json"])
+    assert ended == Exit.NO_ANSWER
+    told = json.loads(capsys.readouterr().out)
+    assert told["stopped"] == {}
+    assert told["unconfirmed"]
+
+
+def test_rigs_that_have_not_confirmed_are_named_and_the_status_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    problem = {
+        "type": "urn:pincette:problem:estop-unconfirmed",
+        "title": "Not every rig has confirmed the emergency stop",
+        "stopped": ["left"],
+        "unconfirmed": ["right"],
+    }
+    with answering(503, problem) as supervisor:
+        ended = main(["estop", "--url", supervisor.url, "--rig", "/nonexistent", "--json"])
+    assert ended == Exit.FAILED
+    told = json.loads(capsys.readouterr().out)
+    assert told["stopped"] == {"left": "through the supervisor"}
+    assert "right" in told["unconfirmed"]
+
+
+def test_one_rig_is_stopped_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    (entry,) = stopped("right")["rigs"]
+    with answering(200, entry) as supervisor:
+        words = ["--url", supervisor.url, "--rig", "/nonexistent", "--rig-name", "right"]
+        assert main(["estop", *words]) == Exit.DONE
+        assert supervisor.posts[0][0] == "/api/v1/rigs/right/estop"
+        assert main(["estop", *words[:-1], "left"]) != Exit.DONE  # the answer names another
+    assert "rig right: stopped" in capsys.readouterr().out
+
+
+def test_a_key_that_is_refused_is_left_out() -> None:
+    """A proxy may refuse a key that a stop does not need."""
+    with answering(401, {"title": "no"}) as proxy:
+        main(["estop", "--url", proxy.url, "--rig", "/nonexistent", "--key", "abc"])
+    assert ["Authorization" in headers for _, headers in proxy.posts] == [True, False]
+
+
+@pytest.fixture
+def actuator(tmp_path: Path) -> Generator[tuple[RigFile, Path, list[Message]]]:
+    """An actuator on the bus that confirms every trip; there is no router and no supervisor."""
+    rig, asked = demo_rig(), list[Message]()
+    path = tmp_path / "rig.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    bus = ZenohBus(service_endpoint(rig, "actuator", loop_services()), "demo", "actuator")
+
+    def answer(_question: Request, message: Message, reply: Callable[[Any], None]) -> None:
+        asked.append(message)
+        reply(Ack(1))
+
+    bus.serve(TRIP, answer)
+    yield rig, path, asked
+    bus.close()
+
+
+def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
+    actuator: tuple[RigFile, Path, list[Message]], tmp_path: Path
+) -> None:
+    _, path, asked = actuator
+    begun_s = monotonic()
+    done = estop("--rig", str(path), "--json", env={}, cwd=tmp_path)
+    took_s = monotonic() - begun_s
+    assert done.returncode == Exit.DONE, done.stderr
+    told = json.loads(done.stdout)
+    assert told["stopped"] == {"demo": "at the actuator"}
+    assert len(asked) == 1
+    # The time is counted from the start of the process, not from the end of its imports.
+    assert 0.5 * took_s < told["elapsed_ms"] / 1e3 < took_s
+
+
+def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(
+    actuator: tuple[RigFile, Path, list[Message]],
+) -> None:
+    _, path, asked = actuator
+    text = re.sub("(?m)^voltage_max_V = .*", "voltage_max_V = 'high'", path.read_text())
+    text = text.replace("[bus]", "[bus]\nfrom_a_later_version = true", 1)
+    path.write_text(f"{text}\n[no_such_table]\nx = 1\n", encoding="utf-8")
+    done = estop("--rig", str(path), "--json")
+    assert done.returncode == Exit.DONE, done.stderr
+    assert len(asked) == 1
+
+
+def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
+    actuator: tuple[RigFile, Path, list[Message]],
+) -> None:
+    _, path, asked = actuator
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        begun_s = monotonic()
+        done = estop("--rig", str(path), "--url", url, "--rig-name", "demo", "--json")
+    assert done.returncode == Exit.DONE, done.stderr
+    assert len(asked) == 1
+    assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)

@@ -1,0 +1,65 @@
+"""An HTTP server in a thread that answers every POST as prepared, and keeps what was sent."""
+
+import json
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import Any
+
+
+@dataclass
+class Answering:
+    """What the server answers, and what it was sent."""
+
+    status: int = 200
+    body: Any = None
+    port: int = 0
+    posts: list[tuple[str, dict[str, str]]] = field(
+        default_factory=list[tuple[str, dict[str, str]]]
+    )
+    """Path and headers of each request."""
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+
+def stopped(*names: str) -> dict[str, Any]:
+    """The answer of a supervisor that has stopped rigs."""
+    return {
+        "rigs": [
+            {"rig": name, "cause": "estop", "acknowledged": True, "detail": ""} for name in names
+        ]
+    }
+
+
+@contextmanager
+def answering(status: int = 200, body: Any = None) -> Generator[Answering]:
+    """Serve on a free port of this machine."""
+    found = Answering(status, body)
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            found.posts.append((self.path, dict(self.headers)))
+            content = found.body if isinstance(found.body, bytes) else json.dumps(found.body)
+            sent = content if isinstance(content, bytes) else content.encode()
+            self.send_response(found.status)
+            self.send_header("Content-Length", str(len(sent)))
+            self.end_headers()
+            self.wfile.write(sent)
+
+        def log_message(self, *_: Any) -> None:  # type: ignore[override]
+            """Say nothing."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    found.port = server.server_address[1]
+    thread = Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+    thread.start()
+    try:
+        yield found
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
