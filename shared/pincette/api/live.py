@@ -97,6 +97,16 @@ TIMED = {
 }
 
 
+class LiveList(Model):
+    """Samples for a client that asks for them in turn and holds no stream."""
+
+    model_config = example(batches=[], next=1834)
+
+    batches: list[LiveBatch]
+    next: int
+    """Value of ``after`` for the next request."""
+
+
 class Spread(Model):
     """How long something took; a quantile is up to 1/32 too long, and never too short."""
 

@@ -1,5 +1,7 @@
 """The page a person at the bench sees, and its files; nothing in it comes from elsewhere."""
 
+from base64 import b64encode
+from hashlib import sha256
 from html import escape
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -19,13 +21,16 @@ MEDIA_TYPES = {
 }
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "img-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; "
+    "img-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'self'; "
     "frame-ancestors 'none'",
     "Cache-Control": "no-cache",
 }
 """Beside those of every answer: the page and its files come from here, and nothing else does."""
 POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
-PLACE_OF_RIG, PLACE_OF_CAMERA = "{{rig}}", "{{camera}}"
+SCRIPTS = "script-src 'self'"
+PLACE_OF_RIG, PLACE_OF_CAMERA, PLACE_OF_STOP = "{{rig}}", "{{camera}}", "{{stop}}"
+STOP_SCRIPT = "js/stop.js"
+"""Script of the emergency stop. It is part of the page itself, so that no other file is needed."""
 
 
 router = APIRouter(include_in_schema=False, route_class=StrictRoute)
@@ -41,28 +46,31 @@ ASSETS = {
 
 @router.get("/")
 def page(rigs: AllRigs, rig: str | None = None) -> HTMLResponse:
-    """The page of a rig; its name stands in it, so that the e-stop needs no answer first."""
+    """Return the page of a rig, with the rig's name and the script of the e-stop in it."""
     text = (FOLDER / "index.html").read_text(encoding="utf-8")
+    stop = ASSETS[STOP_SCRIPT].read_text(encoding="utf-8")
     manager = rigs.own if rig is None else rigs.get(rig)
     name = escape(manager.name, quote=True)
     camera = manager.context.rig.supervisor.camera or ""
+    text = text.replace(PLACE_OF_STOP, stop)
     text = text.replace(PLACE_OF_RIG, name).replace(PLACE_OF_CAMERA, escape(camera, quote=True))
-    return HTMLResponse(text, headers=_headers(camera))
+    return HTMLResponse(text, headers=_headers(stop, camera))
 
 
-def _headers(camera: str) -> dict[str, str]:
-    """Pictures may come from the camera of the rig too, where there is one."""
-    if not camera:
-        return HEADERS
-    parts = urlsplit(camera)
-    allowed = f"{PICTURES} {parts.scheme}://{parts.netloc}"
-    return {**HEADERS, POLICY: HEADERS[POLICY].replace(PICTURES, allowed)}
+def _headers(stop: str, camera: str) -> dict[str, str]:
+    """Return headers that also allow the script in the page and the pictures of the camera."""
+    digest = b64encode(sha256(stop.encode()).digest()).decode()
+    policy = HEADERS[POLICY].replace(SCRIPTS, f"{SCRIPTS} 'sha256-{digest}'")
+    if camera:
+        parts = urlsplit(camera)
+        policy = policy.replace(PICTURES, f"{PICTURES} {parts.scheme}://{parts.netloc}")
+    return {**HEADERS, POLICY: policy}
 
 
 @router.get("/favicon.ico")
 def icon() -> Response:
     """Where a browser looks for an icon by itself."""
-    return RedirectResponse("/page/icon.svg", headers=HEADERS)
+    return RedirectResponse("page/icon.svg", headers=HEADERS)
 
 
 @router.get("/page/{name:path}")

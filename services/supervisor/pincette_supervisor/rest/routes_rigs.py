@@ -11,7 +11,7 @@ from fastapi.sse import EventSourceResponse
 from pincette.api.access import Claim, ClaimRequest
 from pincette.api.checklist import Checklist
 from pincette.api.history import History
-from pincette.api.live import LiveBatch, LoopTiming
+from pincette.api.live import LiveBatch, LiveList, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
 from pincette.api.rigs import (
@@ -54,6 +54,7 @@ LIVE_INTERVAL_S = 1.0 / 15.0
 """Between two live events."""
 KEEP_ALIVE_S = 1.0
 """A live event is sent at least this often, so that a listener knows that the line works."""
+LARGEST = 2**63 - 1
 
 router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
@@ -217,6 +218,23 @@ def history(
     """The course of the rig over hours, of the records of its jobs; nothing between the jobs."""
     until_s = time() if to_s is None else to_s
     return manager.context.history.read(store, until_s - 3600.0 * hours, until_s, points)
+
+
+@router.get("/rigs/{rig}/samples", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+async def newest_samples(
+    manager: Manager,
+    after: Annotated[
+        int | None,
+        Query(ge=0, le=LARGEST, description="`next` of the answer before; without, the last minute"),
+    ] = None,
+) -> LiveList:
+    """Samples in batches, as the stream has them, for a client that holds no connection."""
+    cursor = manager.context.live.since(after)
+    state = standing(manager.context)
+    batches = [
+        batch.model_copy(update={"standing": state}) for batch in cursor.batches(KEEP_ALIVE_S)
+    ]
+    return LiveList(batches=batches, next=cursor.place)
 
 
 async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:

@@ -158,6 +158,15 @@ class LiveSamples:
             oldest = self._rows[0].number if self._rows else self._count
         return LiveCursor(self, oldest)
 
+    def since(self, place: int | None) -> "LiveCursor":
+        """Return a cursor for one reading; one from before a restart begins at the oldest row."""
+        with self._lock:
+            oldest = self._rows[0].number if self._rows else self._count
+            count = self._count
+        if place is None or place > count:
+            return LiveCursor(self, oldest)
+        return LiveCursor(self, place, EVENT_POINTS)
+
     def leave(self) -> None:
         """Make room for another listener."""
         with self._lock:
@@ -197,14 +206,14 @@ def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
 class LiveCursor:
     """One listener's place in the rows of a rig."""
 
-    def __init__(self, live: LiveSamples, place: int) -> None:
-        self.live, self._place = live, place
-        self._most = HISTORY_POINTS
+    def __init__(self, live: LiveSamples, place: int, most: int = HISTORY_POINTS) -> None:
+        self.live, self.place = live, place
+        self._most = most
         self._sent_at: float | None = None
 
     def batches(self, silence_s: float) -> list[LiveBatch]:
         """Batches since the last call; an empty one after a silence, as a sign of life."""
-        self._place, dropped, rows = self.live.read(self._place, self._most)
+        self.place, dropped, rows = self.live.read(self.place, self._most)
         self._most = EVENT_POINTS
         now_s = self.live.clock()
         if not rows:

@@ -1,7 +1,7 @@
 // Who uses the page, and what they may do with it. A key is typed in once; from then on a cookie that
 // no script can read stands for it, so that streams and the e-stop need nothing more.
 
-import { BASE, heard } from "./api.js";
+import { BASE, heard, timedFetch } from "./api.js";
 import { byId, setText } from "./dom.js";
 
 const SCOPES = ["observe", "operate", "admin"];
@@ -20,8 +20,8 @@ export const may = (needed) => session.scope !== null
   && SCOPES.indexOf(session.scope) >= SCOPES.indexOf(needed);
 
 async function ask(method, headers = {}, body = undefined) {
-  const response = await fetch(`${BASE}/session`, { method, headers, body, cache: "no-store" });
-  const said = await response.json();
+  const { response, text } = await timedFetch(`${BASE}/session`, { method, headers, body });
+  const said = JSON.parse(text);
   if (!response.ok) throw new Error(said.detail ?? said.title);
   return said;
 }
@@ -80,7 +80,8 @@ export async function admitted() {
     try {
       take(await ask("GET"));
       await entered;
-    } catch {
+    } catch (error) {
+      if (typeof fetch !== "function") throw error;
       await new Promise((go) => setTimeout(go, AGAIN_MS));
     }
   }

@@ -1,9 +1,9 @@
-// The supervisor's REST interface. A browser has six connections to one server: two for streams,
-// two for what is read, one for what is ordered, and one that is always free for the e-stop.
+// The supervisor's REST interface. All addresses are relative to that of the page. A browser has six
+// connections to one server for all its windows: one window alone holds two of them for streams.
 
 /** The rig that the whole page is about: that of the address, else the first of the supervisor. */
-export const RIG = new URLSearchParams(location.search).get("rig") || document.body.dataset.rig;
-export const BASE = "/api/v1";
+export const RIG = new URLSearchParams(location.search).get("rig") || document.documentElement.dataset.rig;
+export const BASE = "api/v1";
 export const RIG_PATH = `/rigs/${encodeURIComponent(RIG)}`;
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
 const PATIENCE_MS = 20000;
@@ -55,13 +55,24 @@ class Lane {
 
 const reading = new Lane(2);
 const ordering = new Lane(1);
+const polling = new Lane(1);
+
+/** Fetch with a limit of time, where the browser can abort a request. */
+export async function timedFetch(path, options) {
+  const control = typeof AbortController === "function" ? new AbortController() : null;
+  const timer = setTimeout(() => control?.abort(), PATIENCE_MS);
+  try {
+    const response = await fetch(path, { cache: "no-store", signal: control?.signal, ...options });
+    return { response, text: await response.text() };
+  } finally {
+    clearTimeout(timer);
+  }
+}
 
 async function send(lane, path, options) {
   await lane.enter();
   try {
-    const signal = AbortSignal.timeout(PATIENCE_MS);
-    const response = await fetch(BASE + path, { cache: "no-store", signal, ...options });
-    const text = await response.text();
+    const { response, text } = await timedFetch(BASE + path, options);
     const body = text ? JSON.parse(text) : {};
     if (response.status === 401) document.dispatchEvent(new CustomEvent("pincette:signed-out"));
     if (!response.ok) {
@@ -69,20 +80,39 @@ async function send(lane, path, options) {
     }
     return body;
   } catch (error) {
-    if (error instanceof Problem) throw error;
+    if (error instanceof Problem || typeof fetch !== "function") throw error;
     throw new Problem("The supervisor does not answer", `${error.message || error.name}`);
   } finally {
     lane.leave();
   }
 }
 
-/** The secret of this tab's claim on the rig; made where it is wanted, else null without one. */
-export function claimSecret(make) {
-  const place = `pincette-claim-${RIG}`;
-  if (make && sessionStorage.getItem(place) === null) sessionStorage.setItem(place, freshKey());
-  return sessionStorage.getItem(place);
+const CLAIM = `pincette-claim-${RIG}`;
+let secret = null;
+
+/** Call a function of the storage of this tab, which a browser may forbid. */
+function stored(name, ...values) {
+  try {
+    return sessionStorage[name](CLAIM, ...values);
+  } catch {
+    return null;
+  }
 }
-export const forgetClaim = () => sessionStorage.removeItem(`pincette-claim-${RIG}`);
+
+/** The secret of this tab's claim on the rig, or null without one; `make` creates it. */
+export function claimSecret(make) {
+  secret ??= stored("getItem");
+  if (make && secret === null) {
+    secret = freshKey();
+    stored("setItem", secret);
+  }
+  return secret;
+}
+
+export function forgetClaim() {
+  secret = null;
+  stored("removeItem");
+}
 
 function written(body, headers = {}) {
   const claim = claimSecret(false);
@@ -94,6 +124,9 @@ function written(body, headers = {}) {
 }
 
 export const get = (path) => send(reading, path, {});
+
+/** Read what is asked for again and again; it waits for no other answer. */
+export const poll = (path) => send(polling, path, {});
 
 /** Order something; it waits for no answer that is merely read. */
 export const post = (path, body, headers) => send(ordering, path, written(body, headers));

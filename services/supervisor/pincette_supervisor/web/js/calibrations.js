@@ -8,6 +8,9 @@ import { clock, plain, significant, withoutUnit } from "./words.js";
 const TONES = { proposed: "busy", accepted: "good", discarded: "muted", superseded: "muted" };
 const DECIDED = { accept: "Accept", discard: "Discard" };
 
+/** An address of the supervisor, relative to that of the page. */
+const relative = (address) => address.replace(/^\//, "");
+
 export function figure(value) {
   if (typeof value === "number") return significant(value);
   if (Array.isArray(value)) return `${value.length} numbers`;
@@ -54,8 +57,8 @@ export class Calibrations {
       each.warnings.length ? h("ul", { class: "violations" },
         ...each.warnings.map((text) => h("li", {}, text))) : null,
       this.values(each), this.residuals(each),
-      h("a", { href: each.plot, target: "_blank", rel: "noopener" },
-        h("img", { src: each.plot, class: "picture", loading: "lazy",
+      h("a", { href: relative(each.plot), target: "_blank", rel: "noopener" },
+        h("img", { src: relative(each.plot), class: "picture", loading: "lazy",
           alt: `${plain(each.calibration)}: what was measured, and what the fit leaves` })),
       this.basis(each),
       each.model_version ? h("p", { class: "muted" }, `Accepted as version ${each.model_version} of the model.`)

@@ -7,7 +7,7 @@ const AGAIN_MS = 5000;
 
 /** Show the camera that the rig file names, while the page is seen. */
 export function watchCamera() {
-  const address = document.body.dataset.camera;
+  const address = document.documentElement.dataset.camera;
   if (!address) return;
   const picture = h("img", { alt: `The camera of ${RIG}`, id: "camera-picture" });
   const said = h("p", { class: "muted small", id: "camera-said", role: "status" });

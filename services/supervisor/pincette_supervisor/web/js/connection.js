@@ -16,6 +16,7 @@ export function alarm(text) {
 
 /** The supervisor has said how the rig is. */
 export function rigAnswered() {
+  if (performance.now() - heard.rig > STALE_MS) document.dispatchEvent(new CustomEvent("pincette:answers"));
   heard.rig = performance.now();
   heard.ever = true;
   heard.trouble = "";
@@ -32,6 +33,7 @@ export function watchConnection() {
   const notice = byId("stale");
   let stale = false;
   setInterval(() => {
+    if ("broken" in document.documentElement.dataset) return;
     const now = performance.now();
     const age_s = (now - heard.rig) / 1000;
     const before = stale;

@@ -4,8 +4,7 @@ import { patch, told } from "./api.js";
 import { byId, h } from "./dom.js";
 
 const SHORT = 14;
-export const SAID = [["sample", "Sample", 200], ["batch", "Batch", 200], ["operator", "Operator", 80],
-  ["notes", "Notes", 4000]];
+export const SAID = [["sample", "Sample"], ["batch", "Batch"], ["operator", "Operator"], ["notes", "Notes"]];
 
 /** Sample and batch, then labels. */
 const partsOf = (job) => [job.sample, job.batch,
@@ -23,16 +22,16 @@ export const factsOf = (job) => [...SAID.map(([name, label]) => [label, job[name
   ...Object.entries(job.labels)].filter(([, text]) => text);
 
 /** A row for a text of a job; notes have room for lines. */
-export function field(id, label, limit, value = "", more = {}) {
-  const input = label === "Notes" ? h("textarea", { id, rows: "3", maxlength: String(limit), ...more })
-    : h("input", { type: "text", id, maxlength: String(limit), autocomplete: "off", ...more });
+export function field(id, label, value = "", more = {}) {
+  const input = label === "Notes" ? h("textarea", { id, rows: "3", ...more })
+    : h("input", { type: "text", id, autocomplete: "off", ...more });
   input.defaultValue = value;
   return [h("div", { class: "field" }, h("label", { for: id }, label), input), input];
 }
 
 /** A form that says more of a job; `changed` gets the job as it is then. */
 export function describe(job, changed) {
-  const rows = SAID.map(([name, label, limit]) => [name, ...field(`said-${name}`, label, limit, job[name])]);
+  const rows = SAID.map(([name, label]) => [name, ...field(`said-${name}`, label, job[name])]);
   const labels = Object.entries(job.labels).map(([name, text]) => `${name}=${text}`).join("\n");
   const list = h("textarea", { id: "said-labels", rows: "2", placeholder: "name=text, one a line" });
   list.defaultValue = labels;

@@ -38,7 +38,7 @@ export class Jobs {
       find();
     } },
     h("label", { class: "unseen", for: "job-text" }, "Find jobs by sample, batch, label, notes, id, cause or sender"),
-    h("input", { id: "job-text", type: "search", maxlength: "100", oninput: find, autocomplete: "off",
+    h("input", { id: "job-text", type: "text", role: "searchbox", maxlength: "200", oninput: find, autocomplete: "off",
       placeholder: "Sample, batch, label, notes, id, cause, sender" }),
     select("job-when", "Taken", PERIODS.map(([value, label]) => [value, label]), find),
     select("job-kind", "Kind", [["", "every kind"]], find));

@@ -21,7 +21,7 @@ import { Recent } from "./plots/recent.js";
 import { installReset, showRig } from "./rig.js";
 import { followRigs } from "./rigs.js";
 import { install as installScope } from "./plots/scope.js";
-import { follow } from "./streams.js";
+import { Feed } from "./streams.js";
 import { installTabs } from "./tabs.js";
 
 const EVERY_MS = 1000;
@@ -92,6 +92,26 @@ async function refresh() {
   if (job && kindOf(job.kind).proposes && job.ended_at !== null) await calibrations.refresh();
 }
 
+/** The bar shows what the supervisor answers instead, or that it does not answer. */
+function showTrouble(problem) {
+  if (problem.status === undefined) {
+    document.dispatchEvent(new CustomEvent("pincette:broken", { detail: problem.message }));
+  }
+  heard.trouble = problem.status ? problem.title : "";
+}
+
+/** Try again until the supervisor has answered. */
+async function insist(ask) {
+  for (;;) {
+    try {
+      return await ask();
+    } catch (problem) {
+      showTrouble(problem);
+      await new Promise((go) => setTimeout(go, EVERY_MS));
+    }
+  }
+}
+
 /** One refresh at a time; what is asked for meanwhile comes after it. */
 async function run() {
   clearTimeout(timer);
@@ -104,8 +124,7 @@ async function run() {
   try {
     await refresh();
   } catch (problem) {
-    // The bar says that the supervisor does not answer, or what it answers instead.
-    heard.trouble = problem.status ? problem.title : "";
+    showTrouble(problem);
   } finally {
     busy = false;
     const running = job && job.ended_at === null;
@@ -123,7 +142,7 @@ function soon() {
 }
 
 function followStreams() {
-  follow({
+  new Feed({
     begun: () => recent.clear(),
     samples: (batch) => recent.push(batch),
     event: (event) => {
@@ -137,12 +156,17 @@ function followStreams() {
   });
 }
 
+// A select that has the focus must not change while a person scrolls past it.
+addEventListener("wheel", ({ target }) => {
+  if (target === document.activeElement && target.tagName === "SELECT") target.blur();
+}, { capture: true, passive: true });
+document.documentElement.dataset.page = "live";
 document.title = `${RIG} · pincette`;
 byId("rig-name").textContent = RIG;
 document.addEventListener("pincette:estop", soon);
 document.addEventListener("visibilitychange", () => document.hidden || soon());
 await admitted();
-await loadKinds();
+await insist(loadKinds);
 form.offer();
 followStreams();
 run();

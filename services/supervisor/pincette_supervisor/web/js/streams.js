@@ -1,67 +1,121 @@
-// Server-sent events. A page that nobody sees gives its connections back; a stream that the server
-// refuses is tried again later, and the page polls meanwhile.
+// Samples and events of the rig as they come. One window of the browser that is seen holds the streams;
+// every other one polls, so that the windows leave each other connections. A window that is hidden,
+// closed or has crashed gives the lock back; a browser without locks or streams polls.
 
-import { BASE, RIG_PATH, heard } from "./api.js";
+import { BASE, poll, RIG_PATH, heard } from "./api.js";
 
 const KINDS = ["state", "phase", "action", "result", "alarm", "queue", "rig", "model", "progress"];
+const LOCK = "pincette:streams";
 const AGAIN_MS = 5000;
+const POLL_MS = 400;
+const STREAMS = typeof EventSource === "function" && typeof AbortController === "function"
+  && navigator.locks;
+const EVENTS_EVERY = 4; // polls of samples to one of events
 
-/** A stream that is open while the page is seen. */
-class Stream {
-  constructor(path, wire, opened = () => {}) {
-    this.path = path;
-    this.wire = wire;
-    this.opened = opened;
-    this.source = null;
+export class Feed {
+  /** `begun`, `samples` and `event` are called with what comes. */
+  constructor({ begun, samples, event }) {
+    Object.assign(this, { begun, samples, event });
+    this.sources = [];
+    this.release = null; // ends the hold of the lock
+    this.wanted = null; // cancels the request for the lock
+    this.next = null; // place of the first sample that is not yet polled
+    this.newest = null; // number of the newest event that is known
+    this.polls = 0;
     document.addEventListener("visibilitychange", () => this.settle());
     addEventListener("pagehide", () => this.close());
+    addEventListener("pageshow", () => this.settle());
+    document.addEventListener("pincette:make-way", () => this.rest());
+    begun();
     this.settle();
+    this.poll();
   }
 
+  /** Ask for the streams while the page is seen. */
   settle() {
     if (document.hidden) this.close();
-    else if (!this.source) this.open();
+    else if (!this.wanted && STREAMS) this.ask();
+  }
+
+  ask() {
+    this.wanted = new AbortController();
+    const held = () => new Promise((release) => {
+      this.release = release;
+      this.open();
+    });
+    navigator.locks.request(LOCK, { signal: this.wanted.signal }, held).catch(() => {});
   }
 
   open() {
-    clearTimeout(this.later);
-    const source = new EventSource(this.path);
-    this.source = source;
-    source.addEventListener("open", () => this.opened());
-    source.addEventListener("error", () => {
-      if (source.readyState === EventSource.CLOSED) this.rest();
+    this.listen("live", (source) => {
+      source.addEventListener("open", () => this.begun());
+      source.addEventListener("message", ({ data }) => this.take(JSON.parse(data)));
     });
-    this.wire(source);
+    this.listen("events", (source) => {
+      for (const kind of KINDS) source.addEventListener(kind, ({ data }) => this.event(JSON.parse(data)));
+    });
   }
 
-  /** Close, and try again after a while. */
-  rest() {
-    this.close();
-    this.later = setTimeout(() => this.settle(), AGAIN_MS);
+  listen(name, wire) {
+    const source = new EventSource(`${BASE}${RIG_PATH}/${name}`);
+    source.addEventListener("error", () => source.readyState === EventSource.CLOSED && this.rest());
+    wire(source);
+    this.sources.push(source);
+  }
+
+  take(batch) {
+    heard.sample = performance.now();
+    this.samples(batch);
   }
 
   close() {
     clearTimeout(this.later);
-    this.source?.close();
-    this.source = null;
+    for (const source of this.sources.splice(0)) source.close();
+    this.wanted?.abort();
+    this.release?.();
+    this.wanted = null;
+    this.release = null;
+    this.next = null;
+    this.newest = null;
   }
-}
 
-/** Follow the samples and the events of the rig. */
-export function follow({ begun, samples, event }) {
-  const live = new Stream(`${BASE}${RIG_PATH}/live`, (source) => {
-    source.addEventListener("message", (message) => {
-      heard.sample = performance.now();
-      samples(JSON.parse(message.data));
-    });
-  }, begun);
-  const events = new Stream(`${BASE}${RIG_PATH}/events`, (source) => {
-    for (const kind of KINDS) {
-      source.addEventListener(kind, (message) => event(JSON.parse(message.data)));
+  /** Give the streams up, and ask for them again after a while. */
+  rest() {
+    this.close();
+    this.wanted = { abort: () => {} }; // none is asked for until then
+    this.later = setTimeout(() => {
+      this.wanted = null;
+      this.settle();
+    }, AGAIN_MS);
+  }
+
+  async poll() {
+    if (!document.hidden && !this.sources.length) {
+      try {
+        await this.pollSamples();
+        if (this.polls % EVENTS_EVERY === 0) await this.pollEvents();
+        this.polls += 1;
+      } catch (problem) {
+        if (problem.status === undefined) throw problem;
+        this.next = null;
+      }
     }
-  });
-  document.addEventListener("pincette:make-way", () => {
-    live.rest();
-    events.rest();
-  });
+    setTimeout(() => this.poll(), POLL_MS);
+  }
+
+  async pollSamples() {
+    const { batches, next } = await poll(
+      `${RIG_PATH}/samples${this.next === null ? "" : `?after=${this.next}`}`);
+    if (this.sources.length) return; // a stream brings them now
+    if (this.next === null) this.begun();
+    this.next = next;
+    batches.forEach((batch) => this.take(batch));
+  }
+
+  async pollEvents() {
+    const from = this.newest === null ? "limit=1" : `after=${this.newest}`;
+    const { events, newest } = await poll(`${RIG_PATH}/events?format=json&${from}`);
+    if (this.newest !== null) events.forEach((event) => this.event(event));
+    this.newest = Math.max(newest, ...events.map(({ number }) => number));
+  }
 }

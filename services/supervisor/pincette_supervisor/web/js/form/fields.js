@@ -2,25 +2,32 @@
 
 import { h } from "../dom.js";
 import { unitOf } from "../words.js";
+import { numberIn, numbersIn, recordsIn } from "./numbers.js";
 
 const WIDE = ["pairs"];
 
 const idOf = (name) => `field-${name}`;
 
+/** The keypad of numbers has no minus sign and no separator on some telephones. */
+const keypadOf = ({ widget, minimum }) => (widget === "number" && minimum !== null && minimum >= 0 ? "decimal" : "text");
+
 function input(spec, common, values) {
   const attributes = { ...common, placeholder: spec.required ? null : spec.placeholder };
-  if (spec.widget === "list") return h("input", { ...attributes, type: "text", inputmode: "decimal" });
   if (spec.widget === "text") return h("input", { ...attributes, type: "text" });
   if (spec.widget === "pairs") return h("textarea", { ...attributes, rows: 4 });
-  return h("input", { ...attributes, type: "number", inputmode: "decimal", step: spec.whole ? 1 : "any",
-    min: spec.minimum, max: spec.maximum, required: spec.required, value: values[spec.name] ?? "" });
+  // A text field: a browser drops from a number field what it cannot read, and the wheel changes it.
+  const made = h("input", { ...attributes, type: "text", inputmode: keypadOf(spec),
+    "aria-required": spec.required ? "true" : null, autocomplete: "off", spellcheck: "false" });
+  made.defaultValue = String(values[spec.name] ?? "");
+  return made;
 }
 
 /** One field with its label, its unit, and room for what is wrong with it. */
 function control(spec, values, sources) {
   const id = idOf(spec.name);
-  const common = { id, name: spec.name, "aria-describedby": `${id}-fault` };
+  const common = { id, name: spec.name, "aria-describedby": `${id}-fault ${id}-read` };
   const fault = h("p", { class: "fault", id: `${id}-fault` });
+  const read = h("output", { class: "read", id: `${id}-read`, for: id });
   if (spec.widget === "check") {
     return h("div", { class: "field wide" }, h("label", { class: "check" },
       h("input", { ...common, type: "checkbox", checked: spec.ticked }), h("span", {}, spec.label)), fault);
@@ -29,7 +36,7 @@ function control(spec, values, sources) {
   const label = h("label", { for: id, title: spec.meaning || null }, spec.label, unit);
   const style = `field${WIDE.includes(spec.widget) ? " wide" : ""}`;
   if (!["choice", "recipe"].includes(spec.widget)) {
-    return h("div", { class: style }, label, input(spec, common, values), fault);
+    return h("div", { class: style }, label, input(spec, common, values), read, fault);
   }
   const choices = spec.widget === "choice" ? spec.choices
     : [{ value: "", label: spec.placeholder }, ...sources.recipes.map((name) => ({ value: name, label: name }))];
@@ -37,25 +44,50 @@ function control(spec, values, sources) {
     h("select", common, ...choices.map((each) => h("option", { value: each.value }, each.label))), fault);
 }
 
-/** Numbers of a text, however they are parted; what is no number stays for the server to name. */
-function numbers(text) {
-  return text.split(/[\s,;]+/).filter(Boolean).map((word) => {
-    const value = Number(word);
-    return Number.isFinite(value) ? value : word;
-  });
-}
-
+/** Readers of what is typed; each throws an Error that says what to write instead. */
 const READ = {
-  number: (text) => Number(text),
+  number: (text, { whole }) => numberIn(text, { whole }),
   choice: (text) => text,
   recipe: (text) => text,
   text: (text) => text,
-  list: numbers,
-  pairs: (text, { columns }) => text.trim().split("\n").map((line) => {
-    const values = numbers(line);
-    return Object.fromEntries(values.map((value, place) => [columns[place] ?? `${place + 1}`, value]));
-  }),
+  list: numbersIn,
+  pairs: (text, { columns }) => recordsIn(text, columns),
 };
+
+/** What a text was understood as; empty where it is spelled in the same way. */
+function understood(spec, text, unit) {
+  if (!["number", "list", "pairs"].includes(spec.widget) || text.trim() === "") return "";
+  try {
+    const value = READ[spec.widget](text, spec);
+    const words = inWords(value);
+    return words === text.trim() ? "" : `= ${words} ${unit}`.trim();
+  } catch {
+    return "";
+  }
+}
+
+/** A value of a request as a person reads it. */
+export function inWords(value) {
+  if (Array.isArray(value)) return value.map(inWords).join("; ");
+  if (value && typeof value === "object") return Object.values(value).map(inWords).join(" ");
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  return String(value);
+}
+
+/** Show at a field what is wrong with it. */
+function mark(found, text) {
+  found.closest(".field").querySelector(".fault").textContent = text;
+  found.setAttribute("aria-invalid", "true");
+}
+
+/** Fields whose texts cannot be read, by the members that they would be sent as. */
+class FieldsError extends Error {
+  constructor(faults) {
+    super([...faults].map(([name, text]) => `${name}: ${text}`).join("; "));
+    this.title = "Not sent: a number cannot be read";
+    this.faults = faults;
+  }
+}
 
 export class Fields {
   constructor() {
@@ -66,13 +98,24 @@ export class Fields {
   }
 
   show(form, values, sources) {
+    const typed = form === this.form ? this.typed() : [];
     const make = (spec) => control(spec, values, sources);
+    this.form = form;
     this.specs = form.filter((spec) => spec.widget !== "recipe" || sources.recipes.length);
     const more = this.specs.filter((spec) => spec.advanced);
     this.element.replaceChildren(...this.specs.filter((spec) => !spec.advanced).map(make));
     this.further.replaceChildren(...more.map(make));
     this.more.hidden = more.length === 0;
+    for (const [name, text] of typed) this.find(name).value = text;
     this.settle();
+  }
+
+  /** Names and texts of the fields in which a person has typed. */
+  typed() {
+    return this.specs.map((spec) => [spec.name, this.find(spec.name)])
+      .filter(([, found]) => "defaultValue" in found && found.type !== "checkbox"
+        && found.value !== found.defaultValue)
+      .map(([name, found]) => [name, found.value]);
   }
 
   find(name) {
@@ -87,9 +130,10 @@ export class Fields {
         ([name, choices]) => choices.includes(this.find(name)?.value));
       found.closest(".field").hidden = !fits;
       if (spec.excludes) this.find(spec.excludes).disabled = found.checked;
-      if (spec.named_by) {
-        found.closest(".field").querySelector(".unit").textContent = unitOf(this.sentAs(spec));
-      }
+      const unit = spec.named_by ? unitOf(this.sentAs(spec)) : spec.unit;
+      if (spec.named_by) found.closest(".field").querySelector(".unit").textContent = unit;
+      const read = found.closest(".field").querySelector(".read");
+      if (read) read.textContent = understood(spec, found.value, unit);
     }
   }
 
@@ -97,31 +141,55 @@ export class Fields {
     return spec.named_by ? this.find(spec.named_by).value : spec.sent_as || spec.name;
   }
 
-  limit(limits) {
-    for (const spec of this.specs) {
-      if (spec.limit in limits) this.find(spec.name).setAttribute("max", limits[spec.limit]);
-    }
-  }
-
-  /** The members of a request that the fields have. */
+  /** The members of a request that the fields have; throws a FieldsError for what cannot be read. */
   read() {
     const body = {};
+    const faults = new Map();
     for (const spec of this.specs) {
       const found = this.find(spec.name);
       if (spec.names || found.disabled || found.closest(".field").hidden) continue;
       if (spec.widget === "check") {
         if (found.checked !== spec.ticked) body[spec.name] = found.checked;
-      } else if (found.value.trim() !== "") {
+      } else if (found.value.trim() !== "" || spec.required) {
         const place = spec.within ? body[spec.within] ??= {} : body;
-        place[this.sentAs(spec)] = READ[spec.widget](found.value, spec);
+        try {
+          place[this.sentAs(spec)] = READ[spec.widget](found.value, spec);
+        } catch (error) {
+          faults.set(this.sentAs(spec), error.message);
+        }
       }
     }
+    if (faults.size) throw new FieldsError(faults);
     return body;
+  }
+
+  /** Label and value with its unit of everything that a request states. */
+  sent(request) {
+    const shown = [];
+    for (const spec of this.specs) {
+      const name = this.sentAs(spec);
+      const place = spec.within ? request[spec.within] : request;
+      if (spec.names || place?.[name] === undefined) continue;
+      const unit = spec.named_by ? unitOf(name) : spec.unit;
+      shown.push([spec.label, `${inWords(place[name])} ${unit}`.trim()]);
+    }
+    return shown;
   }
 
   set(values) {
     for (const [name, value] of Object.entries(values)) this.find(name).value = value;
     this.settle();
+  }
+
+  /** Refuse a text that cannot be read as soon as its field is left. */
+  check(found) {
+    const spec = this.specs.find(({ name }) => name === found.name);
+    if (!spec || found.value.trim() === "" || spec.widget === "check") return;
+    try {
+      READ[spec.widget](found.value, spec);
+    } catch (error) {
+      mark(found, error.message);
+    }
   }
 
   forgive() {
@@ -138,8 +206,7 @@ export class Fields {
       const found = this.find(spec.name);
       const text = faults.get(this.sentAs(spec));
       if (!text || found.closest(".field").hidden) continue;
-      found.closest(".field").querySelector(".fault").textContent = text;
-      found.setAttribute("aria-invalid", "true");
+      mark(found, text);
       if (this.further.contains(found)) this.more.open = true;
       told += 1;
       if (told === 1) found.focus();

@@ -33,8 +33,8 @@ export class StartForm {
     this.hint = h("p", { class: "hint", id: "kind-hint" });
     this.fault = h("p", { class: "fault", id: "start-said", role: "alert" });
     this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
-    this.said = SAID.map(([name, label, limit]) => [name,
-      ...field(`field-${name}`, label, limit, "", { oninput: () => this.forget() })]);
+    this.said = SAID.map(([name, label]) => [name,
+      ...field(`field-${name}`, label, "", { oninput: () => this.forget() })]);
     const [sample, ...others] = this.said.map(([, row]) => row);
     this.button = h("button", { type: "submit", class: "main", id: "start",
       "data-needs": "operate" }, "Start");
@@ -51,8 +51,10 @@ export class StartForm {
       event.preventDefault();
       this.start();
     });
-    this.fields.element.addEventListener("input", () => this.forget());
-    this.fields.more.addEventListener("input", () => this.forget());
+    for (const place of [this.fields.element, this.fields.more]) {
+      place.addEventListener("input", () => this.forget());
+      place.addEventListener("change", ({ target }) => this.fields.check(target));
+    }
     byId("panel-start").append(this.jog.element, this.form);
   }
 
@@ -107,7 +109,6 @@ export class StartForm {
       this.offer(rig.arms);
       this.prefill();
     }
-    this.fields.limit(Object.fromEntries(rig.limits.map((each) => [each.quantity, each.value])));
     const { startable } = rig;
     const fits = !startable.length || startable.includes(this.kind.value);
     setText(this.hint, fits ? "" : `The rig takes only ${startable.map(plain).join(" or ")} at the moment.`);
@@ -142,9 +143,10 @@ export class StartForm {
     const { key } = this;
     this.plan.wait();
     try {
-      const plan = await planOf(this.request());
+      const request = this.request();
+      const plan = await planOf(request);
       if (key !== this.key) return;
-      this.plan.show(plan, this.rig?.limits ?? []);
+      this.plan.show(plan, this.rig?.limits ?? [], this.fields.sent(request));
       if (plan.feasible) this.plan.reveal();
       else {
         this.tell({ title: "The plan breaks a limit of the rig", faults: faultsOf(plan.violations),
@@ -161,8 +163,8 @@ export class StartForm {
     const { key } = this;
     this.fields.forgive();
     this.fault.textContent = "";
-    const body = this.waits ? { ...this.request(), queue: true } : this.request();
     try {
+      const body = this.waits ? { ...this.request(), queue: true } : this.request();
       const job = await startJob(body, key);
       this.key = freshKey();
       this.plan.clear();

@@ -27,7 +27,7 @@ export class Jog {
     const press = (id, sign, label, text) => h("button", { type: "button", id, class: "step",
       "data-needs": "operate",
       "aria-label": label, onclick: () => this.move(sign) }, text);
-    this.name = h("input", { id: "jog-name", type: "text", maxlength: 40, autocomplete: "off",
+    this.name = h("input", { id: "jog-name", type: "text", autocomplete: "off",
       pattern: POSE_NAME, placeholder: "its name" });
     this.list = h("div", { id: "poses" });
     this.element = h("fieldset", { class: "jog", hidden: true }, h("legend", {}, "Jog and teach"),

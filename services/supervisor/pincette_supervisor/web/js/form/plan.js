@@ -13,6 +13,12 @@ function verdict(plan) {
     : "Not feasible: it would not be started") + outcome;
 }
 
+function values(sent) {
+  if (!sent.length) return [h("p", { class: "muted", id: "plan-sent" }, "Every value is that of the rig file.")];
+  return [h("dl", { class: "figures-list", id: "plan-sent" }, ...sent.map(([name, text]) => h("div", {},
+    h("dt", {}, name), h("dd", {}, text))))];
+}
+
 function violations(plan) {
   if (!plan.violations?.length) return [];
   return [h("ul", { class: "violations" }, ...plan.violations.map((each) => h("li", {},
@@ -104,9 +110,10 @@ export class PlanView {
     this.say("planning …", "muted");
   }
 
-  show(plan, limits) {
+  /** Show a plan; `sent` has label and text of each value that was sent for it. */
+  show(plan, limits, sent) {
     this.say(verdict(plan), plan.feasible ? "good" : "bad");
-    this.body.replaceChildren(...violations(plan),
+    this.body.replaceChildren(...values(sent), ...violations(plan),
       ...(plan.warnings ?? []).map((text) => h("p", { class: "cause warn" }, text)),
       plan.prediction?.cut ? h("p", { class: "muted" }, plan.prediction.cut) : "",
       ...drawPrediction(plan, limits), ...figures(plan), ...margins(plan), ...law(plan),

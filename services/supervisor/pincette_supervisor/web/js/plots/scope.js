@@ -50,9 +50,9 @@ export function install(charts) {
     const cross = view.cross ?? view.to;
     if (event.key === "ArrowLeft") view.cross = Math.max(view.from, cross - step);
     else if (event.key === "ArrowRight") view.cross = Math.min(view.to, cross + step);
-    else if (event.key === "Home" || event.key === "Escape") view.cross = null;
+    else if (event.key === "Home") view.cross = null;
     else return;
-    if (event.key !== "Escape") event.preventDefault();
+    event.preventDefault();
     again();
   });
 }
