@@ -1,11 +1,13 @@
 """Numbers that are typed into the page: what each text means, and what is refused."""
 
 import json
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Request, Route, ViewportSize
 
+from tests.support.browser import DESK, Visit, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
@@ -17,17 +19,127 @@ READ = """async ([name, texts]) => {
 }"""
 
 
+@pytest.fixture
+def seen(browser: Browser, tmp_path: Path) -> Generator[Visit]:
+    """The page of a canned rig."""
+    context = browser.new_context(viewport=ViewportSize(**DESK))
+    desk = Harness(demo_rig(time="lockstep"), tmp_path)
+    with served(desk.app) as address:
+        yield visit(context, address)
+        context.close()
+    desk.close()
+
+
 @pytest.mark.parametrize(("kind", "reader"), [("single", "numberIn"), ("list", "numbersIn")])
 def test_every_text_of_the_common_table_is_read_as_stated(
-    browser: Browser, tmp_path: Path, kind: str, reader: str
+    seen: Visit, kind: str, reader: str
 ) -> None:
-    desk = Harness(demo_rig(time="lockstep"), tmp_path)
     cases = CASES[kind]
-    with served(desk.app) as address:
-        page = browser.new_page()
-        page.goto(address)
-        read = page.evaluate(READ, [reader, [text for text, _ in cases]])
-        page.close()
-    desk.close()
+    read = seen.page.evaluate(READ, [reader, [text for text, _ in cases]])
     found = dict(zip([text for text, _ in cases], read, strict=True))
     assert found == dict(cases)
+
+
+def requests_of(seen: Visit) -> list[Request]:
+    """Requests that ask for a plan or a job, as they come."""
+    found: list[Request] = []
+    seen.page.on("request", lambda request: found.append(request) if wanted(request) else None)
+    return found
+
+
+def wanted(request: Request) -> bool:
+    return (
+        request.method == "POST" and "/jobs" in request.url and "predict=false" not in request.url
+    )
+
+
+@pytest.mark.parametrize(
+    ("typed", "sent", "words"),
+    [
+        ("2,5", 2.5, "= 2.5 mN"),
+        ("2.50", 2.5, "= 2.5 mN"),
+        ("12", 12.0, ""),
+        ("1e1", 10.0, "= 10 mN"),
+    ],
+)
+def test_the_number_that_is_shown_is_the_number_that_is_sent(
+    seen: Visit, typed: str, sent: float, words: str
+) -> None:
+    found = requests_of(seen)
+    seen.page.fill("#field-force_mN", typed)
+    assert seen.page.inner_text("#field-force_mN-read") == words
+    seen.page.click("#dry-run")
+    seen.until("#plan-sent", f"{sent:g} mN")
+    assert [request.post_data_json["force_mN"] for request in found] == [sent]
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "typed"),
+    [
+        ("grip", "force_mN", "5e"),
+        ("grip", "force_mN", "1,000"),
+        ("grip", "force_mN", "1.000,5"),
+        ("grip", "force_mN", "0x10"),
+        ("grip", "hold_s", "--5"),
+        ("grip", "hold_s", "\uff15"),
+        ("move", "value", "1 000"),
+        ("move", "value", ""),
+        ("track", "points", "0,5\n1 2"),
+    ],
+)
+def test_a_text_that_is_no_number_is_refused_at_its_field_and_nothing_is_sent(
+    seen: Visit, kind: str, place: str, typed: str
+) -> None:
+    found = requests_of(seen)
+    seen.page.select_option("#kind", kind)
+    field = seen.page.locator(f"#field-{place}")
+    if not field.is_visible():
+        choose_shape(seen, place)
+    field.fill(typed)
+    for button in ("#dry-run", "#start"):
+        seen.page.click(button)
+        seen.until_true(
+            lambda: seen.text(f"#field-{place}-fault") != "", f"{typed!r} was not refused"
+        )
+        assert field.get_attribute("aria-invalid") == "true"
+        assert field.input_value() == typed
+    seen.page.wait_for_timeout(200)
+    assert found == []
+
+
+def choose_shape(seen: Visit, place: str) -> None:
+    """Choose the shape of a path that has a field."""
+    shapes = seen.page.locator("#start-form select").all()
+    for select in shapes:
+        for value in select.evaluate("e => [...e.options].map((each) => each.value)"):
+            if select.get_attribute("id") != "kind" and select.is_visible():
+                select.select_option(value)
+                if seen.page.locator(f"#field-{place}").is_visible():
+                    return
+    raise AssertionError(f"no shape has the field {place}")
+
+
+def test_wheel_and_arrow_keys_change_no_value(seen: Visit) -> None:
+    field = seen.page.locator("#field-force_mN")
+    field.fill("15")
+    field.hover()
+    seen.page.mouse.wheel(0, 300)
+    for key in ("ArrowUp", "ArrowDown", "PageUp", "PageDown"):
+        seen.page.keyboard.press(key)
+    assert field.input_value() == "15"
+    assert seen.page.locator("input[type=number], input[type=date]").count() == 0
+
+
+def test_a_number_that_is_typed_while_the_defaults_come_is_kept(seen: Visit) -> None:
+    held: list[Route] = []
+    seen.page.route("**/jobs?dry_run=true&predict=false", held.append)
+    seen.page.reload()
+    seen.until_true(lambda: bool(held), "no defaults were requested")
+    seen.page.fill("#field-force_mN", "3,5")
+    seen.page.locator("#field-force_mN").blur()
+    seen.page.unroute_all()
+    for route in held:
+        route.continue_()
+    seen.page.wait_for_timeout(1000)
+    assert seen.page.input_value("#field-force_mN") == "3,5"
+    assert seen.text("#field-force_mN-read") == "= 3.5 mN"

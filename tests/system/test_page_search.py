@@ -1,6 +1,7 @@
 """Yesterday's job of a sample, its picture and its force are found on the page."""
 
 from collections.abc import Generator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,32 @@ def a_day_earlier(store: Database, job: str) -> None:
             "WHERE id = ?",
             (job,),
         )
+
+
+A_DAY_AHEAD = """const Real = Date; const shift = 86400e3;
+window.Date = class extends Real {
+  constructor(...values) { super(...(values.length ? values : [Real.now() + shift])); }
+  static now() { return Real.now() + shift; }
+};"""
+
+
+def test_today_is_the_day_of_the_rig_where_the_clock_of_the_browser_is_wrong(
+    browser: Browser, desk: Harness
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(**DESK))
+    context.add_init_script(A_DAY_AHEAD)
+    with served(desk.app) as address:
+        before, today = (gripped(address, sample) for sample in ("B7", "B8"))
+        a_day_earlier(desk.store, before)
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        for when, wanted, other in (("today", today, before), ("yesterday", before, today)):
+            seen.page.select_option("#job-when", when)
+            seen.page.wait_for_selector(f"#open-{other}", state="detached")
+            seen.page.wait_for_selector(f"#open-{wanted}")
+        offset = f"{datetime.now().astimezone():%z}"
+        assert f"UTC{offset[:3]}:{offset[3:]}" in seen.text("#job-days")
+        context.close()
 
 
 def test_yesterdays_job_of_a_sample_is_found(

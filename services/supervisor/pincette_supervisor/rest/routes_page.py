@@ -1,6 +1,7 @@
 """The page a person at the bench sees, and its files; nothing in it comes from elsewhere."""
 
 from base64 import b64encode
+from datetime import datetime, time, timedelta
 from hashlib import sha256
 from html import escape
 from pathlib import Path
@@ -29,6 +30,7 @@ HEADERS = {
 POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
 SCRIPTS = "script-src 'self'"
 PLACE_OF_RIG, PLACE_OF_CAMERA, PLACE_OF_STOP = "{{rig}}", "{{camera}}", "{{stop}}"
+DAYS = 31
 STOP_SCRIPT = "js/stop.js"
 """Script of the emergency stop. It is part of the page itself, so that no other file is needed."""
 
@@ -71,6 +73,21 @@ def _headers(stop: str, camera: str) -> dict[str, str]:
 def icon() -> Response:
     """Where a browser looks for an icon by itself."""
     return RedirectResponse("page/icon.svg", headers=HEADERS)
+
+
+@router.get("/page/days")
+def days() -> dict[str, str | list[str]]:
+    """Return the time of this computer, its zone, and the midnights that began its last 31 days.
+
+    The page looks for the jobs of a day by them, as the clock of a browser may be wrong.
+    """
+    now = datetime.now().astimezone()
+    starts = [datetime.combine(now.date() - timedelta(days=ago), time()) for ago in range(DAYS)]
+    return {
+        "now": now.isoformat(timespec="seconds"),
+        "zone": now.tzname() or "",
+        "midnights": [start.astimezone().isoformat() for start in starts],
+    }
 
 
 @router.get("/page/{name:path}")

@@ -1,6 +1,8 @@
 // The supervisor's REST interface. All addresses are relative to that of the page. A browser has six
 // connections to one server for all its windows: one window alone holds two of them for streams.
 
+import { setNow } from "./words.js";
+
 /** The rig that the whole page is about: that of the address, else the first of the supervisor. */
 export const RIG = new URLSearchParams(location.search).get("rig") || document.documentElement.dataset.rig;
 export const BASE = "api/v1";
@@ -69,10 +71,12 @@ export async function timedFetch(path, options) {
   }
 }
 
+/** Send a request; a path that begins with a slash is below that of the interface. */
 async function send(lane, path, options) {
   await lane.enter();
   try {
-    const { response, text } = await timedFetch(BASE + path, options);
+    const { response, text } = await timedFetch(path.startsWith("/") ? BASE + path : path, options);
+    setNow(response.headers.get("date"));
     const body = text ? JSON.parse(text) : {};
     if (response.status === 401) document.dispatchEvent(new CustomEvent("pincette:signed-out"));
     if (!response.ok) {
@@ -143,6 +147,7 @@ export async function sendClaim(method, path, body) {
 
 /** Jobs of this rig, as `query` narrows them down; and what its calibrations propose. */
 export const jobsOfRig = (query) => get(`/jobs?${OF_RIG}&${query}`);
+export const daysOfRig = () => get("page/days");
 export const checklistOfRig = () => get(`${RIG_PATH}/checklist`);
 export const calibrationsOfRig = (query) => get(`/calibrations?${OF_RIG}&${query}`);
 

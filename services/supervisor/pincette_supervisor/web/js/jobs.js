@@ -1,6 +1,6 @@
 // The list of jobs, and one of them with its result, its pictures and its files.
 
-import { BASE, get, jobsOfRig } from "./api.js";
+import { BASE, daysOfRig, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
 import { describe, factsOf, saidIn, saidOf } from "./description.js";
 import { byId, chip, h, show } from "./dom.js";
@@ -9,7 +9,7 @@ import { clock, number, plain, toneOfState } from "./words.js";
 
 const PAGE = 30;
 const TYPED_MS = 250;
-/** Value, label, and the days ago at whose midnights they begin and end. */
+/** Value, label, and the days ago at whose midnights they begin and end, by the rig's computer. */
 const PERIODS = [["", "any time", null, null], ["today", "today", 0, null], ["yesterday", "yesterday", 1, 0],
   ["week", "last 7 days", 7, null], ["month", "last 30 days", 30, null]];
 const MOST = 480;
@@ -41,10 +41,11 @@ export class Jobs {
     h("input", { id: "job-text", type: "text", role: "searchbox", maxlength: "200", oninput: find, autocomplete: "off",
       placeholder: "Sample, batch, label, notes, id, cause, sender" }),
     select("job-when", "Taken", PERIODS.map(([value, label]) => [value, label]), find),
-    select("job-kind", "Kind", [["", "every kind"]], find));
+    select("job-kind", "Kind", [["", "every kind"]], find),
+    h("p", { class: "hint", id: "job-days" }));
   }
 
-  query() {
+  async query() {
     const kind = byId("job-kind");
     if (kind.options.length === 1) kind.append(...kinds().map(({ name, label }) => h("option", { value: name }, label)));
     const asked = new URLSearchParams({ limit: this.limit });
@@ -52,8 +53,11 @@ export class Jobs {
     if (text) asked.set("text", text);
     if (byId("job-kind").value) asked.set("kind", byId("job-kind").value);
     const [, , from, to] = PERIODS.find(([value]) => value === byId("job-when").value);
-    if (from !== null) asked.set("created_from", midnight(from));
-    if (to !== null) asked.set("created_to", midnight(to));
+    const days = from === null ? null : await daysOfRig();
+    if (from !== null) asked.set("created_from", days.midnights[from]);
+    if (to !== null) asked.set("created_to", days.midnights[to]);
+    byId("job-days").textContent = days ? `Days of the rig's computer, where it is ${
+      days.now.slice(0, 16).replace("T", " ")} ${days.zone} (UTC${days.now.slice(19)}).` : "";
     this.narrowed = [...asked.keys()].length > 1;
     return asked;
   }
@@ -61,7 +65,9 @@ export class Jobs {
   async refresh() {
     this.asked += 1;
     const mine = this.asked;
-    const { jobs, next } = await jobsOfRig(this.query());
+    const query = await this.query();
+    if (mine !== this.asked) return this.jobs;
+    const { jobs, next } = await jobsOfRig(query);
     if (mine !== this.asked) return this.jobs;
     this.jobs = jobs;
     this.more = next !== null;
@@ -175,12 +181,6 @@ export class Jobs {
         `${clock(each.requested_at)} ${each.type} by ${each.by}`
         + (each.seq === null ? "" : `, acted at sample ${each.seq}`)))));
   }
-}
-
-/** The midnight of this place some days ago, in UTC. */
-function midnight(days) {
-  const day = new Date();
-  return new Date(day.getFullYear(), day.getMonth(), day.getDate() - days).toISOString();
 }
 
 function select(id, name, options, onchange) {

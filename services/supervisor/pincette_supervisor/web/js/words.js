@@ -39,11 +39,19 @@ export function duration(seconds) {
   return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
 }
 
+let ahead_ms = 0; // by which the server's clock is ahead of the browser's
+
+/** Take the time of the server, to the second, from the head of an answer. */
+export function setNow(date) {
+  const found_ms = Date.parse(date ?? "") - Date.now();
+  if (Number.isFinite(found_ms)) ahead_ms = found_ms;
+}
+
 /** A UTC time in the words of the place where it is read. */
 export function clock(text) {
   if (!text) return NONE;
   const time = new Date(text);
-  const today = new Date().toDateString() === time.toDateString();
+  const today = new Date(Date.now() + ahead_ms).toDateString() === time.toDateString();
   const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false };
   const day = today ? "" : `${time.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} `;
   return day + time.toLocaleTimeString("en-GB", options);
