@@ -48,9 +48,8 @@ def requests_of(seen: Visit) -> list[Request]:
 
 
 def wanted(request: Request) -> bool:
-    return (
-        request.method == "POST" and "/jobs" in request.url and "predict=false" not in request.url
-    )
+    defaults = "predict=false" in request.url
+    return request.method == "POST" and "/jobs" in request.url and not defaults
 
 
 @pytest.mark.parametrize(
@@ -132,7 +131,7 @@ def test_wheel_and_arrow_keys_change_no_value(seen: Visit) -> None:
 
 def test_a_number_that_is_typed_while_the_defaults_come_is_kept(seen: Visit) -> None:
     held: list[Route] = []
-    seen.page.route("**/jobs?dry_run=true&predict=false", held.append)
+    seen.page.route("**/jobs?dry_run=true&predict=false", lambda route: held.append(route))
     seen.page.reload()
     seen.until_true(lambda: bool(held), "no defaults were requested")
     seen.page.fill("#field-force_mN", "3,5")

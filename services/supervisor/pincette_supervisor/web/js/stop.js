@@ -347,15 +347,15 @@
         + OTHERWISE, "bad");
       send();
     }
-    check();
+    if (supervisor) check();
   }
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);
   else begin();
   window.addEventListener("online", function () {
     send();
-    check();
+    if (supervisor) check();
   });
-  document.addEventListener("pincette:answers", check);
+  document.addEventListener("pincette:answers", function () { if (supervisor) check(); });
   window.addEventListener("pagehide", function () {
     try {
       if (pressed) navigator.sendBeacon(RIG_PATH + "/estop");
