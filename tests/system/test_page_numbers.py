@@ -136,9 +136,9 @@ def test_a_number_that_is_typed_while_the_defaults_come_is_kept(seen: Visit) -> 
     seen.until_true(lambda: bool(held), "no defaults were requested")
     seen.page.fill("#field-force_mN", "3,5")
     seen.page.locator("#field-force_mN").blur()
-    seen.page.unroute_all()
     for route in held:
         route.continue_()
+    seen.page.unroute_all()
     seen.page.wait_for_timeout(1000)
     assert seen.page.input_value("#field-force_mN") == "3,5"
     assert seen.text("#field-force_mN-read") == "= 3.5 mN"

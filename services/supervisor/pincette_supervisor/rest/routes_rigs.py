@@ -225,7 +225,7 @@ async def newest_samples(
     manager: Manager,
     after: Annotated[
         int | None,
-        Query(ge=0, le=LARGEST, description="`next` of the last reply; without it, the last minute"),
+        Query(ge=0, le=LARGEST, description="`next` of the last reply; else the last minute"),
     ] = None,
 ) -> LiveList:
     """Samples in batches, as the stream has them, for a client that holds no connection."""

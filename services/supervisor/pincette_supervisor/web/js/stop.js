@@ -83,7 +83,7 @@
     request.open("POST", address);
     request.timeout = GIVEN_UP_MS;
     request.onload = function () {
-      done("", request.status, request.getResponseHeader("content-type") || "", request.responseText);
+      done("", request.status, request.responseText);
     };
     request.onerror = request.ontimeout = function () { done("the supervisor does not answer"); };
     request.send();
@@ -95,7 +95,7 @@
     fetch(address, { method: "POST", credentials: credentials, cache: "no-store", signal: control.signal })
       .then(function (response) {
         return response.text().then(function (text) {
-          done("", response.status, response.headers.get("content-type") || "", text);
+          done("", response.status, text);
         });
       }).then(null, function () { done("the supervisor does not answer"); });
     return control;
@@ -114,9 +114,9 @@
   }
 
   /** Return the JSON object of an answer, or null where another program has answered. */
-  function objectOf(type, text) {
+  function objectOf(text) {
     try {
-      var body = type.indexOf("json") < 0 ? null : JSON.parse(text);
+      var body = JSON.parse(text);
       return body && typeof body === "object" ? body : null;
     } catch (error) {
       return null;
@@ -177,10 +177,10 @@
       send();
     }, PATIENCE_MS);
     sent += 1;
-    function done(failure, status, type, text) {
+    function done(failure, status, text) {
       if (pressed !== mine) return;
       answered = true;
-      var body = failure ? null : objectOf(type, text);
+      var body = failure ? null : objectOf(text);
       var why = failure || fault(status, body);
       if (!why) {
         confirmed(body);
@@ -293,8 +293,8 @@
   }
   function check() {
     clearTimeout(checking);
-    var able = post(RIG_PATH + "/page-check", function (failure, status, type, text) {
-      var found = lack(failure, status, failure ? null : objectOf(type, text));
+    var able = post(RIG_PATH + "/page-check", function (failure, status, text) {
+      var found = lack(failure, status, failure ? null : objectOf(text));
       warn(found);
       clearTimeout(checking);
       if (found) checking = setTimeout(check, CHECK_AGAIN_MS);
