@@ -54,12 +54,7 @@ def wanted(request: Request) -> bool:
 
 @pytest.mark.parametrize(
     ("typed", "sent", "words"),
-    [
-        ("2,5", 2.5, "= 2.5 mN"),
-        ("2.50", 2.5, "= 2.5 mN"),
-        ("12", 12.0, ""),
-        ("1e1", 10.0, "= 10 mN"),
-    ],
+    [("2,5", 2.5, "= 2.5 mN"), ("12", 12.0, ""), ("1e1", 10.0, "= 10 mN")],
 )
 def test_the_number_that_is_shown_is_the_number_that_is_sent(
     seen: Visit, typed: str, sent: float, words: str
@@ -72,36 +67,31 @@ def test_the_number_that_is_shown_is_the_number_that_is_sent(
     assert [request.post_data_json["force_mN"] for request in found] == [sent]
 
 
-@pytest.mark.parametrize(
-    ("kind", "place", "typed"),
-    [
-        ("grip", "force_mN", "5e"),
-        ("grip", "force_mN", "1,000"),
-        ("grip", "force_mN", "1.000,5"),
-        ("grip", "force_mN", "0x10"),
-        ("grip", "hold_s", "--5"),
-        ("grip", "hold_s", "\uff15"),
-        ("move", "value", "1 000"),
-        ("move", "value", ""),
-        ("track", "points", "0,5\n1 2"),
-    ],
-)
-def test_a_text_that_is_no_number_is_refused_at_its_field_and_nothing_is_sent(
-    seen: Visit, kind: str, place: str, typed: str
-) -> None:
+REFUSED = [
+    ("grip", "force_mN", ["5e", "1,000", "1.000,5", "0x10", "Infinity"]),
+    ("grip", "hold_s", ["--5", "\uff15"]),
+    ("move", "value", ["1 000", ""]),
+    ("track", "points", ["0,5\n1 2", "0 5 1"]),
+]
+
+
+def test_a_text_that_is_no_number_is_refused_at_its_field_and_nothing_is_sent(seen: Visit) -> None:
     found = requests_of(seen)
-    seen.page.select_option("#kind", kind)
-    field = seen.page.locator(f"#field-{place}")
-    if not field.is_visible():
-        choose_shape(seen, place)
-    field.fill(typed)
-    for button in ("#dry-run", "#start"):
-        seen.page.click(button)
-        seen.until_true(
-            lambda: seen.text(f"#field-{place}-fault") != "", f"{typed!r} was not refused"
-        )
-        assert field.get_attribute("aria-invalid") == "true"
-        assert field.input_value() == typed
+    for kind, place, texts in REFUSED:
+        seen.page.select_option("#kind", kind)
+        field = seen.page.locator(f"#field-{place}")
+        if not field.is_visible():
+            choose_shape(seen, place)
+        for typed in texts:
+            field.fill(typed)
+            for button in ("#dry-run", "#start"):
+                seen.page.click(button)
+                seen.until_true(
+                    lambda place=place: seen.text(f"#field-{place}-fault") != "",
+                    f"{typed!r} was not refused",
+                )
+                assert field.get_attribute("aria-invalid") == "true"
+                assert field.input_value() == typed
     seen.page.wait_for_timeout(200)
     assert found == []
 

@@ -70,7 +70,7 @@ class RepeatedAction:
         """Call an action; an error is logged when it differs from that of the last call."""
         try:
             action()
-        except Exception as error:  # noqa: BLE001  (the thread must outlive every error)
+        except Exception as error:
             text = f"{error}" or type(error).__name__
             if text != self.trouble:
                 # An OSError names file and remedy; of any other error the place in the code counts.
