@@ -8,9 +8,9 @@ import math
 import re
 from itertools import pairwise
 
-NUMBER = re.compile(r"[+\-−]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+\-−]?[0-9]+)?")
+NUMBER = re.compile(r"[+\-−]?(?:[0-9]+(?:[.,][0-9]+)?|[0-9]+\.|\.[0-9]+)(?:[eE][+\-−]?[0-9]+)?")
 WHOLE = re.compile(r"[+\-−]?[0-9]+")
-THOUSANDS = re.compile(r"[+\-−]?[1-9][0-9]{0,2},[0-9]{3}")
+THOUSANDS = re.compile(r"[+\-−]?(?!0+,)[0-9]{1,3},[0-9]{3}")
 """A comma that may be a decimal sign or a thousands separator."""
 GROUPED = re.compile(r"[+\-−]?[0-9]{1,3}(?:\.[0-9]{3})*")
 """What may stand before a decimal comma, thousands separated by points included."""
