@@ -18,6 +18,7 @@ from fastapi.routing import APIRoute
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import authorize
 from pincette_supervisor.rest.limits import ESTOP
+from pincette_supervisor.rest.query_numbers import numeric_names, require_numbers
 
 JSON = "application/json"
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
@@ -36,12 +37,14 @@ class StrictRoute(APIRoute):
         if self.path.endswith(ESTOP):
             return handler
         known, has_body = sorted(set(query_names(self.dependant))), self.body_field is not None
+        numeric = dict(numeric_names(self.dependant))
         secured = [one for one in self.dependencies if isinstance(one, params.Security)]
         needed = [scope for one in secured for scope in one.scopes or ()]
 
         async def strict(request: Request) -> Response:
             authorize(request, needed)
             require_known(request, known)
+            require_numbers(request, numeric)
             if has_body:
                 require_json(request.headers.get("content-type", ""), await request.body())
             return await handler(request)

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pincette.api import example
+from pincette.api import WHOLE, example
 from pincette.api.job_kinds import FieldSpec, Variant
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
@@ -27,7 +27,7 @@ class ResidualRequest(CalibrationRequest, frozen=True):
     calibration: Literal["residual"]
     of_job: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,60}$")] | None = None
     """Job whose voltages are played, a grip or a track; left out, the newest that succeeded."""
-    runs: Annotated[int, Field(ge=2, le=10)] = RUNS
+    runs: Annotated[int, Field(ge=2, le=10), WHOLE] = RUNS
     """How often it is played; what the runs differ by is the error of what is kept."""
     confirm: bool = True
     """Wait for a person before the first run, until the part is away, and after the last."""
