@@ -105,7 +105,9 @@ class Goal(Model):
         force_error_mN=0.34,
     )
 
-    met: bool
+    met: bool | None
+    """Whether the errors stayed within their tolerances; null where the phase was not longer than
+    the settling time, so that it is not judged."""
     settling_s: float
     """Time in which it was to settle, from the begin of hold, path or rest."""
     settled_s: float | None

@@ -157,7 +157,7 @@ def status_of(job: "Job") -> Exit:
     if job.state != "succeeded":
         return Exit.FAILED
     goal = (job.result or {}).get("goal")
-    return Exit.DONE if goal is None or goal["met"] else Exit.GOAL_MISSED
+    return Exit.DONE if goal is None or goal["met"] is not False else Exit.GOAL_MISSED
 
 
 def follow(job: "JobHandle", console: "Console") -> "Job":

@@ -99,3 +99,15 @@ def test_a_goal_that_cannot_be_judged_is_refused(
     response = harness.post("/jobs", body)
     assert response.status_code == 422
     assert member in response.text
+
+
+def test_a_completed_phase_that_is_shorter_than_the_settling_time_is_not_judged() -> None:
+    table = columns([m for tick in samples.grip() for m in tick.messages()], PERIOD_S)
+    values = {"settling_s": 60.0, "force_tolerance_mN": 0.3}
+    found = goal_of(table, values, "hold", PERIOD_S, completed=True)
+    assert found is not None
+    assert found.met is None
+    assert found.settled_s == 0.0
+    ended_early = goal_of(table, values, "hold", PERIOD_S)
+    assert ended_early is not None
+    assert ended_early.met is False

@@ -96,7 +96,7 @@ class JobRecorder:
         job.store(result=record.tree)
         self._keep_learned(record)
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
-        if record.result.goal is not None:
+        if record.result.goal is not None and record.result.goal.met is not None:
             self._figures["goal_met"] = record.result.goal.met
         return record.fault
 

@@ -6,6 +6,7 @@ from typing import Any
 from msgspec.structs import replace
 from pydantic import BaseModel
 
+from pincette.api.job_kinds import job_kinds
 from pincette.api.plans import Plan, PlannedPhase, SteadyErrors
 from pincette.api.predictions import Violation
 from pincette.api.requests import ContactJobRequest
@@ -14,10 +15,11 @@ from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
 from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.feasibility import Violation as Broken
+from pincette.control.planning.sampling import unsampled
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.planned import Planned, decimated
-from pincette_supervisor.results.goal import tolerances
+from pincette_supervisor.results.goal import goal_warnings, tolerances
 
 CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 
@@ -70,7 +72,11 @@ def contact_job(
         curves=decimated(made.course),
         steady_errors=_steady_errors(rig, law.settings, forces_mN),
         law=law.view(),
-        warnings=unidentified(rig),
+        warnings=[
+            *unidentified(rig),
+            *unsampled(made.program.segments, rig.rig.period_s),
+            *goal_warnings(tolerances(request), made.program, job_kinds()[request.kind].goal_phase),
+        ],
     )
     program = replace(made.program, laws=(law.settings.spec(),))
     values = {**values, **tolerances(request), "law": plan.law.model_dump()}

@@ -16,6 +16,7 @@ from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.motion_plan import Stand
 from pincette.control.planning.profiles import minimum_duration
 from pincette.control.planning.program import BothArms, Program
+from pincette.control.planning.sampling import unsampled
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.contact_plans import planned_phase, violation_view
 from pincette_supervisor.planning.laws import rig_law
@@ -61,7 +62,11 @@ def motion_job(
         violations=violations,
         curves=decimated(made.course),
         law=law.view() if leads else None,
-        warnings=[*_unknown(present, rig), *warnings],
+        warnings=[
+            *_unknown(present, rig),
+            *unsampled(made.program.segments, rig.rig.period_s),
+            *warnings,
+        ],
     )
     # A stop is under the law even where the motion is not.
     program = replace(made.program, laws=(law.settings.spec(),))

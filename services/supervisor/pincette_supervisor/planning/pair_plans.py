@@ -20,6 +20,8 @@ from pincette.control.planning.feasibility import named_violation
 from pincette.control.planning.pair_course import PairCourse, broken_limits, sample_pair
 from pincette.control.planning.pair_plan import PairRequest
 from pincette.control.planning.program import Program
+from pincette.control.planning.sampling import unsampled
+from pincette.control.planning.touch_force import weak_force
 from pincette.control.stability.two_arms import TwoArmAssessment, TwoArmLoop, assess_two_arms
 from pincette_supervisor.kinds.pair_request import PairJobRequest
 from pincette_supervisor.model.model_in_use import ModelInUse
@@ -102,6 +104,15 @@ def pair_job(
         )
         for arm, found in broken_limits(course, rigs)
     ]
+    if held_um is None:
+        load_at_s = next(phase.start_s for phase in course.phases if phase.phase == "load")
+        weak = weak_force(
+            max(course.arms[0].force_r_mN),
+            program.guards.contact_force_mN,
+            pointers.get("load", ""),
+            load_at_s,
+        )
+        violations = [*map(violation_view, weak), *violations]
     if assessment.reason:
         violations.append(_unstable(assessment))
     plan = PairPlan(
@@ -113,7 +124,15 @@ def pair_job(
         violations=violations,
         curves=_curves(course),
         law=_law_view(loop, assessment, request),
-        warnings=list(dict.fromkeys([*unidentified(first), *unidentified(second)])),
+        warnings=list(
+            dict.fromkeys(
+                [
+                    *unidentified(first),
+                    *unidentified(second),
+                    *unsampled(program.segments, rig.rig.period_s),
+                ]
+            )
+        ),
     )
     values = {**values, "law": plan.law.model_dump()}
     return Planned(plan, replace(program, laws=(spec,)), values, model)

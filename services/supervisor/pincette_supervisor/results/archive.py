@@ -11,6 +11,7 @@ from typing import Any
 from pincette import __version__
 from pincette.api.job_kinds import job_kinds
 from pincette.api.results import JobResult
+from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.core.messages import Message, Recorded
 from pincette.records.columns import columns
@@ -115,7 +116,13 @@ def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     run = Run(rig, planned, table, take.messages, take.dropped)
     kind = job_kinds()[planned.plan.kind]
     evaluation = functions_of(kind).evaluate(run)
-    goal = goal_of(table, planned.values, kind.goal_phase, rig.rig.period_s)
+    goal = goal_of(
+        table,
+        planned.values,
+        kind.goal_phase,
+        rig.rig.period_s,
+        completed=evaluation.result.outcome in GOOD_OUTCOMES,
+    )
     if goal is not None:
         result = evaluation.result.model_copy(update={"goal": goal})
         evaluation = replace(evaluation, result=result)

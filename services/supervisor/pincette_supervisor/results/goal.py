@@ -7,6 +7,7 @@ import numpy as np
 
 from pincette.api.requests import GoalRequest
 from pincette.api.results import Goal
+from pincette.control.planning.program import Program
 from pincette.records.columns import Columns
 from pincette_supervisor.results.figures import Series, within
 from pincette_supervisor.results.result import force_error, position_error
@@ -25,7 +26,35 @@ def tolerances(request: GoalRequest) -> dict[str, Any]:
     return {**named, "settling_s": settling_s}
 
 
-def goal_of(table: Columns, values: Mapping[str, Any], phase: str, period_s: float) -> Goal | None:
+def goal_warnings(values: Mapping[str, Any], program: Program, phase: str) -> list[str]:
+    """Return why the goal of a plan will not be judged; empty where it will be.
+
+    Parameters
+    ----------
+    values
+        See ``tolerances``.
+    phase
+        Goal phase; the last segment of that name counts.
+    """
+    settling_s = values.get("settling_s")
+    lasts_s = [segment.duration_s for segment in program.segments if segment.phase == phase]
+    if settling_s is None or not lasts_s or lasts_s[-1] is None or lasts_s[-1] >= settling_s:
+        return []
+    return [
+        f"the {phase} of {lasts_s[-1]:g} s is shorter than settling_s = {settling_s:g} s: "
+        f"whether the goal is met will not be judged; plan a longer {phase}, or give a shorter "
+        "settling_s"
+    ]
+
+
+def goal_of(
+    table: Columns,
+    values: Mapping[str, Any],
+    phase: str,
+    period_s: float,
+    *,
+    completed: bool = False,
+) -> Goal | None:
     """Hold the errors of a phase against the tolerances of a plan's values.
 
     With t from the begin of the phase, e = x - x_r and e = F̂ - F_r have settled at the least t_s
@@ -41,6 +70,9 @@ def goal_of(table: Columns, values: Mapping[str, Any], phase: str, period_s: flo
         Its goal phase; of several stretches of that name the last one counts.
     period_s
         Control period.
+    completed
+        Whether the job went as planned. The goal is then not judged where the phase was not longer
+        than the settling time; a job that ended early has missed it.
 
     Returns
     -------
@@ -67,7 +99,11 @@ def goal_of(table: Columns, values: Mapping[str, Any], phase: str, period_s: flo
     last = None if None in settled else max(index for index in settled if index is not None)
     settled_s = None if last is None else last * period_s
     return Goal(
-        met=last is not None and last <= skipped < len(stretch),
+        met=(
+            None
+            if completed and len(stretch) <= skipped
+            else last is not None and last <= skipped < len(stretch)
+        ),
         settling_s=settling_s,
         settled_s=settled_s,
         position_tolerance_um=limits[0],

@@ -46,6 +46,8 @@ th { font-weight: 600; } td.number { font-variant-numeric: tabular-nums; }
 @media (max-width: 40rem) { .columns { columns: 1; } }
 """
 
+GOALS: Mapping[bool | None, str] = {True: "met", False: "missed", None: "not judged"}
+
 
 def report(
     *,
@@ -118,7 +120,7 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
             told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
     goal = result.get("goal")
     if goal is not None:
-        told.append("goal met" if goal["met"] else "goal missed")
+        told.append(f"goal {GOALS[goal['met']]}")
     return "; ".join(told)
 
 

@@ -1,12 +1,13 @@
 """A grip planned in position and force at once: zero, approach, contact, load, hold, unload."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
 from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
+from pincette.control.planning.touch_force import weak_force
 
 PRESSING = ("load", "hold", "unload")
 
@@ -48,4 +49,7 @@ def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
         Segment("unload", "force", request.unload_s or load_s, force_to_mN=0.0),
     )
     pointers: dict[str, str] = dict.fromkeys(PRESSING, "/force_mN")
-    return plan_contact(request, rig, pressing, pointers, flying=request.quick)
+    plan = plan_contact(request, rig, pressing, pointers, flying=request.quick)
+    load_at_s = next(phase.start_s for phase in plan.phases if phase.phase == "load")
+    weak = weak_force(force_mN, request.contact_force_mN, "/force_mN", load_at_s)
+    return replace(plan, violations=(*weak, *plan.violations))

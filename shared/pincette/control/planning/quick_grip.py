@@ -20,15 +20,15 @@ from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
 from pincette.control.planning.feasibility import Violation
 from pincette.control.planning.profiles import minimum_duration, move
+from pincette.control.planning.touch_force import FORCE_SHARE
 
 LOAD_PERIODS = 15
 """That a load takes at least, so that the contact line is identified meanwhile."""
 SMOOTH, LONGEST = 2.0, 2.5
 """Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
 its end."""
-FORCE_SHARE, EARLY_SHARE = 0.5, 0.75
-"""Of the planned force that may be there when a touch is believed: where it is expected, and of a
-part that is nearer than planned."""
+EARLY_SHARE = 0.75
+"""Share of the planned force that may be there when a part nearer than planned is touched."""
 SLEW_SHARE = 0.6
 """Of the slew limit that an approach uses where nobody names its speed: hysteresis takes more."""
 HALVINGS = 30

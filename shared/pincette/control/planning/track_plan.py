@@ -15,6 +15,7 @@ from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Segment
+from pincette.control.planning.touch_force import weak_force
 from pincette.control.vocabulary import LimitedQuantity
 
 SETTLE_S = 0.8
@@ -62,7 +63,9 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
     )
     plan = plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, request.pointer))
     start_s = next(phase.start_s for phase in plan.phases if phase.phase == "track")
-    broken = (*plan.violations, *_path_violations(request, found, start_s, rig.period_s))
+    load_at_s = next(phase.start_s for phase in plan.phases if phase.phase == "load")
+    weak = weak_force(found.highest, request.contact_force_mN, request.pointer, load_at_s)
+    broken = (*weak, *plan.violations, *_path_violations(request, found, start_s, rig.period_s))
     return replace(plan, violations=broken)
 
 

@@ -2,13 +2,13 @@
 
 from pincette.config import RigFile, derived
 from pincette.control.planning.quick_grip import (
-    FORCE_SHARE,
     AskedSpeeds,
     QuickSpeeds,
     Touch,
     UsualSpeeds,
     quick_speeds,
 )
+from pincette.control.planning.touch_force import weak_force
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.errors import FaultyRequestError
 
@@ -56,13 +56,8 @@ def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeed
         derived.planned_rig(rig),
     )
     if found is None and asked:
-        least_mN = touch.contact_force_mN / FORCE_SHARE
-        raise FaultyRequestError(
-            "/force_mN",
-            f"force_mN = {touch.force_mN:g} mN is not above {least_mN:g} mN, twice the contact "
-            "force, at which a quick touch is believed: plan more force, a smaller "
-            f"contact_force_mN, {GENTLY}",
-        )
+        (weak,) = weak_force(touch.force_mN, touch.contact_force_mN, "/force_mN", 0.0)
+        raise FaultyRequestError("/force_mN", f"force_mN: {weak.message}")
     slow = rig.grip.seek_um_per_s
     if found is not None and not asked and request.seek_um_per_s is None:
         return found if found.seek_um_per_s >= slow else None

@@ -20,7 +20,7 @@ from pincette_supervisor.planning.motion_plans import (
 )
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.goal import tolerances
+from pincette_supervisor.results.goal import goal_warnings, tolerances
 from pincette_supervisor.results.motion import evaluate, plot
 
 
@@ -52,7 +52,10 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
         "teach": request.teach,
         **tolerances(request),
     }
-    warnings = _warnings(made, model, present, by_um)
+    warnings = [
+        *_warnings(made, model, present, by_um),
+        *goal_warnings(tolerances(request), made.program, "rest"),
+    ]
     return motion_job(request, model, present, made, values, warnings, meets_part=False)
 
 

@@ -1,0 +1,47 @@
+"""What of a program is too short for the period that samples are taken in."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Segment
+
+ROUNDING = 1e-6
+"""Share of the period by which a time may be shorter than it, rounding included."""
+
+
+def unsampled(segments: Sequence[Segment], period_s: float) -> list[str]:
+    """Return a text for each segment, or stretch of its path, that lies between two samples.
+
+    References are followed from sample to sample: what a path does in less than a period is not
+    played, and a segment shorter than a period takes a whole one.
+    """
+    found: list[str] = []
+    for segment in segments:
+        both = segment.both
+        paths = (segment.path, None if both is None else both.place_path)
+        for path in paths:
+            if path is not None:
+                found.extend(_close_knots(segment.phase, path, period_s))
+        if segment.duration_s is not None and _below(segment.duration_s, period_s):
+            found.append(
+                f"{segment.phase} takes {segment.duration_s:g} s, less than the period of "
+                f"{period_s:g} s: plan a longer {segment.phase}"
+            )
+    return list(dict.fromkeys(found))
+
+
+def _close_knots(phase: str, path: Path, period_s: float) -> list[str]:
+    gaps_s = [after.t_s - before.t_s for before, after in pairwise(path.knots)]
+    close_s = [gap_s for gap_s in gaps_s if _below(gap_s, period_s)]
+    if not close_s:
+        return []
+    return [
+        f"{phase}: {len(close_s)} of {len(gaps_s)} stretches of the path take less than the period "
+        f"of {period_s:g} s (the shortest {min(close_s):g} s): what lies between two samples is "
+        "not followed; put its points, or its dwell_s, at least a period apart"
+    ]
+
+
+def _below(time_s: float, period_s: float) -> bool:
+    return time_s < period_s * (1.0 - ROUNDING)
