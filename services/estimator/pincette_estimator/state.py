@@ -153,6 +153,8 @@ class State(FrozenRecord, frozen=True):
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
+    zero_kept: bool = False
+    """True where x_1 still goes through a zero, or a first sample, of an earlier epoch."""
     zero_refusal: Fault | None = None
     x_2_um: float = 0.0
     x_3_um: float = 0.0

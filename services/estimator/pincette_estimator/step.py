@@ -18,6 +18,9 @@ from pincette_estimator.state import FreeMotion, Inputs, State
 from pincette_estimator.statements import degraded, estimate, within
 from pincette_estimator.uncertainty import creep_um, narrowed_past, rested_past
 
+KEPT_ZERO_S = 86_400.0
+"""Age for which creep is allowed for where a zero is compared with one of an earlier epoch."""
+
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
@@ -114,6 +117,24 @@ def _take_sample(
     return after, F_mN, p_mN
 
 
+def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied) -> State:
+    """Put x_1 through the first sample of an epoch, unless it goes through an earlier zero.
+
+    An earlier zero stays where a part is held, and where the arm stands on it or behind it: what
+    pushes the arm back may be a part, which a new begin would hide. An arm ahead of it by more than
+    a zero may change is not pushed by any part, so that the earlier zero was wrong.
+    """
+    response, limits = state.response, config.zero_limits
+    if state.zero_kept:
+        ahead_um = response.residual_um(response.sample(x_um))
+        known = applied.voltage_V <= state.known_V
+        drift_um = _drift_um(config, state, 0.0)
+        if applied.part_held or ahead_um <= limits.change_um(response, drift_um, known):
+            return state
+    response = response.begin(x_um)
+    return replace(state, response=response, unknown=state.unknown.rezero(response))
+
+
 def _follow_free_motion(
     config: EstimatorConfig, state: State, x_um: float, applied: Applied
 ) -> State:
@@ -121,7 +142,8 @@ def _follow_free_motion(
     first = state.observed_seq is None
     # What x_1 is known to miss is no matter of its offset.
     modelled_um = x_um - state.missed_um
-    response = state.response.begin(modelled_um) if first else state.response
+    state = _begin(config, state, modelled_um, applied) if first else state
+    response = state.response
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     detector = state.contact_detector
     if first:
@@ -130,7 +152,6 @@ def _follow_free_motion(
     followed = replace(
         state,
         response=response,
-        unknown=state.unknown.rezero(response) if first else state.unknown,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
         free_motion=FreeMotion() if applied.part_held else state.free_motion,
         unseen=None if applied.part_held else (response, modelled_um),
@@ -151,10 +172,9 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         state.free_motion.samples,
         part_held=applied.part_held,
         limits=config.zero_limits,
-        creep_um=creep_um(config, t_s if state.zero_s is None else t_s - state.zero_s)
-        + state.unknown.error_um(response),
+        creep_um=_drift_um(config, state, t_s),
         touch=state.contact_detector.touch,
-        zeroed=state.zero_s is not None,
+        zeroed=state.zero_s is not None or state.zero_kept,
         memory_known=applied.voltage_V <= state.known_V,
     )
     if refusal:
@@ -168,16 +188,28 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
+        zero_kept=False,
         zero_refusal=None,
     )
+
+
+def _drift_um(config: EstimatorConfig, state: State, t_s: float) -> float:
+    """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm."""
+    age_s = t_s if state.zero_s is None else t_s - state.zero_s
+    if state.zero_kept:
+        age_s = KEPT_ZERO_S
+    return creep_um(config, age_s) + state.unknown.error_um(state.response)
 
 
 def handle(
     config: EstimatorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch without a zero; x_1, and a new model of it, keeps the arm's past.
+    """Begin a new epoch. x_1, or that of a new model, keeps the arm's past and its offset.
 
-    What nobody has followed stays unknown to a new model too, until a stroke has wiped it out.
+    The force has no zero until the new epoch takes one. The last offset outlives the arming, so
+    that a zero which would hide the force of a part is refused, however often it is tried. Only
+    ``zero_confirmed``, a person's word that nothing touches the arm, gives it up. What no program
+    has followed stays unknown to a new model too, until a stroke has wiped it out.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
@@ -190,6 +222,9 @@ def handle(
 def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
     same = config.response == state.model
     response = state.response if same else state.past.replayed(config.response)
+    kept = (state.zero_kept or state.observed_seq is not None) and not request.zero_confirmed
+    if kept and not same:
+        response = response.begin(state.response.position_um())
     unknown = state.unknown if same else config.unknown.led_through(state.past)
     return State(
         response,
@@ -200,6 +235,7 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
         reversal_memory=state.reversal_memory,
         highest_V=state.highest_V,
         known_V=state.highest_V,
+        zero_kept=kept,
         refused=state.refused,
         past=state.past,
     )
@@ -217,5 +253,13 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     step=step,
     handle=handle,
     ahead=ahead,
-    state_snapshot=("response", "unknown", "reversal_memory", "highest_V", "known_V", "second"),
+    state_snapshot=(
+        "response",
+        "unknown",
+        "reversal_memory",
+        "highest_V",
+        "known_V",
+        "zero_kept",
+        "second",
+    ),
 )

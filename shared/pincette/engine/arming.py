@@ -27,13 +27,29 @@ def arm(
     owner: int | None = None,
     calibration: str = "",
     lease: Lease | None = None,
+    zero_confirmed: bool = False,
 ) -> None:
-    """Load a program and start it; raises BusError or RefusalError."""
+    """Load a program and start it.
+
+    Parameters
+    ----------
+    zero_confirmed
+        A person has said that nothing touches the arm, so that no earlier zero is held against a
+        new one.
+
+    Raises
+    ------
+    BusError, RefusalError
+        Where a service does not answer, or refuses.
+    """
     if owner is None:
         owner = status(bus, "controller").instance
     bus.call(LOAD, Load(program))
     for service in ORDER:
-        bus.call(ARM[service], Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
+        request = Arm(
+            epoch, owner, digest, Document(calibration), program.capture_hz, zero_confirmed
+        )
+        bus.call(ARM[service], request)
         # Before the first sample, so that no program plays without the lease it shall have.
         if service == "controller" and lease is not None:
             bus.call(LEASE, lease)

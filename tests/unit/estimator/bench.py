@@ -38,8 +38,9 @@ class Bench:
         self.state: State = start(config)
         self.arm(1)
 
-    def arm(self, epoch: int) -> None:
-        self.state, _, _ = handle(self.config, self.state, Arm(epoch, 1, ""), 0.0)
+    def arm(self, epoch: int, *, zero_confirmed: bool = False) -> None:
+        request = Arm(epoch, 1, "", zero_confirmed=zero_confirmed)
+        self.state, _, _ = handle(self.config, self.state, request, 0.0)
         self.epoch, self.seq = epoch, 0
 
     def feed(

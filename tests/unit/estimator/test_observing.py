@@ -67,5 +67,5 @@ def test_an_arming_begins_the_observer_anew() -> None:
     bench = Bench(configure(a_rig(TAUGHT, force_ages="printed")))
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 1.0)
-    bench.arm(2)
+    bench.arm(2, zero_confirmed=True)
     assert bench.feed(12.0, 1.0).force_mN == pytest.approx(0.0)

@@ -25,8 +25,8 @@ def followed() -> tuple[State, int]:
         free_um = bench.state.response.follow(float(voltage_V), 0.02).position_um()
         bench.feed(free_um, float(voltage_V))
     bench.arm(2)
-    bench.rest(bench.state.response.position_um(), 0.0)
-    bench.feed(bench.state.response.position_um(), 0.0, zero=True)
+    for zero in (*12 * [False], True):
+        bench.feed(bench.state.response.follow(0.0, 0.02).position_um(), 0.0, zero=zero)
     return bench.state, bench.seq
 
 

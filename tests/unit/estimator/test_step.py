@@ -66,7 +66,7 @@ def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig
     assert bench.feed(0.4, 0.0).zero_age_s == pytest.approx(0.02)
 
 
-def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
+def test_memory_and_offset_outlive_an_arming() -> None:
     bench = Bench(IDENTIFIED)
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
@@ -75,13 +75,62 @@ def test_the_memory_lives_across_arming_and_the_zero_does_not() -> None:
     before = bench.state.response
     bench.arm(2)
     assert bench.state.response == before
-    estimate = bench.feed(12.0, 1.0)
+    pushed_um = 3.0 * IDENTIFIED.compliance_um_per_mN
+    estimate = bench.feed(before.follow(1.0, 0.02).position_um() - pushed_um, 1.0)
     assert estimate.zero_age_s is None
     assert estimate.zero_refusal is None
-    assert estimate.force_mN == pytest.approx(0.0)
+    assert estimate.force_mN == pytest.approx(3.0)
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
     fallen = bench.state.response.follow(0.9, 0.0).position_um()
     assert bench.state.response.position_um() - fallen == pytest.approx(0.1 * 15.0, rel=0.01)
+
+
+def test_a_confirmed_zero_gives_up_the_offset_of_earlier_epochs() -> None:
+    bench = Bench(IDENTIFIED)
+    bench.rest(0.0, 0.0)
+    bench.feed(0.0, 0.0, zero=True)
+    bench.arm(2, zero_confirmed=True)
+    assert bench.feed(-4.6, 0.0).force_mN == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
+def test_a_part_that_presses_at_rest_is_never_zeroed_away(config: EstimatorConfig) -> None:
+    bench = Bench(config)
+    bench.rest(0.0, 0.0)
+    assert bench.feed(0.0, 0.0, zero=True).zero_refusal is None
+    pushed_um = 25.0 * config.compliance_um_per_mN
+    for epoch in range(2, 7):
+        bench.arm(epoch)
+        bench.rest(-pushed_um, 0.0)
+        estimate = bench.feed(-pushed_um, 0.0, zero=True)
+        assert estimate.zero_refusal is not None
+        assert estimate.zero_refusal.code == FaultCode.ZERO_OFFSET
+        assert estimate.force_mN == pytest.approx(25.0, abs=0.1)
+    bench.arm(7, zero_confirmed=True)
+    bench.rest(-pushed_um, 0.0)
+    assert bench.feed(-pushed_um, 0.0, zero=True).zero_age_s == 0.0
+
+
+def test_an_arm_ahead_of_its_zero_begins_there() -> None:
+    """A part was zeroed away and then removed: what is read is not a force."""
+    bench = Bench(IDENTIFIED)
+    bench.rest(-9.0, 0.0)
+    bench.feed(-9.0, 0.0, zero=True)
+    bench.arm(2)
+    bench.rest(0.0, 0.0)
+    assert bench.feed(0.0, 0.0, zero=True).zero_age_s == 0.0
+
+
+def test_the_force_of_a_held_part_outlives_an_arming() -> None:
+    bench = Bench(IDENTIFIED)
+    bench.rest(0.0, 0.0)
+    bench.feed(0.0, 0.0, zero=True)
+    bench.rest(-6.9, 0.0, count=100)
+    for held_um in (-6.9, 6.9):
+        bench.arm(bench.epoch + 1)
+        estimate = bench.feed(held_um, 0.0, held=True)
+        wanted_mN = -held_um / IDENTIFIED.compliance_um_per_mN
+        assert estimate.force_mN == pytest.approx(wanted_mN, abs=0.05)
 
 
 def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
@@ -90,10 +139,13 @@ def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
         for voltage_V in (0.0, 1.0, 2.0, 1.0):
             one.feed(0.0, voltage_V)
     bench.config = IDENTIFIED
-    bench.arm(2)
-    other.arm(2)
-    bench.feed(12.0, 1.0)
-    other.feed(12.0, 1.0)
+    offset_um = bench.state.response.position_um()
+    for one in (bench, other):
+        one.arm(2, zero_confirmed=one is other)
+    assert bench.state.response.position_um() == pytest.approx(offset_um)
+    bench.arm(3, zero_confirmed=True)
+    for one in (bench, other):
+        one.feed(12.0, 1.0)
     assert bench.state.model == IDENTIFIED.response
     there, wanted = (one.state.response.follow(0.2, 0.0).position_um() for one in (bench, other))
     assert there == pytest.approx(wanted, abs=1e-3)

@@ -29,6 +29,26 @@ class ZeroLimits:
     touch_um: float = inf
     """By how much a touch may have pushed the arm back: the contact's force times s_p."""
 
+    def change_um(self, model: FreeResponse, creep_um: float, memory_known: bool) -> float:
+        """Return how far a zero may move the offset of x_1 at the voltage followed last, in µm.
+
+        Parameters
+        ----------
+        model
+            Free response with the zero that holds at present.
+        creep_um
+            How far creep and an unknown past may have moved the arm since that zero.
+        memory_known
+            True where the model has followed the arm beyond this voltage before. Where it has not,
+            it may miss a part of the hysteresis that came about before its time, and its own
+            tolerance would block an arm that is free.
+        """
+        limit_um = model.zero_tolerance_um(creep_um)
+        if memory_known:
+            return limit_um
+        travel_um = model.nominal_um_per_V * abs(model.voltage_V - model.zero_V)
+        return max(limit_um, self.offset_um + self.offset_fraction * travel_um + creep_um)
+
 
 def zero_refusal(
     model: FreeResponse,
@@ -60,9 +80,7 @@ def zero_refusal(
         Whether there was a zero since the arming; without one the offset that is judged is that
         of where the arm was found, and has a code of its own.
     memory_known
-        Whether the model has followed the arm beyond this voltage before. Where it has not, it
-        may miss a part of the hysteresis that came about before its time, and its own tolerance
-        would block an arm that is free.
+        As for ``ZeroLimits.change_um``.
     """
     if part_held:
         return fault(FaultCode.ZERO_PART_HELD)
@@ -92,10 +110,8 @@ def zero_refusal(
                 limit_um=limits.touch_um,
             )
     travel_um = model.nominal_um_per_V * abs(rest.voltage_V - model.zero_V)
-    change_um, limit_um = model.residual_um(rest), model.zero_tolerance_um(creep_um)
-    if not memory_known:
-        unknown_um = limits.offset_um + limits.offset_fraction * travel_um + creep_um
-        limit_um = max(limit_um, unknown_um)
+    change_um = model.residual_um(rest)
+    limit_um = limits.change_um(model, creep_um, memory_known)
     if not abs(change_um) <= limit_um:
         return fault(
             FaultCode.ZERO_OFFSET if zeroed else FaultCode.ZERO_FIRST_OFFSET,

@@ -27,6 +27,8 @@ class Arm(FrozenRecord, frozen=True):
     """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
     capture_hz: Hertz = 0.0
     """As in the program that is played."""
+    zero_confirmed: bool = False
+    """A person has said that nothing touches the arm: zeros of earlier epochs are given up."""
 
 
 class Load(FrozenRecord, frozen=True):
