@@ -22,8 +22,8 @@ MEANINGS = {
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
         "part-held, queue-full, rig-claimed (with claim), estop-engaged, "
-        "rig-latched (with cause), reset-refused, model-changed, trajectory-stale, recipe-limit, "
-        "rig-is-real, simulation-refused",
+        "rig-latched (with cause), zero-not-confirmed (with job), reset-refused, model-changed, "
+        "trajectory-stale, recipe-limit, rig-is-real, simulation-refused",
     ),
     413: ("body-too-large", "the body is larger than a request may be"),
     415: ("unsupported-media-type", "the body is not declared as JSON (Content-Type)"),
@@ -65,6 +65,7 @@ REMEDIES: Mapping[str, str] = {
     "queue-moved": "read the queue again, then say what shall become of it",
     "estop-engaged": "see that the rig is safe, then reset it with `acknowledge`: true",
     "rig-latched": "see that the rig is safe, then reset it with `acknowledge`: true",
+    "zero-not-confirmed": "see that nothing touches the arm, then send `zero_confirmed`: true",
     "reset-refused": "mend what the detail names, then reset again",
     "rig-claimed": "ask its holder, wait until the claim ends, or break it as an operator",
     "record-kept": "wait until the job has ended; unpin it before its record is deleted",

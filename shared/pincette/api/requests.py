@@ -67,6 +67,15 @@ class JobRequest(BaseModel, frozen=True):
         return None
 
 
+class ZeroingRequest(JobRequest, frozen=True):
+    """What every job that zeroes the force may say of the arm."""
+
+    zero_confirmed: bool = False
+    """A person has seen that nothing touches the arm. Needed after a job that touched something
+    before its zero, and where the arm stands where a part may push it back: a zero taken there
+    would hide the force of that part."""
+
+
 class PolicyRequest(JobRequest, frozen=True):
     """What every job that holds a part may say of its end."""
 
@@ -127,7 +136,7 @@ def _apart(value: object) -> object:
     raise ValueError(f'gains = {value!r:.60}: input should be "tuned", or gains by their names')
 
 
-class ContactJobRequest(PolicyRequest, GoalRequest, frozen=True):
+class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True):
     """What every job that meets a part may say; what is left out comes from the rig file."""
 
     load_s: Duration | None = None

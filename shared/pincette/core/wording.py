@@ -50,7 +50,8 @@ TEXTS: Mapping[FaultCode, str] = {
     ),
     FaultCode.ZERO_OFFSET: (
         "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "
-        "after {travel_um:.1f} µm of travel"
+        "after {travel_um:.1f} µm of travel, and hide what pushes the arm: see that nothing "
+        "touches it, then send zero_confirmed = true"
     ),
     FaultCode.ZERO_FIRST_OFFSET: (
         "zero refused: the offset would change by {change_um:.3f} µm, limit {limit_um:.3f} µm "

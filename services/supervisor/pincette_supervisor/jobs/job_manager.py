@@ -131,6 +131,7 @@ class JobManager:
             if self.active is not None:
                 raise refusals.job_active(self.active)
             refusals.require_ready(self.context, planned)
+            refusals.require_zero_confirmed(self.context, request)
             if planned.model is not self.context.model.in_use:
                 raise refusals.model_changed()
         row = new_row(request, planned, self.name, by)

@@ -1,6 +1,7 @@
 """Follows the samples of a job to their end, and passes its actions on to the rig."""
 
 from pincette.api.endings import Ending
+from pincette.api.requests import ZeroingRequest
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Acted, Cause, Outcome
@@ -251,6 +252,9 @@ class JobMonitor:
             event = "fail"
         if event == "fail" and not gone and not self._trip_asked:
             self._prepare_resumption(tracker.trip)
+        touched = tracker.final_outcome() == Outcome.CONTACT and not tracker.left_rest
+        if touched and isinstance(job.request, ZeroingRequest):
+            self._context.zero_doubt.raise_by(job.id)
         self._job.recorded.clear()  # whoever sees the end sees that the record is not there yet
         job.end(event)
         self._recorder.publish_result()

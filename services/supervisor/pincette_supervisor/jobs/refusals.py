@@ -1,6 +1,7 @@
 """Why a job or an action is not taken, as problem documents."""
 
 from pincette.api.job_kinds import JobKind
+from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
@@ -57,6 +58,19 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
         raise part_held(words)
     if words := playing_words(context):
         raise unready([words])
+
+
+def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
+    """Raise ProblemError where a person must first see that nothing touches the arm."""
+    if touched := context.zero_doubt.blocking(request):
+        raise ProblemError(
+            409,
+            "zero-not-confirmed",
+            "Something may touch the arm",
+            f"job {touched} touched something before the force was zeroed, and a zero would hide "
+            "its force: see that nothing touches the arm, then send zero_confirmed = true",
+            job=touched,
+        )
 
 
 def require_startable(context: RigContext, kind: JobKind) -> None:

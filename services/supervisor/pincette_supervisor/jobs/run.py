@@ -4,7 +4,7 @@ import secrets
 from collections.abc import Callable
 
 from pincette.api.endings import Ending, EndingCode
-from pincette.api.requests import JobRequest
+from pincette.api.requests import JobRequest, ZeroingRequest
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
@@ -15,6 +15,7 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_monitor import JobMonitor
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import Renewal, lease_of, renewing
+from pincette_supervisor.jobs.refusals import require_zero_confirmed
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError
@@ -44,6 +45,7 @@ class Run:
         """Run the job; nothing of it moves any more when this returns."""
         job, observer = self._job, self._context.observer
         try:
+            require_zero_confirmed(self._context, job.request)
             planned = self._prepare()
             if planned is None or not self._await_start():
                 return
@@ -141,6 +143,7 @@ class Run:
             return False
         job.set_epoch(job.epoch)
         lease = lease_of(planned.model.rig, job.request, job.epoch)
+        confirmed = isinstance(job.request, ZeroingRequest) and job.request.zero_confirmed
         try:
             arm(
                 context.bus,
@@ -149,6 +152,7 @@ class Run:
                 digest=model.rig_file_digest,
                 calibration=model.calibration.text(),
                 lease=lease,
+                zero_confirmed=confirmed,
             )
         except BusError as error:
             recorder.discard(row)
@@ -158,6 +162,8 @@ class Run:
             return False
         if lease is not None:
             job.renewal = Renewal(context.bus, lease)
+        if confirmed:
+            context.zero_doubt.settle()
         context.health.note_armed(job.epoch, model.digest)
         job.record_effect("start", 0)
         return True

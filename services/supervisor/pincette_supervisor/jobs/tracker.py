@@ -31,6 +31,9 @@ GONE_S = 1.0
 SETTLE_S = 0.5
 """Begin of a hold that is left out of the force held."""
 
+BEFORE_APPROACH = ("", "open", "zero", Phase.RETREAT, Phase.UNLOAD)
+"""Phases of a job that has not moved towards a part yet, and those of its way back."""
+
 
 class Tracker:
     """Takes the messages of one epoch in order of arrival."""
@@ -52,6 +55,8 @@ class Tracker:
         self.held = False
         self.phase = ""
         self.phases: list[tuple[str, int, bool]] = []
+        self.left_rest = False
+        """True once the program has left the rest in which it zeroes the force first."""
         """Phases begun since this list was last emptied, each with its seq and whether held."""
         self.segment = -1
         """Number of the program's segment."""
@@ -112,6 +117,7 @@ class Tracker:
         self._telemetry = sample
         if sample.phase != self.phase:
             self.phases.append((sample.phase, sample.seq, sample.held))
+            self.left_rest = self.left_rest or sample.phase not in BEFORE_APPROACH
         self.phase, self.held, self.segment = sample.phase, sample.held, sample.segment
         self.paused, self.telemetry_seq = sample.paused, sample.seq
         self._paused_ticks += sample.paused
@@ -231,6 +237,11 @@ def outcome_words(outcome: Outcome, telemetry: Telemetry | None = None) -> str:
     words = f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
     if outcome != Outcome.CONTACT or telemetry is None or telemetry.touch_mN is None:
         return words
+    if telemetry.touch_mN < 0.0:
+        return (
+            f"{outcome}: the free arm was pulled with {-telemetry.touch_mN:.1f} mN at "
+            f"{telemetry.touch_x_um:.2f} µm, or the zero of its force is wrong"
+        )
     return (
         f"{words}, at {telemetry.touch_x_um:.2f} µm, and went back at {telemetry.touch_mN:.1f} mN"
     )

@@ -4,6 +4,9 @@ from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
 from pincette.config.laws import installed_laws
 
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
+ZERO_CONFIRMED = FieldSpec(
+    name="zero_confirmed", label="Nothing touches the arm: I have looked", advanced=True
+)
 RELEASE = FieldSpec(name="release_s", label="Let go over")
 POLICIES = (
     FieldSpec(

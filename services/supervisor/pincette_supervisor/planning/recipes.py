@@ -7,7 +7,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
-from pincette.api.requests import JobRequest, PartExpectation
+from pincette.api.requests import JobRequest, PartExpectation, ZeroingRequest
 from pincette.config import Calibration, calibrated
 from pincette.config.laws import laws_by_name
 from pincette.core.validation_wording import refusal
@@ -21,8 +21,8 @@ from pincette_supervisor.planning.present import Present
 
 Lookup = Callable[[str], RecipeRow | None]
 
-OF_THE_JOB = set(JobRequest.model_fields)
-"""Members that a recipe has not: they say how a job begins, not what becomes of the object."""
+OF_THE_JOB = set(ZeroingRequest.model_fields)
+"""Members that no recipe has: how a job begins, and what a person has seen before it."""
 OF_ANY_LAW = {"gains"}
 """Members that are of one law or another: kinds of job for two arms do not judge them here."""
 

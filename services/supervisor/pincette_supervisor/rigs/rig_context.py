@@ -20,6 +20,7 @@ from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
+from pincette_supervisor.rigs.zero_doubt import ZeroDoubt
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,11 @@ class RigContext:
     def alarms(self) -> AlarmLog:
         """Of the rig."""
         return AlarmLog(self.store, self.events, self.write_queue)
+
+    @cached_property
+    def zero_doubt(self) -> ZeroDoubt:
+        """Whether the next zero of the force needs a person's word."""
+        return ZeroDoubt(self.store, self.rig.rig.name)
 
     @cached_property
     def closer(self) -> Executor:

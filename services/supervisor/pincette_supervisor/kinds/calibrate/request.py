@@ -5,12 +5,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from pincette.api import WHOLE
-from pincette.api.requests import JobRequest
+from pincette.api.requests import ZeroingRequest
 
 TRIES = 3
 
 
-class CalibrationRequest(JobRequest, frozen=True):
+class CalibrationRequest(ZeroingRequest, frozen=True):
     """What every calibration may say."""
 
     kind: Literal["calibrate"] = "calibrate"

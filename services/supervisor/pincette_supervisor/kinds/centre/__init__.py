@@ -7,13 +7,13 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import JobKind, RecipeRules
 from pincette.api.pairs import PairPlan, PairResult
-from pincette.api.requests import Duration, Positive, check_one_hold
+from pincette.api.requests import Duration, Positive, ZeroingRequest, check_one_hold
 from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_grip import GRIP_FORM
 from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 
-class CentreJobRequest(PairJobRequest, frozen=True):
+class CentreJobRequest(PairJobRequest, ZeroingRequest, frozen=True):
     """Look for a part with one arm after the other, then grip it where it lies.
 
     The ground must hold the part by more than the contact force: a loose one gives way to the
@@ -46,7 +46,7 @@ KIND = JobKind(
     plan=PairPlan,
     result=PairResult,
     functions="pincette_supervisor.kinds.pair_grip.functions:FUNCTIONS",
-    form=(fields.RECIPE, *GRIP_FORM, *FORM),
+    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *FORM),
     figures=FIGURES,
     predicted=True,
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),

@@ -101,6 +101,7 @@ KIND = JobKind(
     result=GripResult,
     functions="pincette_supervisor.kinds.grip.functions:FUNCTIONS",
     form=(
+        fields.ZERO_CONFIRMED,
         fields.RECIPE,
         FieldSpec(name="force_mN", label="Force", limit="force_max", planned="load.force_mN"),
         FieldSpec(name="hold_s", label="Hold", planned="hold.duration_s"),

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from pincette.api import WHOLE, example
 from pincette.api.job_kinds import FieldSpec, JobKind, choices
 from pincette.api.plans import MotionPlan
-from pincette.api.requests import GoalRequest, Positive, Speed
+from pincette.api.requests import GoalRequest, Positive, Speed, ZeroingRequest
 from pincette.api.results import MotionResult
 from pincette_supervisor.kinds import fields
 
@@ -16,7 +16,7 @@ CYCLES_MAX = 20
 POSE_NAME = r"^[A-Za-z0-9_.-]{1,40}$"
 
 
-class MoveJobRequest(GoalRequest, frozen=True):
+class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     """Move the free arm, and let it rest there; the voltage is kept.
 
     A position is gone to by the law, a voltage without one. Before that the hysteresis may be
@@ -87,6 +87,7 @@ KIND = JobKind(
     result=MotionResult,
     functions="pincette_supervisor.kinds.move.functions:FUNCTIONS",
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(
             name="target",
             label="Target",

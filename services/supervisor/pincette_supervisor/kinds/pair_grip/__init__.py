@@ -7,12 +7,12 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules
 from pincette.api.pairs import PairPlan, PairResult
-from pincette.api.requests import Duration, Positive, check_one_hold
+from pincette.api.requests import Duration, Positive, ZeroingRequest, check_one_hold
 from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 
-class PairGripJobRequest(PairJobRequest, frozen=True):
+class PairGripJobRequest(PairJobRequest, ZeroingRequest, frozen=True):
     """Grip a part with both arms; what is left out comes from the rig file."""
 
     model_config = example(kind="pair_grip", autostart=True, force_mN=15.0, hold_s=4.0)
@@ -47,7 +47,7 @@ KIND = JobKind(
     plan=PairPlan,
     result=PairResult,
     functions="pincette_supervisor.kinds.pair_grip.functions:FUNCTIONS",
-    form=(fields.RECIPE, *GRIP_FORM, *FORM),
+    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *FORM),
     figures=FIGURES,
     predicted=True,
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),

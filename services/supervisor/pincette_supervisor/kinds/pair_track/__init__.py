@@ -7,8 +7,9 @@ from pydantic import Field, model_validator
 from pincette.api import WHOLE, Model, example
 from pincette.api.job_kinds import FieldSpec, JobKind, choices
 from pincette.api.pairs import PairPlan, PairResult
-from pincette.api.requests import Duration, NotNegative, Positive
+from pincette.api.requests import Duration, NotNegative, Positive, ZeroingRequest
 from pincette.control.planning.paths import Shape
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 MEMBERS_MAX, POINTS_MAX = 100, 200
@@ -70,7 +71,7 @@ class PlacePath(Model):
     points: list[PlacePoint] | None = Field(default=None, min_length=2, max_length=POINTS_MAX)
 
 
-class PairTrackJobRequest(PairJobRequest, frozen=True):
+class PairTrackJobRequest(PairJobRequest, ZeroingRequest, frozen=True):
     """Grip a part with both arms and let place and force each follow a path.
 
     One of both may be left out: it rests. The shorter path rests at its end until the other has
@@ -130,6 +131,7 @@ KIND = JobKind(
     result=PairResult,
     functions="pincette_supervisor.kinds.pair_track.functions:FUNCTIONS",
     form=(
+        fields.ZERO_CONFIRMED,
         *_swing("place", "um", "Place"),
         *_swing("force", "mN", "Force"),
         FieldSpec(name="force_mN", label="Force without a path", limit="force_max"),

@@ -209,6 +209,7 @@ KIND = JobKind(
     result=TrackResult,
     functions="pincette_supervisor.kinds.track.functions:FUNCTIONS",
     form=(
+        fields.ZERO_CONFIRMED,
         fields.RECIPE,
         FieldSpec(
             name="shape",

@@ -7,6 +7,7 @@ from pydantic import Field
 from pincette.api import Model, example
 from pincette.api.job_kinds import FieldSpec, Variant
 from pincette.api.requests import NotNegative
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 WEIGHTS_MAX = 20
@@ -47,6 +48,7 @@ CALIBRATION = Variant(
     summary="Compliance of the arm by known weights, hung as it asks for them; take the part away.",
     request=ComplianceRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(name="weights_mN", label="Weights, from 0", placeholder="as the limits allow"),
         FieldSpec(
             name="weight_uncertainty", label="Uncertainty of the weights, as a share", advanced=True

@@ -7,6 +7,7 @@ from pydantic import Field
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, Variant
 from pincette.api.requests import Duration, Positive, Speed
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 LEVELS_MAX = 12
@@ -38,6 +39,7 @@ CALIBRATION = Variant(
     summary="Stiffness and place of the contact with the part, by a press at several levels.",
     request=ContactStiffnessRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(name="levels_V", label="Levels, peak to peak", placeholder="as the limits allow"),
         FieldSpec(name="load_s", label="Press over", advanced=True),
         FieldSpec(name="contact_force_mN", label="Contact from", advanced=True),

@@ -7,6 +7,7 @@ from pydantic import model_validator
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, Variant
 from pincette.api.requests import Positive
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 
@@ -44,6 +45,7 @@ CALIBRATION = Variant(
     summary="Gain, loop and creep of the free arm, and the model of both; take the part away.",
     request=FreeResponseRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(name="low_V", label="Lowest voltage"),
         FieldSpec(name="high_V", label="Highest voltage"),
         FieldSpec(name="rate_V_per_s", label="Rate at most", advanced=True),

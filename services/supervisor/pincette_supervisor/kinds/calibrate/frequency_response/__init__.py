@@ -13,6 +13,7 @@ from pincette.control.planning.calibration_programs import (
     SWEEP_S,
     SWEEP_TO_HZ,
 )
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 Frequency = Annotated[float, Field(ge=0.1, le=5000)]
@@ -50,6 +51,7 @@ CALIBRATION = Variant(
     summary="Natural frequency and damping of the arm, by a sweep; take the part away.",
     request=FrequencyResponseRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(name="duration_s", label="For"),
         FieldSpec(name="from_hz", label="From"),
         FieldSpec(name="to_hz", label="To"),

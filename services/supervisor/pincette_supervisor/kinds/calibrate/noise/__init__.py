@@ -7,6 +7,7 @@ from pydantic import Field
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, Variant
 from pincette.control.planning.calibration_programs import NOISE_S
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 
@@ -25,7 +26,10 @@ CALIBRATION = Variant(
     label="noise of the sensor",
     summary="Noise, resolution and drift of the sensor, the arm at rest.",
     request=NoiseRequest,
-    form=(FieldSpec(name="duration_s", label="For"),),
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="duration_s", label="For"),
+    ),
     functions="pincette_supervisor.kinds.calibrate.noise.functions:FUNCTIONS",
     place=10,
 )

@@ -7,6 +7,7 @@ from pincette.api.job_kinds import FieldSpec, Variant
 from pincette.api.requests import Positive
 from pincette.config.laws import law_definition
 from pincette.control.calibration.visible_mode import shows_mode
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ CALIBRATION = Variant(
     summary="When a voltage acts on the arm, and its mode, at a short period; take the part away.",
     request=OutputTimingRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(
             name="amplitude_V", label="Amplitude", placeholder="as limits allow", advanced=True
         ),

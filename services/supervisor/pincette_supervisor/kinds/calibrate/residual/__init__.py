@@ -6,6 +6,7 @@ from pydantic import Field
 
 from pincette.api import WHOLE, example
 from pincette.api.job_kinds import FieldSpec, Variant
+from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 
 RUNS = 2
@@ -44,6 +45,7 @@ CALIBRATION = Variant(
     summary="What the model misses along a recorded job, played again without the part.",
     request=ResidualRequest,
     form=(
+        fields.ZERO_CONFIRMED,
         FieldSpec(name="of_job", label="Of job", placeholder="the newest grip or track"),
         FieldSpec(name="runs", label="Runs"),
         FieldSpec(name="confirm", label="Wait until the part is away, and back"),
