@@ -43,7 +43,7 @@ class Rig(Bench):
 def test_a_part_that_presses_at_rest_stops_every_grip(tmp_path: Path, contact_um: float) -> None:
     rig = Rig(tmp_path)
     rig.virtual.order("part", "place", contact_um, None)
-    pressed_mN = []
+    pressed_mN: list[float] = []
     for _ in range(4):
         assert rig.grip() in REFUSED
         pressed_mN.append(rig.truth[-1].force_mN)
