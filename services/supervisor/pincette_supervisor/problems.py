@@ -21,6 +21,7 @@ from pincette.core.units import unit_of
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.planning.errors import UnsupportedError
+from pincette_supervisor.rest.methods import allowed_methods
 
 log = logging.getLogger(__name__)
 CODES = {
@@ -170,18 +171,22 @@ def install_handlers(app: FastAPI) -> None:
     async def http(request: Request, error: Exception) -> JSONResponse:
         known = cast(HTTPException, error)
         phrase = HTTPStatus(known.status_code).phrase
-        place = f"{request.method} {request.url.path}"
+        path, headers = request.scope["path"], dict(known.headers or {})
         detail = phrase if known.detail == phrase else str(known.detail)
-        if known.status_code == 404 and OTHER_VERSION.match(request.url.path):
+        if known.status_code == 404 and OTHER_VERSION.match(path):
             detail = f"this supervisor serves {SERVED}, and no other version"
+        elif known.status_code == 404 and f"{SERVED}/" in path.removeprefix(SERVED):
+            prefix = path.partition(SERVED)[0]
+            detail = f"the path begins with {prefix!r}, which a reverse proxy must remove"
+        elif known.status_code == 405:
+            headers["Allow"] = ", ".join(allowed_methods(app.routes, request.scope))
+            detail = f"this path allows {headers['Allow']}"
         code = CODES.get(known.status_code, phrase.lower().replace(" ", "-"))
-        text = f"{place}: {detail}"
-        return response_of(
-            ProblemError(known.status_code, code, phrase, text, headers=known.headers)
-        )
+        text = f"{request.method} {path}: {detail}"
+        return response_of(ProblemError(known.status_code, code, phrase, text, headers=headers))
 
     async def internal(request: Request, error: Exception) -> JSONResponse:
-        detail = f"{request.method} {request.url.path}: {type(error).__name__}: {error}"
+        detail = f"{request.method} {request.scope['path']}: {type(error).__name__}: {error}"
         title = "The supervisor has a fault"
         return response_of(ProblemError(500, "internal-error", title, detail))
 

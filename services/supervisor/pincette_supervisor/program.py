@@ -74,7 +74,9 @@ def run(context: Context) -> None:
         import_functions()
         store = stack.enter_context(closing(Store(config.store, config.store_url)))
         store.work_alone()
-        access = Access(authenticator_of(config), names=config.names, buckets=TokenBuckets())
+        access = Access(
+            authenticator_of(config, store.identifier()), names=config.names, buckets=TokenBuckets()
+        )
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)
         bus = stack.enter_context(closing(context.open_bus()))  # which checks the certificate

@@ -47,6 +47,46 @@ class SignIn(Model):
     password: str = Field(max_length=200)
 
 
+class Verdict(Model):
+    """Whether a request would be accepted, and if not why."""
+
+    model_config = example(accepted=True, code=None, detail="", remedy="")
+
+    accepted: bool
+    code: str | None
+    """Code of the problem that the request would get; null if it would be accepted."""
+    detail: str
+    remedy: str
+
+
+class PageCheck(Model):
+    """What a page may do where it was loaded from, and how its requests reach the supervisor."""
+
+    model_config = example(
+        rig="demo",
+        supervisor="3f9c0a51b2d47e68",
+        path="/api/v1/rigs/demo/page-check",
+        host="gripper.lab:8000",
+        origin="http://gripper.lab:8000",
+        stop={"accepted": True, "code": None, "detail": "", "remedy": ""},
+        order={"accepted": True, "code": None, "detail": "", "remedy": ""},
+    )
+
+    rig: str
+    supervisor: str
+    """Identifier of the supervisor. It stays the same as long as the journal does."""
+    path: str
+    """Path of the request as the supervisor received it."""
+    host: str
+    """Header ``Host`` as the supervisor received it; empty without one."""
+    origin: str | None
+    """Header ``Origin`` as the supervisor received it; null without one."""
+    stop: Verdict
+    """Verdict on an emergency stop of this page."""
+    order: Verdict
+    """Verdict on a request of this page that needs the scope `operate`."""
+
+
 class AuditEntry(Model):
     """One request that was to change something, or was refused for whose it was."""
 

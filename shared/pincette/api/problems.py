@@ -50,7 +50,8 @@ REMEDIES: Mapping[str, str] = {
     "no-key": "send a key as `Authorization: Bearer KEY`; `pincette key add` makes one",
     "keys-unconfirmed": "see the supervisor's log; keep its data folder on a local disk",
     "scope-too-small": "use a key with the needed scope; `pincette key add --scope` makes one",
-    "foreign-page": "use the page of this supervisor, or send no Origin",
+    "foreign-page": "use the page of this supervisor, or send no Origin; behind a reverse proxy, "
+    "let it pass on Host (nginx: proxy_set_header Host $http_host;)",
     "not-found": "take a name from the list of what there is",
     "method-not-allowed": "use a method that the header Allow names",
     "body-too-slow": "send the request again, its body at once",

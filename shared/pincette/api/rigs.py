@@ -279,20 +279,35 @@ class ResetRequest(Model):
 class Stopped(Model):
     """How an emergency stop or a reset was taken."""
 
-    model_config = example(rig="demo", cause="estop", acknowledged=True, detail="")
+    model_config = example(
+        rig="demo", cause="estop", acknowledged=True, detail="", supervisor="3f9c0a51b2d47e68"
+    )
 
     rig: str
     cause: str
     acknowledged: bool
     """Whether the actuator has confirmed."""
     detail: str
+    supervisor: str = ""
+    """Identifier of the supervisor that replied, as in the page check; empty over the bus."""
 
 
 class StoppedList(Model):
     """How an emergency stop of every rig was taken: each has confirmed."""
 
     model_config = example(
-        rigs=[{"rig": "demo", "cause": "estop", "acknowledged": True, "detail": ""}]
+        rigs=[
+            {
+                "rig": "demo",
+                "cause": "estop",
+                "acknowledged": True,
+                "detail": "",
+                "supervisor": "3f9c0a51b2d47e68",
+            }
+        ],
+        supervisor="3f9c0a51b2d47e68",
     )
 
     rigs: list[Stopped]
+    supervisor: str = ""
+    """Identifier of the supervisor that replied, as in the page check."""

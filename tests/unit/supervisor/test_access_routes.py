@@ -13,8 +13,8 @@ from pincette.api.access import SCOPES, Scope, covers
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.dependencies import COOKIE
 from pincette_supervisor.rest.openapi import document
+from pincette_supervisor.rest.session_cookie import NAME as COOKIE
 from tests.support.keys import ScopeKeys, key_of_each_scope, shown
 
 from .harness import Harness
@@ -28,6 +28,7 @@ OPEN = {
     ("post", "/api/v1/session"): "demands a key by itself, of any scope",
     ("post", "/api/v1/estop"): "whoever sees danger may stop, known or not",
     ("post", "/api/v1/rigs/{rig}/estop"): "whoever sees danger may stop, known or not",
+    ("post", "/api/v1/rigs/{rig}/page-check"): "a page must learn whether its stop would arrive",
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
 """Operations that demand nothing, each with why not."""

@@ -31,7 +31,7 @@ def made(data: Path, name: str = "ann") -> str:
 def started(data: Path, keys: str = "once_made") -> Authenticator:
     """Who is let in by a supervisor that starts on a data folder."""
     config = configure(demo_rig({"supervisor": {"keys": keys}}), data)
-    authenticator = authenticator_of(config)
+    authenticator = authenticator_of(config, "")
     with closing(Store(config.store)) as store:
         authenticator.refresh(KeyRepository(store))
     require_key(config, authenticator)

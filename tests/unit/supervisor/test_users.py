@@ -15,7 +15,7 @@ from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.dependencies import COOKIE
+from pincette_supervisor.rest.session_cookie import NAME as COOKIE
 
 from .harness import Harness
 

@@ -63,10 +63,10 @@ class NoKeyError(OSError):
     """Other machines can reach the supervisor, and there is no key; the text names the remedy."""
 
 
-def authenticator_of(config: SupervisorConfig) -> Authenticator:
+def authenticator_of(config: SupervisorConfig, supervisor: str) -> Authenticator:
     """Build the authenticator; the rig file or an address beyond loopback may require keys."""
     alone = is_loopback(config.host) or config.in_container
-    return Authenticator(always=config.always_keys or not alone)
+    return Authenticator(always=config.always_keys or not alone, supervisor=supervisor)
 
 
 def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:

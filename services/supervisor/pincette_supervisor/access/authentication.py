@@ -112,10 +112,13 @@ class Authenticator:
         self,
         *,
         always: bool = False,
+        supervisor: str = "",
         now: Callable[[], str] = utc_now,
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._always, self._now, self._clock = always, now, clock
+        self.supervisor = supervisor
+        """Identifier of the supervisor, which distinguishes its cookies and replies."""
         self._confirmed_s: float | None = None
         """Time of the last successful reading of the keys; None before the first one."""
         self._snapshot = KeySnapshot()

@@ -5,6 +5,7 @@ from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 LOOPBACK = "localhost"
+DEFAULT_PORTS = {"http": 80, "https": 443}
 
 
 def is_loopback(host: str) -> bool:
@@ -47,12 +48,14 @@ def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
     """Whether a foreign page sent a request that may change something, as Go 1.25 decides it."""
     # Browsers send ``Sec-Fetch-Site``, over plain HTTP beyond loopback ``Origin`` alone; a client
     # that sends neither is no browser. Another port of the same host is foreign too. The rule is
-    # that of ``net/http.CrossOriginProtection``.
+    # that of ``net/http.CrossOriginProtection``, but a proxy may add the default port to Host.
     if site is not None:
         return site not in ("same-origin", "none")
     if origin is None:
         return False
     try:
-        return urlsplit(origin).netloc.lower() != host.lower()
+        parts = urlsplit(origin)
+        place, default = parts.netloc.lower(), DEFAULT_PORTS.get(parts.scheme)
     except ValueError:
         return True
+    return host.lower() not in (place, f"{place}:{default}") or not place

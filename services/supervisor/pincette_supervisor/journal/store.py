@@ -1,6 +1,8 @@
 """Jobs, actions, events and notes in the journal; never called from the event loop."""
 
+import secrets
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -26,7 +28,7 @@ from pincette_supervisor.journal.tables import (
 __all__ = ["ActionRow", "JobRow", "KeyTakenError", "Store", "StoreError", "utc_now"]
 
 INTERRUPTED = "the supervisor ended while the job ran"
-PROBE = "probe"
+PROBE, IDENTIFIER = "probe", "supervisor"
 EVENTS_KEPT = 200_000
 """Events that are kept at least; some weeks of work."""
 EVENTS_SWEEP = 500
@@ -161,6 +163,15 @@ class Store(Database):
             )
             if changed.rowcount == 0:
                 connection.execute(insert(NOTES).values(name=name, value=value))
+
+    def identifier(self) -> str:
+        """Return the identifier of the supervisor with this journal, made on its first start."""
+        found = self.get_note(IDENTIFIER)
+        if found is None:
+            found = secrets.token_hex(8)
+            with suppress(StoreError):  # on a full disk it holds until the next start
+                self.set_note(IDENTIFIER, found)
+        return found
 
     def probe(self) -> bool:
         """Whether anything can be written; see ``trouble``."""

@@ -26,8 +26,11 @@ from pincette_supervisor.rest import (
     routes_trajectories,
 )
 from pincette_supervisor.rest.limits import BodyLimit, RateLimit
+from pincette_supervisor.rest.methods import HeadAndOptions
 from pincette_supervisor.rest.middleware import AuditLog, OriginCheck
 from pincette_supervisor.rest.openapi_schema import complete
+from pincette_supervisor.rest.request_target import NormalTarget
+from pincette_supervisor.rest.session_cookie import cookie_name
 from pincette_supervisor.rigs.rigs import Rigs
 
 BASE = "/api/v1"
@@ -58,6 +61,7 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         openapi_url="/openapi.json",
+        redirect_slashes=False,
     )
     app.state.rigs = rigs
     app.state.access = access = access or Access()
@@ -71,7 +75,10 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            complete(generate())
+            tree = generate()
+            complete(tree)
+            session = tree["components"]["securitySchemes"]["session"]
+            session["name"] = cookie_name(access.authenticator.supervisor)
         return generate()
 
     app.openapi = openapi
@@ -80,6 +87,7 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
 
 def _add_middleware(app: FastAPI, access: Access) -> None:
     """Add what holds for all routes; the last added is outermost."""
+    app.add_middleware(HeadAndOptions, routes=app.routes)
     app.add_middleware(BodyLimit)
     if access.buckets is not None:
         app.add_middleware(RateLimit, authenticator=access.authenticator, buckets=access.buckets)
@@ -87,3 +95,4 @@ def _add_middleware(app: FastAPI, access: Access) -> None:
     app.add_middleware(
         AuditLog, authenticator=access.authenticator, audit_buffer=access.audit_buffer
     )
+    app.add_middleware(NormalTarget)

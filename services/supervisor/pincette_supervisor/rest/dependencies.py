@@ -20,7 +20,6 @@ from fastapi.security import (
 )
 from fastapi.security.utils import get_authorization_scheme_param
 from starlette.datastructures import Headers
-from starlette.requests import HTTPConnection
 from starlette.types import Scope as AsgiScope
 
 from pincette.api.access import MEANINGS, SCOPES, Scope
@@ -28,9 +27,9 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator, Caller, require_scope
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.rest.session_cookie import NAME, session_cookies
 from pincette_supervisor.rigs.rigs import Rigs
 
-COOKIE = "pincette_session"
 CALLER, NOTE = "pincette.caller", "pincette.note"
 """Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
 DISCONNECT_S = 10.0
@@ -45,10 +44,11 @@ BEARER = HTTPBearer(
     + "; ".join(f"`{name}`: {text}" for name, text in MEANINGS.items()),
 )
 SESSION = APIKeyCookie(
-    name=COOKIE,
+    name=NAME,
     scheme_name="session",
     auto_error=False,
-    description="Of a page that was signed in with a key by `POST /api/v1/session`",
+    description="Cookie that `POST /api/v1/session` sets. Its name ends with `_` and the "
+    "supervisor's identifier, and over TLS it begins with `__Host-`",
 )
 _TAG = re.compile(r'(?:W/)?"([^"]*)-([0-9]{1,18})"')
 
@@ -67,7 +67,11 @@ def _identified(scope: AsgiScope, authenticator: Authenticator) -> Caller:
     address = "unknown" if client is None else str(client[0])
     # Another scheme than Bearer authenticates nobody, and hides the cookie.
     key = (shown if scheme.lower() == "bearer" else "") if scheme else None
-    return authenticator.identify(address, key, HTTPConnection(scope).cookies.get(COOKIE))
+    callers = [
+        authenticator.identify(address, key, cookie)
+        for cookie in session_cookies(scope, authenticator.supervisor) or (None,)
+    ]
+    return next((caller for caller in callers if caller.scope is not None), callers[0])
 
 
 def decoded(header: str) -> str:
@@ -177,6 +181,14 @@ Sender = Annotated[str, Depends(_sender)]
 """Name of the key, label or address; no label is refused, since an emergency stop is not."""
 Operator = Annotated[str, Depends(_operator)]
 """Name of the key with the header ``X-Operator``; without either the address."""
+
+
+async def _supervisor(access: AccessState) -> str:
+    return access.authenticator.supervisor
+
+
+SupervisorId = Annotated[str, Depends(_supervisor)]
+"""Identifier of the supervisor, by which a client recognises its replies."""
 
 
 async def _note(request: Request) -> Callable[[str], None]:

@@ -16,6 +16,7 @@ from pincette_supervisor.journal.access_rows import AuditRow
 from pincette_supervisor.journal.tables import utc_now
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import NOTE, caller_of, label_of
+from pincette_supervisor.rest.limits import ESTOP
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 """That change nothing (RFC 9110, 9.2.1)."""
@@ -32,6 +33,10 @@ HEADERS: Mapping[str, str] = {
 LENGTH = 200
 DRY_RUN = "dry run"
 """Note of a request that moves and keeps nothing, and is not audited."""
+PROBES = ("/livez", "/readyz")
+"""Paths that answer any client under any ``Host``."""
+PAGE_CHECK = "/page-check"
+"""End of the path at which a page asks what it may do."""
 REFUSED = (401, 403, 421)
 """Statuses of requests refused for their sender or their ``Host``."""
 
@@ -55,34 +60,52 @@ class OriginCheck:
                     headers.setdefault(name, value)
             await send(message)
 
-        refusal = self._refusal(scope)
-        if refusal is None:
+        error = None if is_page_check(scope) else refusal(scope, self._names)
+        if error is None:
             await self._app(scope, receive, complete)
         else:
-            await problems.response_of(refusal)(scope, receive, complete)
+            await problems.response_of(error)(scope, receive, complete)
 
-    def _refusal(self, scope: Scope) -> ProblemError | None:
-        headers = Headers(scope=scope)
-        host = headers.get("host", "")
-        if not is_ours(host, self._names):
-            return ProblemError(
-                421,
-                "foreign-host",
-                "This supervisor is asked by another name",
-                f"Host = {host[:100]!r} is none of its names: use its address, or add the name to "
-                "[supervisor] names in the rig file",
-            )
-        if scope["method"] in SAFE_METHODS:
-            return None
-        site, origin = headers.get("sec-fetch-site"), headers.get("origin")
-        if is_foreign(site, origin, host):
-            return ProblemError(
-                403,
-                "foreign-page",
-                "A page of elsewhere may change nothing here",
-                f"sent by a page of {(origin or site or '')[:100]!r}, which is not http(s)://{host}",
-            )
+
+def is_page_check(scope: Scope) -> bool:
+    """Whether a request asks what would be refused; its route applies ``refusal`` to others."""
+    return scope["method"] == "POST" and scope["path"].endswith(PAGE_CHECK)
+
+
+def refusal(scope: Scope, names: frozenset[str], path: str = "") -> ProblemError | None:
+    """Return why a request must be refused for its ``Host`` or its page; None to accept it.
+
+    ``path`` replaces the path of the request, to learn what another POST of this page would get.
+    Only browsers can be misled by DNS rebinding, and what they could do then is guarded: reading
+    the rig's state and changing it. A stop is harmless, so any Host may send one, or none at all;
+    probes are for health checks, which often send no Host.
+    """
+    headers, path = Headers(scope=scope), path or scope["path"]
+    host, method = headers.get("host", ""), scope["method"]
+    estop = method == "POST" and path.endswith(ESTOP)
+    anybody = estop or method == "OPTIONS" or (method in SAFE_METHODS and path in PROBES)
+    if not anybody and not is_ours(host, names):
+        return ProblemError(
+            421,
+            "foreign-host",
+            "The request names another host",
+            f"Host = {host[:100]!r} is not a name of this supervisor: use its address, or add the "
+            "name to [supervisor] names in the rig file",
+        )
+    if method in SAFE_METHODS:
         return None
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if estop and not host and site is None:
+        return None  # every browser sends Host
+    if is_foreign(site, origin, host):
+        return ProblemError(
+            403,
+            "foreign-page",
+            "Pages of other sites cannot change anything here",
+            f"the page is of {(origin or site or '')[:100]!r}, and the request arrived with "
+            f"Host = {host[:100]!r}",
+        )
+    return None
 
 
 class AuditLog:

@@ -5,19 +5,32 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from pincette.api.access import AuditChain, AuditEntry, AuditList, Session, SignIn
-from pincette.api.problems import responses
+from pincette.api.access import (
+    AuditChain,
+    AuditEntry,
+    AuditList,
+    PageCheck,
+    Session,
+    SignIn,
+    Verdict,
+)
+from pincette.api.problems import remedy_of, responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
+from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     CALLER,
-    COOKIE,
     AccessState,
     AnyCaller,
     Journal,
+    Manager,
     Note,
+    SupervisorId,
 )
+from pincette_supervisor.rest.limits import ESTOP
+from pincette_supervisor.rest.middleware import DRY_RUN, PAGE_CHECK, refusal
+from pincette_supervisor.rest.session_cookie import delete_cookies, session_cookies, set_cookie
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1
@@ -58,14 +71,7 @@ async def sign_in(
     if caller.way == "key":
         cookie = new_cookie()
         await run_in_threadpool(authenticator.sign_in, KeyRepository(store), caller, cookie)
-        response.set_cookie(
-            COOKIE,
-            cookie,
-            path="/",
-            httponly=True,
-            samesite="strict",
-            secure=request.headers.get("origin", "").startswith("https://"),
-        )
+        set_cookie(response, request.scope, authenticator.supervisor, cookie)
     return _view(caller, keys=authenticator.keys_wanted)
 
 
@@ -74,11 +80,54 @@ async def sign_out(
     request: Request, response: Response, access: AccessState, store: Journal
 ) -> Session:
     """Sign a page out."""
-    cookie = request.cookies.get(COOKIE)
-    if cookie is not None:
+    supervisor = access.authenticator.supervisor
+    for cookie in session_cookies(request.scope, supervisor):
         await run_in_threadpool(access.authenticator.sign_out, KeyRepository(store), cookie)
-        response.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+    delete_cookies(response, request.scope, supervisor)
     return Session(keys=access.authenticator.keys_wanted, name=None, scope=None, signed_in=False)
+
+
+@router.post("/rigs/{rig}/page-check", responses=responses(404, 503))
+async def page_check(
+    request: Request,
+    manager: Manager,
+    access: AccessState,
+    caller: AnyCaller,
+    supervisor: SupervisorId,
+    note: Note,
+) -> PageCheck:
+    """Report whether a stop and an order of this page would be accepted, and if not why.
+
+    The same checks as for the emergency stop decide. Nothing moves, and no key is needed. A page
+    behind a reverse proxy learns here that the proxy drops ``Host`` or leads elsewhere.
+    """
+    note(DRY_RUN)
+    scope = request.scope
+    estop = scope["path"].removesuffix(PAGE_CHECK) + ESTOP
+    return PageCheck(
+        rig=manager.name,
+        supervisor=supervisor,
+        path=scope["path"],
+        host=request.headers.get("host", ""),
+        origin=request.headers.get("origin"),
+        stop=_verdict(refusal(scope, access.names, estop)),
+        order=_verdict(refusal(scope, access.names) or _scope_refusal(caller)),
+    )
+
+
+def _scope_refusal(caller: Caller) -> ProblemError | None:
+    try:
+        require_scope(caller, "operate")
+    except ProblemError as error:
+        return error
+    return None
+
+
+def _verdict(error: ProblemError | None) -> Verdict:
+    if error is None:
+        return Verdict(accepted=True, code=None, detail="", remedy="")
+    remedy = remedy_of(error.code)
+    return Verdict(accepted=False, code=error.code, detail=error.detail, remedy=remedy)
 
 
 @router.get("/audit", dependencies=[ADMIN], responses=responses(422))

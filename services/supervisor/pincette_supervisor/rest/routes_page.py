@@ -8,10 +8,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from fastapi import APIRouter
-from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from pincette_supervisor import problems
-from pincette_supervisor.rest.dependencies import AllRigs
+from pincette_supervisor.rest.dependencies import AllRigs, SupervisorId
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 FOLDER = Path(__file__).resolve().parents[1] / "web"
@@ -30,6 +30,7 @@ HEADERS = {
 POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
 SCRIPTS = "script-src 'self'"
 PLACE_OF_RIG, PLACE_OF_CAMERA, PLACE_OF_STOP = "{{rig}}", "{{camera}}", "{{stop}}"
+PLACE_OF_SUPERVISOR = "{{supervisor}}"
 DAYS = 31
 STOP_SCRIPT = "js/stop.js"
 """Script of the emergency stop. It is part of the page itself, so that no other file is needed."""
@@ -47,7 +48,7 @@ ASSETS = {
 
 
 @router.get("/")
-def page(rigs: AllRigs, rig: str | None = None) -> HTMLResponse:
+def page(rigs: AllRigs, supervisor: SupervisorId, rig: str | None = None) -> HTMLResponse:
     """Return the page of a rig, with the rig's name and the script of the e-stop in it."""
     text = (FOLDER / "index.html").read_text(encoding="utf-8")
     stop = ASSETS[STOP_SCRIPT].read_text(encoding="utf-8")
@@ -55,6 +56,7 @@ def page(rigs: AllRigs, rig: str | None = None) -> HTMLResponse:
     name = escape(manager.name, quote=True)
     camera = manager.context.rig.supervisor.camera or ""
     text = text.replace(PLACE_OF_STOP, stop)
+    text = text.replace(PLACE_OF_SUPERVISOR, supervisor)
     text = text.replace(PLACE_OF_RIG, name).replace(PLACE_OF_CAMERA, escape(camera, quote=True))
     return HTMLResponse(text, headers=_headers(stop, camera))
 
@@ -72,7 +74,7 @@ def _headers(stop: str, camera: str) -> dict[str, str]:
 @router.get("/favicon.ico")
 def icon() -> Response:
     """Where a browser looks for an icon by itself."""
-    return RedirectResponse("page/icon.svg", headers=HEADERS)
+    return asset("icon.svg")
 
 
 @router.get("/page/days")

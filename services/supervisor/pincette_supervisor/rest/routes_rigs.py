@@ -41,6 +41,7 @@ from pincette_supervisor.rest.dependencies import (
     Operator,
     Permitted,
     Sender,
+    SupervisorId,
 )
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
@@ -60,7 +61,7 @@ router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
 
 @router.post("/estop", responses=responses(503))
-async def estop_all(rigs: AllRigs, by: Sender) -> StoppedList:
+async def estop_all(rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> StoppedList:
     """Stop every rig at once; see the one of a rig. 503 where one has not confirmed."""
     managers, unserved = rigs.all(), list(rigs.unusable)
     others = asyncio.create_task(_stop_unserved(rigs, unserved))
@@ -71,6 +72,7 @@ async def estop_all(rigs: AllRigs, by: Sender) -> StoppedList:
     stopped = [answer for _, answer in named if isinstance(answer, Stopped)]
     silent = {name: str(answer) for name, answer in named if not isinstance(answer, Stopped)}
     stopped += [_stopped(rig) for rig in unserved if rig not in missed]
+    stopped = [_signed(answer, supervisor) for answer in stopped]
     silent |= {rig: f"{rig}: {why}" for rig, why in missed.items()}
     if silent:
         raise ProblemError(
@@ -82,7 +84,11 @@ async def estop_all(rigs: AllRigs, by: Sender) -> StoppedList:
             unconfirmed=list(silent),
             reasons=list(silent.values()),
         )
-    return StoppedList(rigs=stopped)
+    return StoppedList(rigs=stopped, supervisor=supervisor)
+
+
+def _signed(stopped: Stopped, supervisor: str) -> Stopped:
+    return stopped.model_copy(update={"supervisor": supervisor})
 
 
 async def _stop_unserved(rigs: Rigs, names: list[str]) -> dict[str, str]:
@@ -110,21 +116,26 @@ def rig_state(manager: Manager) -> Rig:
 
 
 @router.post("/rigs/{rig}/estop", responses=responses(404, 503))
-async def estop(rig: str, rigs: AllRigs, by: Sender) -> Stopped:
-    """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken."""
+async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> Stopped:
+    """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken.
+
+    Every spelling of the path is accepted: repeated or trailing slashes and upper case too.
+    """
     if rigs.find(rig) is not None or rig not in rigs.unusable:
-        return await rigs.get(rig).latch.stopped(by)
+        return _signed(await rigs.get(rig).latch.stopped(by), supervisor)
     failed = await _stop_unserved(rigs, [rig])
     if failed:
         raise unconfirmed(failed[rig])
-    return _stopped(rig)
+    return _signed(_stopped(rig), supervisor)
 
 
 @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
-def reset(manager: Manager, _body: ResetRequest, asker: Asking) -> Stopped:
+def reset(
+    manager: Manager, _body: ResetRequest, asker: Asking, supervisor: SupervisorId
+) -> Stopped:
     """Clear the latch, once a person has seen the cause; a held part stays held."""
     manager.claims.require(asker.claim)
-    return manager.latch.reset(asker.by)
+    return _signed(manager.latch.reset(asker.by), supervisor)
 
 
 @router.put("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])

@@ -6,11 +6,13 @@ from functools import partial
 from socket import socket
 from typing import Any, cast
 
+import h11
 import uvicorn
 from anyio.to_thread import current_default_thread_limiter
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
+from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path
 from pincette_supervisor.rest.tls import Doorway
 
 MOST = 384
@@ -35,6 +37,8 @@ class Connection(H11Protocol):
     """
 
     _head: asyncio.TimerHandle | None = None
+    _head_data = b""
+    """Data of the request whose head is being read, to recognise a stop that is no valid HTTP."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
         """Take a connection, at the cost of another one where there are too many."""
@@ -61,6 +65,8 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Read; what began to ask must come to the point."""
+        if self.idle:
+            self._head_data = (self._head_data + data)[:HEAD_BYTES]
         super().data_received(data)
         if self.idle:
             self._await_head()
@@ -68,8 +74,19 @@ class Connection(H11Protocol):
             self._quiet.pop(self, None)
             self._cancel()
 
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is no valid HTTP, except an emergency stop, for example without ``Host``."""
+        estop = estop_of_malformed(self._head_data)
+        if estop is None:
+            super().send_400_response(msg)
+            return
+        self._head_data = b""
+        self.conn = h11.Connection(h11.SERVER)  # the old one accepts nothing more
+        super().data_received(estop)
+
     def on_response_complete(self) -> None:
         """Wait for the next request."""
+        self._head_data = b""
         self._quiet[self] = None
         super().on_response_complete()
 
@@ -105,6 +122,10 @@ class UnambiguousLength:
         if scope["type"] != "http" or not names >= {b"content-length", b"transfer-encoding"}:
             await self._app(scope, receive, send)
             return
+        if estop_path(scope["method"], scope["path"]) is not None:
+            # It needs no body, so it is done; what follows on the connection is not read.
+            await self._app(scope, receive, partial(_send_and_close, send))
+            return
         text = b"Content-Length and Transfer-Encoding exclude each other\n"
         headers = [
             (b"content-type", b"text/plain"),
@@ -113,6 +134,13 @@ class UnambiguousLength:
         ]
         await send({"type": "http.response.start", "status": 400, "headers": headers})
         await send({"type": "http.response.body", "body": text})
+
+
+async def _send_and_close(send: Send, message: Message) -> None:
+    """Send a response whose connection ends with it."""
+    if message["type"] == "http.response.start":
+        message["headers"] = [*message["headers"], (b"connection", b"close")]
+    await send(message)
 
 
 class Server(uvicorn.Server):
