@@ -65,7 +65,7 @@ class Connection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Read; what began to ask must come to the point."""
-        if self.idle:
+        if self.idle and self.conn.their_state is h11.IDLE:
             self._head_data = (self._head_data + data)[:HEAD_BYTES]
         super().data_received(data)
         if self.idle:
