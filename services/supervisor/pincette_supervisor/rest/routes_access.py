@@ -22,9 +22,9 @@ from pincette_supervisor.rest.dependencies import (
     ADMIN,
     CALLER,
     AccessState,
+    AllRigs,
     AnyCaller,
     Journal,
-    Manager,
     Note,
     SupervisorId,
 )
@@ -90,7 +90,8 @@ async def sign_out(
 @router.post("/rigs/{rig}/page-check", responses=responses(404, 503))
 async def page_check(
     request: Request,
-    manager: Manager,
+    rig: str,
+    rigs: AllRigs,
     access: AccessState,
     caller: AnyCaller,
     supervisor: SupervisorId,
@@ -102,10 +103,12 @@ async def page_check(
     behind a reverse proxy learns here that the proxy drops ``Host`` or leads elsewhere.
     """
     note(DRY_RUN)
+    if rig not in rigs.unusable:  # which are stopped, too
+        rigs.get(rig)
     scope = request.scope
     estop = scope["path"].removesuffix(PAGE_CHECK) + ESTOP
     return PageCheck(
-        rig=manager.name,
+        rig=rig,
         supervisor=supervisor,
         path=scope["path"],
         host=request.headers.get("host", ""),
