@@ -7,7 +7,6 @@ import logging
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from time import time
 
 from pincette.core.messages import Finish, Message, Recorded
 from pincette.engine.threads import log_failure
@@ -15,6 +14,7 @@ from pincette.records import mcap_reading
 from pincette.records.mcap_file import NAME
 from pincette_recorder import record_repair, retention
 from pincette_recorder.config import RecorderConfig
+from pincette_recorder.counted_time import CountedTime
 
 log = logging.getLogger(__name__)
 MOST_TEXT = 380
@@ -25,8 +25,9 @@ Reply = Callable[[Message | str], None]
 class Mender:
     """One thread that works on folders of which no record is open."""
 
-    def __init__(self, config: RecorderConfig) -> None:
+    def __init__(self, config: RecorderConfig, counted: CountedTime | None = None) -> None:
         self._config = config
+        self.counted = counted or CountedTime(config.records)
         self._pool = ThreadPoolExecutor(1, "mender")
         self.mended = self.deleted = 0
         """Records since the start."""
@@ -65,6 +66,7 @@ class Mender:
     def close(self) -> None:
         """End what has begun, and begin nothing more."""
         self._pool.shutdown(cancel_futures=True)
+        self.counted.close()
 
     def _mend(self, folder: Path) -> None:
         if not mcap_reading.is_closed(folder / NAME):
@@ -76,10 +78,11 @@ class Mender:
         for folder in left:
             self._mend(folder)
         retention.sweep(config.records)
-        if config.keep_s is None and config.keep_bytes is None:
-            return
         kept = retention.ended(config.records)
-        for name in retention.doomed(kept, time(), config.keep_s, config.keep_bytes):
+        ages_s = self.counted.ages_s([one.name for one in kept])
+        if self.counted.step_s is not None:  # a person has to agree first
+            return
+        for name in retention.records_to_delete(kept, ages_s, config.keep_s, config.keep_bytes):
             retention.delete(config.records, name)
             self.deleted += 1
 

@@ -62,6 +62,8 @@ class Recorder:
         findings = [fault(FaultCode.RECORDER_STATE, doing, **counted)]
         if record is not None and record.trouble:
             findings.append(fault(FaultCode.RECORD_TROUBLE, record.trouble))
+        if (step_s := self._mender.counted.step_s) is not None:
+            findings.append(fault(FaultCode.CLOCK_STEPPED, step_s=step_s))
         return Status(
             service="recorder",
             version=__version__,
@@ -79,6 +81,7 @@ class Recorder:
         try:
             while not stop.is_set():
                 self._answer_one()
+                self._mender.counted.count()
                 self._keeper.take()
                 if self._keeper.record is None and monotonic() >= self._tidy_at_s:
                     self._tidy()

@@ -2,7 +2,7 @@
 
 import logging
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from pincette.records import folder as files
 
 log = logging.getLogger(__name__)
 NEWEST = 10
-"""So many are never deleted, whatever their age and size."""
+"""Number of records that are never deleted, whatever their age and size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,20 +18,25 @@ class Kept:
     """The folder of a job that has ended."""
 
     name: str
-    ended_s: float
-    """In seconds of UTC."""
     size: int
 
 
-def doomed(
-    kept: Sequence[Kept], now_s: float, keep_s: float | None, keep_bytes: int | None
+def records_to_delete(
+    kept: Sequence[Kept],
+    ages_s: Mapping[str, float],
+    keep_s: float | None,
+    keep_bytes: int | None,
 ) -> list[str]:
-    """Records to be deleted, the oldest first: for their age, then for the size of all; pure."""
-    ordered = sorted(kept, key=lambda item: (item.ended_s, item.name))
+    """Return records to delete, the oldest first: for their age, then for the size of all.
+
+    ``ages_s`` holds the age of each record by its name, the oldest first.
+    """
+    place = {name: number for number, name in enumerate(ages_s)}
+    ordered = sorted(kept, key=lambda item: place[item.name])
     total = sum(item.size for item in ordered)
     names: list[str] = []
     for item in ordered[:-NEWEST]:
-        old = keep_s is not None and now_s - item.ended_s > keep_s
+        old = keep_s is not None and ages_s[item.name] > keep_s
         many = keep_bytes is not None and total > keep_bytes
         if not (old or many):
             break
@@ -41,8 +46,11 @@ def doomed(
 
 
 def ended(records: Path) -> list[Kept]:
-    """Jobs that have ended, as a manifest shows, and are not pinned; raises OSError."""
-    found: list[Kept] = []
+    """Return jobs that have ended, as a manifest shows, and are not pinned; raises OSError.
+
+    They are in the order of their files' times, which counts only for those not seen before.
+    """
+    found: list[tuple[float, Kept]] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
         folder = manifest.parent
         if folder.is_symlink() or folder.name.startswith(files.DOOMED):
@@ -50,8 +58,8 @@ def ended(records: Path) -> list[Kept]:
         if (folder / files.PINNED).exists():
             continue
         size = sum(path.stat().st_size for path in folder.iterdir() if path.is_file())
-        found.append(Kept(folder.name, manifest.stat().st_mtime, size))
-    return found
+        found.append((manifest.stat().st_mtime, Kept(folder.name, size)))
+    return [item for _, item in sorted(found, key=lambda pair: (pair[0], pair[1].name))]
 
 
 def delete(records: Path, name: str) -> None:

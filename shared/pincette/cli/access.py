@@ -12,7 +12,7 @@ from typer import Option
 
 from pincette.cli import PKI, CliError, Exit
 from pincette.cli.terminal import Json, emit
-from pincette.core.text_files import EncodingError, decoded
+from pincette.core.files import EncodingError, decoded
 from pincette.core.user_folders import config_folder, is_readable_file
 
 if TYPE_CHECKING:

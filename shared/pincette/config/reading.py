@@ -13,7 +13,7 @@ from pincette.config.programs import Bus, Supervisor
 from pincette.config.rig_file import Rig, RigFile
 from pincette.config.second import completed
 from pincette.config.tables import ConfigError, Table
-from pincette.core.text_files import EncodingError, decoded
+from pincette.core.files import EncodingError, decoded
 from pincette.core.validation_wording import place, refusal
 
 Tree = dict[str, Any]

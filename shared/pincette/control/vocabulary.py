@@ -111,3 +111,4 @@ class FaultCode(StrEnum):
     # The recorder.
     RECORDER_STATE = auto()
     RECORD_TROUBLE = auto()
+    CLOCK_STEPPED = auto()

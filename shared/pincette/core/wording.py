@@ -104,6 +104,10 @@ TEXTS: Mapping[FaultCode, str] = {
         "lease: nothing heard from the supervisor for {silent_s:.1f} s, limit {limit_s:g} s"
     ),
     FaultCode.RECORDER_STATE: "",
+    FaultCode.CLOCK_STEPPED: (
+        "the time of day has stepped by {step_s:+.0f} s against what the recorder has counted; "
+        "records stay until a person has set the clock right, or acknowledges the alarm"
+    ),
 }
 """By code; those of an instrument come in its driver's words."""
 IN_A_ROW = frozenset(

@@ -15,6 +15,7 @@ import msgspec
 from pincette.config import RigFile
 from pincette.control.quantities import Whole
 from pincette.core.faults import Predecessor
+from pincette.core.files import replace_file
 
 RUNNING = "running"
 
@@ -62,10 +63,23 @@ class BootNote:
         return found
 
     def begin(self) -> None:
-        """Note that the program runs, before anything can be asked of it."""
-        if not self._write(RUNNING, None):
-            with suppress(OSError):
-                self._path.unlink()
+        """Note that the program runs, before anything can be asked of it.
+
+        On a full disk the note is emptied in its place, which needs no room: an empty note is no
+        clean end. Raises OSError where that fails too, since a later death could not be seen.
+        """
+        if self._write(RUNNING, None):
+            return
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("wb") as stream, suppress(OSError):
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise OSError(
+                f"{self._path} cannot be written ({error.strerror}), so the next start could not "
+                "know how this one has ended: look at the disk's room and rights, or name another "
+                "folder with --data"
+            ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
         """Note how the program has ended, once it is at rest, and which start of it that was."""
@@ -85,19 +99,9 @@ class BootNote:
         return Before(Predecessor.DIED)
 
     def _write(self, ended: str, instance: int | None) -> bool:
-        draft = self._path.with_suffix(".draft")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with draft.open("wb") as stream:
-                stream.write(msgspec.json.encode(_Note(ended, instance)) + b"\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-            draft.replace(self._path)
-            folder = os.open(self._path.parent, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+            replace_file(self._path, msgspec.json.encode(_Note(ended, instance)) + b"\n")
         except OSError as error:
             _log.warning(
                 "%s cannot be written (%s): the next start may ask a person for a reset",

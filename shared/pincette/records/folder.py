@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +22,8 @@ REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 REPORT = "report.html"
 PINNED = ".pinned"
 """File that marks a record which is kept, whatever its age."""
+CLOCK_AGREED = ".clock-agreed"
+"""File by which a person agrees to the time of day after it has stepped."""
 DOOMED = ".deleted-"
 """Begin of the name that a folder has while it is being deleted."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
@@ -83,6 +86,8 @@ def _replacing(path: Path) -> Generator[Path]:
     except BaseException:
         draft.unlink(missing_ok=True)
         raise
+    with draft.open("rb") as stream:
+        os.fsync(stream.fileno())
     draft.replace(path)
 
 
@@ -93,6 +98,11 @@ def pin(folder: Path, *, pinned: bool) -> None:
         (folder / PINNED).touch()
     else:
         (folder / PINNED).unlink(missing_ok=True)
+
+
+def agree_to_clock(records: Path) -> None:
+    """Note for the recorder that a person agrees to the time of day; raises OSError."""
+    (records / CLOCK_AGREED).touch()
 
 
 def delete(records: Path, name: str) -> None:

@@ -6,11 +6,11 @@ begins with the folder, so that one that is lost is not taken for one that was n
 
 import hashlib
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pincette.core.files import replace_file
 from pincette.security.identity import SecurityError
 
 log = logging.getLogger("pincette")
@@ -60,13 +60,8 @@ def _sum(rows: Sequence[str]) -> str:
 def _write(folder: Path, rows: Sequence[str]) -> None:
     """Write the list whole or not at all."""
     place = folder / REVOKED
-    draft = place.with_name(REVOKED + ".part")
     try:
-        with draft.open("w", encoding="ascii") as file:
-            file.write("".join(f"{row}\n" for row in (*rows, _sum(rows))))
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(place)
+        replace_file(place, "".join(f"{row}\n" for row in (*rows, _sum(rows))).encode("ascii"))
     except OSError as error:
         raise SecurityError(f"{place}: {error.strerror}") from error
 

@@ -1,5 +1,6 @@
 """How the program before has ended, from a file that may be gone, damaged or not writable."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -62,7 +63,30 @@ def test_a_note_that_cannot_be_replaced_is_no_clean_end(
     def full(_number: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(module.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     assert BootNote(path).found() == Before(Predecessor.DIED)
     BootNote(path).begin()
-    assert not path.exists(), "better no note than that of a clean end"
+    assert BootNote(path).found() == Before(Predecessor.DIED)
+    assert [one.name for one in path.parent.iterdir()] == [path.name]
+
+
+def test_a_full_disk_at_the_first_start_leaves_no_clean_end(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    assert BootNote(path).found() == FIRST
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "replace_file", full)
+        BootNote(path).begin()
+    assert BootNote(path).found() == Before(Predecessor.DIED)
+
+
+def test_a_program_does_not_start_where_it_can_leave_no_note(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path.parent.parent.mkdir(exist_ok=True)
+    path.parent.write_text("a file where the folder belongs")
+    with pytest.raises(OSError, match=r"actuator-demo\.json cannot be written .*--data"):
+        BootNote(path).begin()

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pincette.api.checks import Check
-from pincette.core.faults import FaultCode
+from pincette.core.faults import Fault, FaultCode
 from pincette.core.messages import Estimate, Position, Telemetry
 from pincette.core.topics import LOOP
 from pincette.core.wording import fault_text, status_text
@@ -22,6 +22,8 @@ SAMPLES = {"estimator": Estimate, "controller": Telemetry}
 """Programs whose samples come while a program plays."""
 TOKENS = (*LOOP, "recorder", "rig")
 """Programs whose liveliness token is watched."""
+CLOCK = "clock"
+"""Cause of the alarm of a step of the time of day; to acknowledge it is to agree to the step."""
 FRESH_S = 1.0
 """An older estimate says nothing of the sensor any more."""
 MB = 1e6
@@ -227,8 +229,17 @@ def conditions(context: RigContext) -> Iterator[Condition]:
     yield from _disk_space(context)
     if context.store.trouble:
         yield Condition("store", context.store.trouble)
+    if (stepped := clock_step(context)) is not None:
+        yield Condition(CLOCK, fault_text(stepped))
     for cause, words in sorted(context.store.troubles.items()):
         yield Condition(cause, words)
+
+
+def clock_step(context: RigContext) -> Fault | None:
+    """Return the recorder's finding that the time of day has stepped, until a person agrees."""
+    answer = context.health.status("recorder")
+    findings = () if answer is None else answer.findings
+    return next((one for one in findings if one.code is FaultCode.CLOCK_STEPPED), None)
 
 
 def _sensor_conditions(context: RigContext) -> Iterator[Condition]:

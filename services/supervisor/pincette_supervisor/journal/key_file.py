@@ -3,9 +3,8 @@
 import fcntl
 import json
 import os
-import tempfile
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
 
 from pincette.api.access import Scope
-from pincette.core.text_files import decoded
+from pincette.core.files import decoded, replace_file
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import KEY_FILE, SEE_DISK, USE_LOCAL_DISK, StoreError
 from pincette_supervisor.journal.tables import utc_now
@@ -145,27 +144,15 @@ class KeyFile:
             yield keys
             if keys != before:
                 self._write(list(keys.values()))
-                with suppress(OSError):  # the file itself is on the disk
-                    os.fsync(folder)
         finally:
             os.close(folder)
 
     def _write(self, rows: Sequence[KeyRow]) -> None:
         """Replace the file whole; another program reads the old one or the new one."""
         text = json.dumps({"version": 1, "keys": [asdict(row) for row in rows]}, indent=1)
-        draft = None
         try:
-            # Its mode is 0600 from the first byte on.
-            number, draft = tempfile.mkstemp(prefix=KEY_FILE, dir=self._path.parent)
-            with os.fdopen(number, "w", encoding="utf-8") as stream:
-                stream.write(text + "\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-            Path(draft).replace(self._path)
+            replace_file(self._path, text.encode() + b"\n", 0o600)
         except OSError as error:
-            if draft is not None:
-                with suppress(OSError):
-                    Path(draft).unlink()
             raise self._unwritable(error) from error
 
     def _unwritable(self, error: OSError) -> StoreError:

@@ -4,7 +4,6 @@
 """
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pincette.config import Calibration, ConfigError
+from pincette.core.files import replace_file
 from pincette.core.validation_wording import refusal
 
 FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -109,13 +109,5 @@ class ModelFiles:
         """Write a version, wholly or not at all; raises OSError."""
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self.folder / f"{model.version:04d}-{model.digest}.json"
-        draft = path.with_name(path.name + ".part")
         text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False)
-        try:
-            with draft.open("w", encoding="utf-8") as stream:
-                stream.write(text + "\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-            draft.replace(path)
-        finally:
-            draft.unlink(missing_ok=True)
+        replace_file(path, text.encode() + b"\n")

@@ -19,7 +19,7 @@ import httpx
 
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
-from pincette.core.text_files import EncodingError, decoded
+from pincette.core.files import EncodingError, decoded
 from pincette_supervisor.access.origin_check import is_loopback
 from pincette_supervisor.notify.notices import Notice
 

@@ -8,8 +8,11 @@ from pydantic import Field
 
 from pincette.api.events import Alarm, AlarmAction, AlarmList
 from pincette.api.problems import responses
+from pincette.records.folder import agree_to_clock
 from pincette_supervisor import problems
+from pincette_supervisor.alarms.checks import CLOCK
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
+from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, AllRigs, Journal, Note, Operator
 from pincette_supervisor.rest.strict_route import StrictRoute
 
@@ -60,11 +63,22 @@ def one(alarm: Number, store: Journal) -> Alarm:
 
 @router.post("/{alarm}/actions", responses=responses(404, 422, 503), dependencies=[OPERATE])
 def act(alarm: Number, body: AlarmAction, rigs: AllRigs, by: Operator, note: Note) -> Alarm:
-    """Acknowledge an alarm; done twice, it stays with who was first."""
+    """Acknowledge an alarm; done twice, it stays with who was first.
+
+    To acknowledge the alarm `clock` is to agree to the present time of day: records may be deleted
+    for their age again.
+    """
     note(body.type)
     row = _found(AlarmRepository(rigs.store).get(alarm), alarm)
-    log = rigs.of_row(row.rig).context.alarms
-    return alarm_of(_found(log.acknowledge(alarm, by), alarm))
+    context = rigs.of_row(row.rig).context
+    if row.cause == CLOCK and row.cleared_at is None:
+        try:
+            agree_to_clock(context.records)
+        except OSError as error:
+            raise ProblemError(
+                503, "store-failed", "The records' folder cannot be written", str(error)
+            ) from error
+    return alarm_of(_found(context.alarms.acknowledge(alarm, by), alarm))
 
 
 def alarm_of(row: AlarmRow) -> Alarm:

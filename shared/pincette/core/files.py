@@ -1,6 +1,10 @@
-"""Text that people and other programs wrote: UTF-8, with or without its mark."""
+"""Files: text that people and other programs wrote, and files that are replaced whole."""
 
 import codecs
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
 
 MARKS = (
     (codecs.BOM_UTF32_LE, "UTF-32"),
@@ -37,3 +41,33 @@ def decoded(content: bytes) -> str:
 
 def _remedy(encoding: str) -> str:
     return f"save it as UTF-8, or `iconv -f {encoding} -t UTF-8 FILE > NEW`"
+
+
+def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
+    """Write a file whole: on the disk when this returns, and as it was before on any error.
+
+    A reader sees the old content or the new one, also after a loss of power. ``mode`` is that of
+    the file from its first byte on, less what the process does not allow. Raises OSError.
+    """
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    number = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    try:
+        with os.fdopen(number, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            draft.unlink()
+        raise
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk; raises OSError."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

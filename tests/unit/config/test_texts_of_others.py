@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, read_rig
-from pincette.core.text_files import EncodingError, decoded
+from pincette.core.files import EncodingError, decoded
 from tests.support.rigs import DEMO
 
 TEXT = 'name = "Müller 5 µm"\n'
