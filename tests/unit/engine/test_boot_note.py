@@ -83,10 +83,7 @@ def test_a_full_disk_at_the_first_start_leaves_no_clean_end(
     assert BootNote(path).found() == Before(Predecessor.DIED)
 
 
-def test_a_program_does_not_start_where_it_can_leave_no_note(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path.parent.parent.mkdir(exist_ok=True)
+def test_a_program_does_not_start_where_it_can_leave_no_note(path: Path) -> None:
     path.parent.write_text("a file where the folder belongs")
     with pytest.raises(OSError, match=r"actuator-demo\.json cannot be written .*--data"):
         BootNote(path).begin()
