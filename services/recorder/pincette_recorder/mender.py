@@ -34,7 +34,7 @@ class Mender:
 
     def tidy(self, left: Iterable[Path]) -> None:
         """Close these, then delete what the rig file asks for; errors are logged."""
-        self._pool.submit(self._tidy, tuple(left)).add_done_callback(log_failure)
+        self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
         """Tell what became of a record that was closed without being asked, or broke off.
@@ -73,7 +73,8 @@ class Mender:
             record_repair.mend(folder, record_repair.KILLED)
             self.mended += 1
 
-    def _tidy(self, left: tuple[Path, ...]) -> None:
+    def tidy_now(self, left: tuple[Path, ...]) -> None:
+        """Do the same in the thread of the caller; raises OSError."""
         config = self._config
         for folder in left:
             self._mend(folder)

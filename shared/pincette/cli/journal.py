@@ -3,24 +3,19 @@
 A backup is one file. The audit log says who did what over REST; it can be verified to be whole.
 """
 
-import hashlib
-import io
-import json
 import os
 import sqlite3
 import tarfile
 import tempfile
-from collections.abc import Iterator
 from contextlib import closing
-from datetime import UTC, datetime
-from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, BadParameter, Option
 
-from pincette import __version__
-from pincette.cli import CliError
+from pincette.cli import CliError, backup_file
 from pincette.cli.access import Address
+from pincette.cli.backup_file import JOURNAL
 from pincette.cli.options import DATA, DataFolder, Limit, integer
 from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
 
@@ -28,19 +23,9 @@ if TYPE_CHECKING:
     from pincette.api.access import AuditChain, AuditEntry
 
 
-JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
-    "supervisor.sqlite",
-    "keys.json",
-    "models",
-    "jobs",
-    "joined",
-)
-MANIFEST = "backup.json"
 VERIFY = "verify"
 STORE_URL = "PINCETTE_STORE"
 """Of a PostgreSQL database in place of the journal's file."""
-PRIVATE = 0o600
-"""The journal and the keys are read by their owner alone."""
 File = Annotated[Path, Argument(metavar="FILE", help="such as bench.tar.gz")]
 
 app = group()
@@ -71,7 +56,7 @@ def backup(
         with tempfile.TemporaryDirectory(dir=parent) as work, patience("copying"):
             copy = Path(work) / JOURNAL
             _copied(journal, copy)
-            names = _written(draft, copy, data, records=records)
+            names = backup_file.write(draft, copy, data, records=records)
         draft.replace(file)
     except (OSError, sqlite3.Error, tarfile.TarError) as error:
         draft.unlink(missing_ok=True)
@@ -90,87 +75,24 @@ def _copied(journal: Path, copy: Path) -> None:
         source.backup(target)
 
 
-def _written(draft: Path, journal: Path, data: Path, *, records: bool) -> list[str]:
-    digests: dict[str, str] = {}
-    opener = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE)
-    with (
-        os.fdopen(opener, "wb") as stream,
-        tarfile.open(fileobj=stream, mode="w:gz", compresslevel=6) as archive,
-    ):
-        for name, path in [(JOURNAL, journal), *_files(data, records=records)]:
-            content = path.read_bytes()
-            digests[name] = hashlib.sha256(content).hexdigest()
-            _add(archive, name, content, path.stat().st_mtime)
-        about = {
-            "pincette": __version__,
-            "made_at": datetime.now(UTC).isoformat(timespec="seconds"),
-            "files": digests,
-        }
-        content = json.dumps(about, indent=2).encode()
-        _add(archive, MANIFEST, content, datetime.now(UTC).timestamp())
-    return sorted(digests)
-
-
-def _add(archive: tarfile.TarFile, name: str, content: bytes, modified_s: float) -> None:
-    entry = tarfile.TarInfo(name)
-    entry.size, entry.mode, entry.mtime = len(content), PRIVATE, int(modified_s)
-    archive.addfile(entry, io.BytesIO(content))
-
-
-def _files(data: Path, *, records: bool) -> Iterator[tuple[str, Path]]:
-    """Names and paths of what lies beside the journal."""
-    folders = [MODELS, *([RECORDS] if records else [])]
-    bases = [data, *sorted((data / JOINED).glob("*"))]
-    found = [
-        data / KEYS,
-        *(path for base in bases for part in folders for path in _all(base / part)),
-    ]
-    for path in found:
-        if path.is_file() and not path.is_symlink() and path.suffix != ".part":
-            yield path.relative_to(data).as_posix(), path
-
-
-def _all(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.is_file())
-
-
 @command(app, "restore")
 def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
     """Make a data folder of a backup; each file is checked by its SHA-256 before any is kept."""
+    if data.exists() and not data.is_dir():
+        raise CliError(f"{data} is no folder: name another with --data")
     if data.exists() and any(data.iterdir()):
         raise CliError(f"{data} is not empty: name another folder with --data, or move it away")
+    if not file.is_file():
+        raise CliError(f"{file} is not there, or no file: name a backup of `pincette backup`")
     try:
-        contents = _read(file)
-    except (OSError, tarfile.TarError, ValueError, KeyError) as error:
-        raise CliError(f"{file} is no backup that can be used: {error}") from error
-    data.mkdir(parents=True, exist_ok=True)
-    for name, content in contents.items():
-        path = data / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, PRIVATE), "wb") as stream:
-            stream.write(content)
-    text = f"{data}: {len(contents)} files; `pincette up --data {data}` starts a rig with them"
-    form.answer({"data": str(data), "files": sorted(contents)}, text)
-
-
-def _read(file: Path) -> dict[str, bytes]:
-    """The files of a backup; raises ValueError where one is not what was written."""
-    contents: dict[str, bytes] = {}
-    with tarfile.open(file) as archive:
-        for entry in archive:
-            place = PurePosixPath(entry.name)
-            if not entry.isfile() or place.is_absolute() or ".." in place.parts:
-                raise ValueError(f"it has {entry.name!r}, which is no file of a backup")
-            stream = archive.extractfile(entry)
-            contents[entry.name] = b"" if stream is None else stream.read()
-    about: dict[str, Any] = json.loads(contents.pop(MANIFEST))
-    digests: dict[str, str] = about["files"]
-    for name, content in contents.items():
-        if digests.get(name) != hashlib.sha256(content).hexdigest():
-            raise ValueError(f"{name} has been changed")
-    if missing := digests.keys() - contents.keys():
-        raise ValueError(f"{sorted(missing)[0]} is missing")
-    return contents
+        with patience("checking"):
+            names = backup_file.restore(file, data)
+    except backup_file.DAMAGED as error:
+        raise CliError(
+            f"{file} cannot be restored, and nothing of it was kept: {error or 'it is damaged'}"
+        ) from error
+    text = f"{data}: {len(names)} files; `pincette up --data {data}` starts a rig with them"
+    form.answer({"data": str(data), "files": names}, text)
 
 
 def _verify(text: str) -> str:

@@ -2,8 +2,10 @@
 
 import io
 import json
+import os
 import sqlite3
 import tarfile
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -83,6 +85,23 @@ def test_a_backup_that_was_changed_is_refused_and_leaves_nothing(
     for name, content, words in (
         ("keys.json", b"{}", "keys.json has been changed"),
         ("../evil", b"x", "no file of a backup"),
+        ("/evil", b"x", "no file of a backup"),
+        (".", b"x", "no file of a backup"),
+        ("./keys.json", b"x", "no file of a backup"),
+        ("models", b"x", "no file of a backup"),
+        ("models//x", b"x", "no file of a backup"),
+        ("models/../keys.json", b"x", "no file of a backup"),
+        ("joined/x/keys.json", b"x", "no file of a backup"),
+        ("supervisor.sqlite-wal", b"x", "no file of a backup"),
+        ("models/\udcff", b"x", "no file of a backup"),
+        ("models/demo", b"x", "as a file and as a folder"),
+        ("models/demo/0001-abc.json/x", b"x", "as a file and as a folder"),
+        ("models/new", b"x", "has been changed"),
+        ("backup.json", b"[]", "lists no files"),
+        ("backup.json", b'{"files": 5}', "lists no files"),
+        ("backup.json", b"[" * 100_000, "cannot be restored"),
+        ("backup.json", b"\xff", "cannot be restored"),
+        ("backup.json", b"", "backup.json is missing"),
         ("backup.json", json.dumps({"files": {"gone": "0"}}).encode(), "has been changed"),
     ):
         with tarfile.open(file, "w:gz") as archive:
@@ -103,3 +122,104 @@ def test_a_folder_without_a_journal_is_no_data_folder(
     with closing(sqlite3.connect(tmp_path / "supervisor.sqlite")) as base:
         base.execute("CREATE TABLE x (y)")
     assert not (tmp_path / "b.tar.gz").exists()
+
+
+def crafted(data: Path, file: Path, change: Callable[[tarfile.TarFile], None]) -> None:
+    """Write a sound backup, and one with more in it in its place."""
+    Store(data / "supervisor.sqlite").close()
+    assert main(["backup", str(file), "--data", str(data)]) == 0
+    with tarfile.open(file) as archive:
+        contents = [(entry, archive.extractfile(entry)) for entry in archive]
+        contents = [(entry, io.BytesIO(stream.read())) for entry, stream in contents if stream]
+    with tarfile.open(file, "w:gz", errors="surrogateescape") as archive:
+        for entry, content in contents:
+            archive.addfile(entry, content)
+        change(archive)
+
+
+def special(kind: bytes) -> Callable[[tarfile.TarFile], None]:
+    def add(archive: tarfile.TarFile) -> None:
+        entry = tarfile.TarInfo("models/x")
+        entry.type, entry.linkname = kind, "/etc/passwd"
+        archive.addfile(entry)
+
+    return add
+
+
+def twice(archive: tarfile.TarFile) -> None:
+    archive.addfile(tarfile.TarInfo("keys.json"))
+
+
+def bomb(archive: tarfile.TarFile) -> None:
+    entry = tarfile.TarInfo("models/zeros")
+    entry.size = 300 * 2**20
+    archive.addfile(entry, Zeros())
+
+
+def long_attribute(archive: tarfile.TarFile) -> None:
+    entry = tarfile.TarInfo("models/x")
+    entry.pax_headers = {"comment": "0" * (8 * 2**20)}
+    archive.addfile(entry)
+
+
+class Zeros(io.RawIOBase):
+    def read(self, size: int = -1, /) -> bytes:
+        return bytes(size)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (special(tarfile.SYMTYPE), "no file of a backup"),
+        (special(tarfile.LNKTYPE), "no file of a backup"),
+        (special(tarfile.CHRTYPE), "no file of a backup"),
+        (special(tarfile.FIFOTYPE), "no file of a backup"),
+        (special(tarfile.DIRTYPE), "no file of a backup"),
+        (special(tarfile.GNUTYPE_SPARSE), "cannot be restored"),
+        (twice, "keys.json twice"),
+        (bomb, "unpacks to more than"),
+        (long_attribute, "a header of"),
+    ],
+)
+def test_a_crafted_backup_is_refused_and_leaves_nothing(
+    data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: Callable[[tarfile.TarFile], None],
+    words: str,
+) -> None:
+    file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
+    crafted(data, file, change)
+    assert main(["restore", str(file), "--data", str(after)]) == 1
+    assert words in capsys.readouterr().err
+    assert not after.exists()
+    after.mkdir()
+    assert main(["restore", str(file), "--data", str(after)]) == 1
+    assert list(after.iterdir()) == []
+
+
+@pytest.mark.parametrize("part", [0.0, 0.001, 0.5, 0.99])
+def test_a_backup_that_was_cut_is_refused_and_leaves_nothing(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], part: float
+) -> None:
+    file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
+    crafted(data, file, lambda _: None)
+    content = file.read_bytes()
+    file.write_bytes(content[: int(part * len(content))])
+    assert main(["restore", str(file), "--data", str(after)]) == 1
+    assert "cannot be restored, and nothing of it was kept" in capsys.readouterr().err
+    assert not after.exists()
+
+
+def test_a_disk_that_fills_up_leaves_nothing(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
+    crafted(data, file, lambda _: None)
+
+    def full(_number: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert main(["restore", str(file), "--data", str(after)]) == 1
+    assert not after.exists()

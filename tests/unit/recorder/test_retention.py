@@ -111,7 +111,7 @@ class Machine:
         self.tidy()
 
     def tidy(self) -> None:
-        self.mender._tidy(())
+        self.mender.tidy_now(())
 
     def left(self) -> int:
         return len(list(self.records.glob("j-*")))
