@@ -163,7 +163,7 @@ def _unpack(file: Path, folder: Path) -> list[str]:
         ) as archive,
     ):
         for entry in archive:
-            archive.members.clear()  # they would fill the memory
+            cast("Any", archive).members.clear()  # they would fill the memory
             name = _require_name(entry)
             if name in digests or (name == MANIFEST and about):
                 raise ValueError(f"it has {name} twice")
@@ -237,9 +237,7 @@ def _digests(content: bytes) -> dict[str, str]:
     if not content:
         raise ValueError(f"{MANIFEST} is missing")
     about: Any = json.loads(content)
-    match about:
-        case {"files": dict() as files}:
-            listed = cast("dict[str, Any]", files)
-            return {name: str(digest) for name, digest in listed.items()}
-        case _:
-            raise ValueError(f"{MANIFEST} lists no files")
+    listed: Any = cast("dict[str, Any]", about).get("files") if isinstance(about, dict) else None
+    if isinstance(listed, dict):
+        return {name: str(digest) for name, digest in cast("dict[str, Any]", listed).items()}
+    raise ValueError(f"{MANIFEST} lists no files")
