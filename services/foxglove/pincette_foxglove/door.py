@@ -12,6 +12,8 @@ import threading
 from collections.abc import Collection
 from urllib.parse import urlsplit
 
+from pincette.core.listening import why_not
+
 log = logging.getLogger("pincette.foxglove")
 HEAD_S = 5.0
 """In which a connection has said what it wants, TLS included."""
@@ -40,8 +42,12 @@ class Door:
         """
         self._behind, self._origins, self._proof = behind, frozenset(origins), proof
         self._open, self._told = 0, set[str]()
-        family = socket.getaddrinfo(*place, type=socket.SOCK_STREAM)[0][0]
-        self._listener = socket.create_server(place, family=family, backlog=BACKLOG)
+        try:
+            family = socket.getaddrinfo(*place, type=socket.SOCK_STREAM)[0][0]
+            self._listener = socket.create_server(place, family=family, backlog=BACKLOG)
+        except OSError as error:
+            why = f"{why_not(*place, error)}. In the rig file: [foxglove] host and port"
+            raise OSError(error.errno, why) from error
         self._loop, self._over = asyncio.new_event_loop(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="door", daemon=True)
         self._thread.start()

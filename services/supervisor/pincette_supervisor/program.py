@@ -17,6 +17,7 @@ from pincette.bus.stopping import trip_at
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.core.faults import Cause
+from pincette.core.listening import bound
 from pincette.core.messages import Message, Trip
 from pincette.engine.program import Context
 from pincette.security.identity import SUPERVISOR, program
@@ -45,23 +46,17 @@ GONE_S, LOOK_S = 5.0, 0.1
 
 
 class PortInUseError(OSError):
-    """The port is in use; the text names it and the remedy."""
+    """The supervisor cannot listen at its port; the text names the reason and the remedy."""
 
 
 def bind(host: str, port: int) -> socket.socket:
     """Bind the port before anything else is started; raises PortInUseError."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((host, port))
+        return bound(host, port)
     except OSError as error:
-        listener.close()
         raise PortInUseError(
-            f"{host}:{port} is in use or cannot be had ({error.strerror}); stop the other program "
-            "or set [supervisor] port in the rig file"
+            f"{error.strerror}. In the rig file: [supervisor] host and port"
         ) from error
-    return listener
 
 
 def run(context: Context) -> None:

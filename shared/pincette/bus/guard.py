@@ -22,6 +22,7 @@ from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.relay import CHUNK, READ, Relay, Stream
 from pincette.bus.vouching import Vouching, serial_of
+from pincette.core.listening import why_not
 
 log = logging.getLogger("pincette")
 MOST_PENDING = 128
@@ -211,15 +212,19 @@ def _close(line: Stream) -> None:
 
 
 def _listening(place: tuple[str, int]) -> socket.socket:
+    """Return a socket that listens; raises OSError with reason and remedy."""
     host, port = place
-    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(BACKLOG)
-        listener.setblocking(False)
-    except OSError:
-        listener.close()
-        raise
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(address)
+            listener.listen(BACKLOG)
+            listener.setblocking(False)
+        except OSError:
+            listener.close()
+            raise
+    except OSError as error:
+        raise OSError(error.errno, why_not(host, port, error)) from error
     return listener

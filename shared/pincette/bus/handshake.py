@@ -6,6 +6,7 @@ import ssl
 from typing import Any, cast
 
 from pincette.bus.topology import address_of
+from pincette.core.listening import bound
 from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
@@ -49,13 +50,10 @@ def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -
 def is_taken(endpoint: str) -> bool:
     """Whether another program listens at an endpoint of this machine."""
     host, port = address_of(endpoint)
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            return error.errno == errno.EADDRINUSE
+    try:
+        bound(host, port).close()
+    except OSError as error:
+        return error.errno == errno.EADDRINUSE
     return False
 
 

@@ -105,6 +105,8 @@ def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
             f"{name}: {', '.join(taken)} is in use: another rig, or the same rig for "
             "the second time? Stop it, or give this rig another [bus] port"
         )
+    if isinstance(error, OSError):
+        return BusError(f"{name}: {error.strerror or error}. In the rig file: [bus] host and port")
     files = config.tls.credentials if config.tls else None
     why = [trouble for place in config.connect if (trouble := diagnose_link(place, files))]
     return BusError(

@@ -1,5 +1,6 @@
 """Several programs started on this machine, watched, and ended together."""
 
+import errno
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ from time import monotonic
 from urllib.parse import urlsplit
 
 from pincette.config import RigFile
+from pincette.core.listening import bound
 from pincette.core.topics import LOOP
 from pincette.engine import logs
 from pincette.engine.process import READY
@@ -70,16 +72,18 @@ def check_ports(rig: RigFile) -> None:
     """Raise FleetError where a port is taken, before anything is started."""
     for port, purpose in ports(rig).items():
         host = rig.supervisor.host if purpose == "supervisor" else rig.bus.host
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((host, port))
-            except OSError as error:
-                raise FleetError(
-                    f"rig {rig.rig.name!r}: {host}:{port} ({purpose}) cannot be used: "
-                    f"{error.strerror}. Is this rig up already? Use that one: ending it lets a "
-                    "held part go. Or give this rig other ports in its file"
-                ) from error
+        try:
+            bound(host, port).close()
+        except OSError as error:
+            again = (
+                ". Is this rig up already? Use that one: ending it lets a held part go"
+                if error.errno == errno.EADDRINUSE
+                else ""
+            )
+            raise FleetError(
+                f"rig {rig.rig.name!r}, {purpose}: {error.strerror}{again}. Its file names host "
+                "and port"
+            ) from error
 
 
 def check_router(rig: RigFile) -> None:

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 import grpc
 
+from pincette.core.listening import bound
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.wires.ports import WireError
 
@@ -37,13 +38,12 @@ class DaqServer:
             ),
         )
         try:
-            bound = self._server.add_insecure_port(f"{host}:{port}")
-        except RuntimeError as error:
-            raise WireError(
-                f"{url}: cannot listen ({error}); stop the program that uses this port, or change "
-                "the url in the rig file"
-            ) from error
-        self.url = f"grpc://{host}:{bound}"
+            bound(host, port).close()
+            listens_at = self._server.add_insecure_port(f"{host}:{port}")
+        except (OSError, RuntimeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise WireError(f"simulated instrument: {why}. In the rig file: its url") from error
+        self.url = f"grpc://{host}:{listens_at}"
         self._server.start()
 
     def close(self) -> None:

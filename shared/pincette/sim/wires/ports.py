@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
 
+from pincette.core.listening import bound
+
 Wait = Callable[[int], bool]
 """Waits until a descriptor is readable; False where the port is being closed."""
 
@@ -58,17 +60,12 @@ class TcpPort:
     """A listening socket; a second client waits until the first has gone."""
 
     def __init__(self, host: str, port: int) -> None:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self._listener = socket.socket(family, socket.SOCK_STREAM)
         try:
-            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._listener.bind((host, port))
+            self._listener = bound(host, port)
             self._listener.listen(4)
         except OSError as error:
-            self._listener.close()
             raise WireError(
-                f"socket://{host}:{port}: cannot listen ({error.strerror}); stop the program that "
-                "uses this port, or change the url in the rig file"
+                f"simulated instrument: {error.strerror}. In the rig file: its url"
             ) from error
         shown = f"[{host}]" if ":" in host else host
         self.url = f"socket://{shown}:{self._listener.getsockname()[1]}"

@@ -1,0 +1,60 @@
+"""Why a program cannot listen at a port: one line with the remedy for each kind of refusal."""
+
+import errno
+import socket
+
+import pytest
+
+from pincette.bus.protocol import BusError
+from pincette.bus.session import open_session
+from pincette.bus.topology import SessionConfig
+from pincette.config.reading import laid_over, parse_rig
+from pincette.core import listening
+from pincette.engine.fleet import FleetError, check_ports
+from pincette.sim.wires.ports import WireError, open_port
+from pincette_supervisor.program import PortInUseError, bind
+from tests.support.rigs import demo_rig
+
+
+def refused(host: str, port: int, number: int) -> str:
+    return listening.why_not(host, port, OSError(number, "refused"))
+
+
+def test_each_refusal_has_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "stop the other program" in refused("127.0.0.1", 8000, errno.EADDRINUSE)
+    assert "127.0.0.1" in refused("::1", 8000, errno.EAFNOSUPPORT)
+    assert "from 1024 on" in refused("127.0.0.1", 80, errno.EACCES)
+    assert "no interface" in refused("192.0.2.7", 8000, errno.EADDRNOTAVAIL)
+    monkeypatch.setattr(listening, "has_ipv6", lambda: False)
+    assert "no IPv6" in refused("::1", 8000, errno.EADDRNOTAVAIL)
+    monkeypatch.setattr(listening, "has_ipv6", lambda: True)
+    assert "no interface" in refused("2001:db8::7", 8000, errno.EADDRNOTAVAIL)
+
+
+@pytest.mark.parametrize("off", [errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL])
+def test_every_listener_names_the_remedy_where_ipv6_is_off(
+    monkeypatch: pytest.MonkeyPatch, off: int
+) -> None:
+    class NoIPv6(socket.socket):
+        def __init__(self, family: int = socket.AF_INET, *given: int, **named: int) -> None:
+            if family == socket.AF_INET6:
+                raise OSError(off, "refused")
+            super().__init__(family, *given, **named)
+
+    monkeypatch.setattr(socket, "socket", NoIPv6)
+    tree = demo_rig().model_dump(mode="json", exclude_unset=True)
+    rig = parse_rig(laid_over(tree, {"supervisor": {"host": "::1"}}))
+    for listens, error in (
+        (lambda: bind("::1", 0), PortInUseError),
+        (lambda: open_port("socket://[::1]:0"), WireError),
+        (lambda: open_session(SessionConfig("peer", ("tcp/[::1]:17447",)), "x"), BusError),
+        (lambda: check_ports(rig), FleetError),
+    ):
+        with pytest.raises(error, match=r"no IPv6.*127\.0\.0\.1") as raised:
+            listens()
+        assert "\n" not in str(raised.value)
+
+
+def test_a_name_without_an_address_is_named() -> None:
+    with pytest.raises(OSError, match="no address is known"):
+        listening.bound("no-such-host.invalid", 0)
