@@ -197,6 +197,7 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
     serving = {name: member.process.pid for name, member in fleet.members.items()}
     while True:
         sleep(WATCH_S)
+        fleet.bound_logs()
         revival.look(lambda member, line: _print_status(console, member, "red", line))
         for name, member in fleet.members.items():
             if member.process.pid != serving[name] and member.ready.is_set():

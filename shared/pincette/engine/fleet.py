@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from urllib.parse import urlsplit
@@ -17,11 +18,13 @@ from urllib.parse import urlsplit
 from pincette.config import RigFile
 from pincette.core.listening import bound
 from pincette.core.topics import LOOP
-from pincette.engine import logs
+from pincette.engine import log_files, logs
 from pincette.engine.process import READY
+from pincette.engine.start_progress import StartProgress, demand_s
 
-START_S = 30.0
 STOP_S = 5.0
+LOOK_S = 1.0
+"""Time between two looks at the progress of programs that start."""
 ROUTER_S = 2.0
 NEEDED_FIRST = ("router", "upstream", "rig")
 """Programs that the others expect to find."""
@@ -46,10 +49,24 @@ class Child:
     ready: threading.Event = field(default_factory=threading.Event)
     line: str = ""
 
+    log_begin: int = 0
+    """Length of the log file when the program was started."""
+
     def tail(self) -> str:
-        """What the program logged last, without times and levels."""
-        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
-        return "\n".join(LOG_STAMP.sub("  ", line) for line in lines[-12:])
+        """Return what the program has logged last since its start, without times and levels."""
+        with self.log.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(self.log_begin if self.log_begin <= size else 0)
+            lines = file.read().decode(errors="replace").splitlines()
+        told = "\n".join(LOG_STAMP.sub("  ", line) for line in lines[-12:])
+        return told or f"  it has logged nothing; its log is {self.log}"
+
+    def logged(self) -> int:
+        """Return the length of the log file, in bytes."""
+        try:
+            return self.log.stat().st_size
+        except OSError:
+            return 0
 
 
 def ports(rig: RigFile) -> dict[int, str]:
@@ -123,7 +140,7 @@ class Fleet:
         if log_format is not None:
             self._arguments += ["--log-format", log_format]
         self._logs = rig.home(data) / "logs"
-        self._logs.mkdir(parents=True, exist_ok=True)
+        log_files.make_folder(self._logs)
         self._say = say
 
     def names(self) -> list[str]:
@@ -143,24 +160,42 @@ class Fleet:
     def start_each(self, programs: Mapping[str, Iterable[str]]) -> None:
         """The same, with further arguments for each."""
         started = [self._spawn(name, extra) for name, extra in programs.items()]
-        deadline = monotonic() + START_S
+        progress = {
+            one.name: StartProgress(partial(demand_s, one.process.pid), one.logged)
+            for one in started
+        }
         for member in started:
+            looked_s = monotonic()
             while not member.ready.wait(0.05):
                 # One that others wait for may have ended.
                 ended = [one for one in started if one.process.poll() is not None]
                 if ended:
                     raise FleetError(
-                        "\n".join(f"{one.name} did not start:\n{one.tail()}" for one in ended)
+                        "\n".join(
+                            f"{one.name} did not start ({_status(one.process.returncode)}):\n"
+                            f"{one.tail()}"
+                            for one in ended
+                        )
                     )
-                if monotonic() > deadline:
+                if monotonic() - looked_s < LOOK_S:
+                    continue
+                looked_s = monotonic()
+                # A program may wait for one that is slow: all of them make progress, or none.
+                still = [one for one in started if not one.ready.is_set()]
+                whys = {one.name: progress[one.name].why_given_up() for one in still}
+                if all(whys.values()) or any("ready" in why for why in whys.values()):
                     raise FleetError(
-                        f"{member.name} is not ready after {START_S:g} s:\n{member.tail()}"
+                        "\n".join(f"{one.name} {whys[one.name]}:\n{one.tail()}" for one in still)
                     )
+                news = progress[member.name].news()
+                if news:
+                    self._say(member.name, news)
             self._say(member.name, member.line)
 
     def _spawn(self, name: str, extra: Iterable[str]) -> Child:
         log, extra = self._logs / f"{name}.log", tuple(extra)
-        with log.open("a" if name in self.members else "w", encoding="utf-8") as stream:
+        with log_files.open_to_append(log) as stream:
+            begin = log.stat().st_size
             process = subprocess.Popen(
                 [sys.executable, "-m", "pincette", "run", name, *self._arguments, *extra],
                 stdin=subprocess.PIPE,
@@ -169,7 +204,7 @@ class Fleet:
                 text=True,
                 start_new_session=True,
             )
-        member = Child(name, process, log, extra)
+        member = Child(name, process, log, extra, log_begin=begin)
         self.members[name] = member
         threading.Thread(target=_listen, args=(member,), daemon=True).start()
         return member
@@ -195,6 +230,11 @@ class Fleet:
         self.start(first)
         self.start([name for name in names if name not in first])
 
+    def bound_logs(self) -> None:
+        """Rotate the log files that are full."""
+        for member in self.members.values():
+            log_files.rotate_if_full(member.log)
+
     def ended(self) -> list[Child]:
         """Programs that have ended by themselves."""
         return [member for member in self.members.values() if member.process.poll() is not None]
@@ -209,6 +249,13 @@ class Fleet:
         others = [name for name in self.members if not any(name in stage for stage in first)]
         for stage in (*first, others):
             _end([self.members[name] for name in stage if name in self.members])
+
+
+def _status(number: int) -> str:
+    """Return how a process has ended, in words."""
+    if number < 0:
+        return f"ended by {signal.Signals(-number).name}"
+    return f"exit status {number}"
 
 
 def _end(members: list[Child]) -> None:

@@ -13,15 +13,16 @@ import time
 from email.message import EmailMessage
 from email.policy import SMTP
 from pathlib import Path
-from typing import Protocol
-
-import httpx
+from typing import TYPE_CHECKING, Protocol
 
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
 from pincette.core.files import EncodingError, decoded
 from pincette_supervisor.access.origin_check import is_loopback
 from pincette_supervisor.notify.notices import Notice
+
+if TYPE_CHECKING:
+    import httpx
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
@@ -100,6 +101,9 @@ class WebhookSender:
 
     def send(self, notice: Notice) -> None:
         """Post a notice, with the same id each time it is tried."""
+        # Most supervisors have no webhook, and httpx is a tenth of the work of their start.
+        import httpx
+
         body = json.dumps(notice.body, ensure_ascii=False, separators=(",", ":")).encode()
         message, sent_s = f"msg_{notice.data['rig']}_{notice.number}", int(time.time())
         headers = {
@@ -120,13 +124,15 @@ class WebhookSender:
             raise RefusedError(f"status {status}")
 
 
-def _client(url: str) -> httpx.Client:
+def _client(url: str) -> "httpx.Client":
     """Return a client by the environment: proxies, and the certificates that are trusted.
 
     ``HTTPS_PROXY``, ``HTTP_PROXY``, ``ALL_PROXY`` and ``NO_PROXY`` name proxies, which no address
     of this machine is sent to. ``SSL_CERT_FILE`` and ``SSL_CERT_DIR`` name authorities.
     Raises RefusedError where those cannot be read.
     """
+    import httpx
+
     try:
         trusted = httpx.create_ssl_context()
     except (OSError, ValueError) as error:

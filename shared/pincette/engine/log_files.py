@@ -1,0 +1,54 @@
+"""Log files of the programs that ``pincette up`` starts: kept across starts, bounded in size.
+
+A program writes to its file over an inherited descriptor in append mode. So a file that is full is
+copied to the next name and emptied, as logrotate does with ``copytruncate``: the program goes on
+writing to the same descriptor, and never waits for who rotates.
+"""
+
+import os
+import shutil
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
+
+FULL_BYTES = 4_000_000
+"""Length at which a file is rotated."""
+KEPT = 4
+"""Older files that are kept, as NAME.log.1 (the newest) to NAME.log.4."""
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of log files, which other accounts may not enter."""
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.chmod(0o700)
+
+
+def open_to_append(log: Path) -> TextIO:
+    """Open a log file, which only this account may read; what it holds is kept."""
+    rotate_if_full(log)
+    number = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+    os.fchmod(number, 0o600)
+    return os.fdopen(number, "a", encoding="utf-8")
+
+
+def rotate_if_full(log: Path, full_bytes: int = FULL_BYTES) -> None:
+    """Move what a full log file holds to the next name; on a disk without room it is dropped."""
+    try:
+        if log.stat().st_size < full_bytes:
+            return
+    except OSError:
+        return
+    with suppress(OSError):
+        for number in range(KEPT, 1, -1):
+            older = _older(log, number - 1)
+            if older.exists():
+                older.replace(_older(log, number))
+        newest = _older(log, 1)
+        shutil.copyfile(log, newest)
+        newest.chmod(0o600)
+    with suppress(OSError):
+        os.truncate(log, 0)
+
+
+def _older(log: Path, number: int) -> Path:
+    return log.with_name(f"{log.name}.{number}")
