@@ -12,8 +12,7 @@ from sila2.framework import Feature
 from sila2.server import FeatureImplementationBase, SilaServer
 
 from pincette import __version__
-from pincette.core.listening import bound
-from pincette.engine.program import Context
+from pincette.engine.program import Context, require_port
 from pincette_sila.background import Background
 from pincette_sila.callers import Authentication, Authorization, Callers
 from pincette_sila.controllers import Cancelling, Pausing, Simulation
@@ -110,7 +109,7 @@ def identity(path: Path) -> uuid.UUID:
 def _listen(server: SilaServer, context: Context) -> None:
     settings = context.rig.sila
     where = (settings.host, settings.port)
-    bound(*where).close()  # gRPC does not say why it cannot listen
+    require_port(*where, "[sila]")  # gRPC does not say why it cannot listen
     if settings.certificate is None:
         server.start_insecure(*where, enable_discovery=settings.discovery)
         return

@@ -11,6 +11,7 @@ from pincette.bus.session import serve_router
 from pincette.bus.topology import SessionConfig
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
+from pincette.core.listening import bound
 from pincette.engine.realtime.os_scheduling import raise_priority
 
 
@@ -34,6 +35,18 @@ class Context:
     ready: Callable[[str], None]
     """Say, in one line, that the program serves."""
     stop: threading.Event
+
+
+def require_port(host: str, port: int, table: str) -> None:
+    """Raise OSError with reason and remedy where a program cannot listen at a port.
+
+    ``table``: that of the rig file which names the port.
+    """
+    try:
+        bound(host, port).close()
+    except OSError as error:
+        why = f"{error.strerror}. In the rig file: {table} host and port"
+        raise OSError(error.errno, why) from error
 
 
 def run_router(context: Context) -> None:
