@@ -60,7 +60,7 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
             assert "no-plan" in await refused(client, "grip", token="made up")
             released = await said(client, "release")
             assert (released["job"], released["part"]) == (held["job"], "none")
-            assert "holds no part" in await refused(client, "release")
+            assert (await refused(client, "release")).startswith("nothing-held: ")
 
     asyncio.run(drive())
     assert any("hold" in (words or "") for _, _, words in told)
@@ -76,6 +76,27 @@ def test_a_grip_with_a_hold_ends_with_its_job(rig: RunningRig) -> None:
     done = asyncio.run(drive())
     assert done["outcome"] == "gripped"
     assert abs(done["force_held_mN"] - FORCE_MN) < NEAR_MN
+
+
+def test_a_stop_in_a_timed_hold_ends_the_call_with_the_part_held(rig: RunningRig) -> None:
+    async def drive() -> None:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
+            token = await planned(client, hold_s=60.0)
+            grip = asyncio.create_task(client.call_tool("grip", {"token": token}))
+            await until_phase(rig, "hold")
+            stopped = await said(client, "stop")
+            assert (stopped["detail"], stopped["part"]) == ("stopped", "held")
+            ended = await grip
+            assert ended.is_error
+            words = getattr(ended.content[0], "text", "")
+            assert words.startswith("cancelled: ")
+            assert "held" in words
+            assert (await said(client, "status"))["ready"] is True
+            assert (await said(client, "release"))["part"] == "none"
+            done = await said(client, "grip", token=await planned(client, hold_s=0.4))  # at once
+            assert done["outcome"] == "gripped"
+
+    asyncio.run(drive())
 
 
 def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
@@ -172,27 +193,29 @@ def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
 
 
 def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(rig: RunningRig) -> None:
-    async def drive() -> tuple[str, dict[str, Any]]:
+    async def drive() -> tuple[dict[str, Any], dict[str, Any]]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             await said(client, "grip", token=await planned(client))
             rig.fleet.signal("supervisor", signal.SIGKILL)
-            words = await refused(client, "status")
+            gone = await said(client, "status")
+            release = asyncio.create_task(said(client, "release"))  # it waits for the supervisor
             await asyncio.to_thread(restart, rig, "supervisor")
-            while (await said(client, "status"))["part"] != "held":
-                await asyncio.sleep(0.1)
-            return words, await said(client, "release")
+            return gone, await release
 
-    words, released = asyncio.run(drive())
-    assert "no answer" in words
+    gone, released = asyncio.run(drive())
+    assert (gone["state"], gone["part"], gone["ready"]) == ("unknown", "unknown", False)
+    assert "no answer" in gone["reasons"][0]
     assert released["part"] == "none"
 
 
 def test_it_starts_without_its_supervisor_and_says_so() -> None:
-    async def drive() -> str:
+    async def drive() -> dict[str, Any]:
         nowhere = StdioServerParameters(
             command=sys.executable, args=["-m", "pincette.mcp", "--url", "http://127.0.0.1:9"]
         )
         async with asyncio.timeout(WAIT_S), Client(nowhere) as client:
-            return await refused(client, "status")
+            return await said(client, "status")
 
-    assert "127.0.0.1:9" in asyncio.run(drive())
+    found = asyncio.run(drive())
+    assert (found["state"], found["ready"]) == ("unknown", False)
+    assert "127.0.0.1:9" in found["reasons"][0]

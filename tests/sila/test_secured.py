@@ -85,7 +85,7 @@ def test_a_motion_wants_a_login_with_a_key_that_may_operate(
 ) -> None:
     with stock_client(rig, **believed) as client:
         gripper = client.Microgripper
-        assert gripper.RigState.get() != "unreachable"
+        assert gripper.RigState.get() != "unknown"
         with pytest.raises(InvalidMetadata):
             gripper.Grip(FORCE_MN, 0.3, "")
         with pytest.raises(DefinedExecutionError) as caught:

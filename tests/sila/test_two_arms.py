@@ -24,7 +24,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
 @pytest.fixture
 def client(rig: RunningRig) -> Generator[Any]:
     with stock_client(rig) as found:
-        until(lambda: found.Microgripper.RigState.get() != "unreachable", "it does not answer")
+        until(lambda: found.Microgripper.RigState.get() != "unknown", "it does not answer")
         yield found
 
 

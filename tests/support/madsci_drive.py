@@ -22,7 +22,7 @@ def action(client: RestNodeClient, name: str, **args: Any) -> dict[str, Any]:
     """What comes of an action."""
     request = ActionRequest(action_name=name, args=args)
     found = client.send_action(request, timeout=120.0)
-    if found.errors == [] and str(found.status.value) != "succeeded":
+    if str(found.status.value) != "succeeded":
         # What waits for an action gives its status alone where it has failed.
         found = client.get_action_result(found.action_id)
     errors = [[one.error_type, one.message] for one in found.errors]
@@ -98,6 +98,8 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
     until(lambda view: view["can_start"])
     said["stopped"] = during("safety_stop")
     until(lambda view: view["latch"]["state"] == "latched")
+    said["ready"] = client.get_status().ready
+    said["description"] = client.get_status().description
     said["latched"] = act("grip", force_mN=force_mN)
     said["errored"] = client.get_status().errored
     return said

@@ -28,7 +28,6 @@ from pincette_sila.errors import CommandError
 
 LIFETIME_S = 3600
 """Of a login that is not used."""
-PATIENCE_S = 5.0
 MOST_LOGINS = 100
 
 
@@ -96,9 +95,7 @@ class Callers:
         return login
 
     def _supervisor(self, key: str | None, name: str | None) -> AsyncSupervisor:
-        return AsyncSupervisor(
-            self._url, patience_s=PATIENCE_S, key=key, operator=name, authority=self._authority
-        )
+        return AsyncSupervisor(self._url, key=key, operator=name, authority=self._authority)
 
 
 ACCESS_TOKEN = cast("Any", AuthorizationServiceFeature)["AccessToken"]

@@ -74,7 +74,7 @@ def _ended(error: JobEndedError) -> CommandError:
     code = "" if job.ending is None else job.ending.code
     if job.state == "aborted" or code == "tripped":
         return CommandError("RigLatched", str(error))
-    if job.state == "stopped" and code == "requested":
+    if error.cancelled:
         return CommandError("Cancelled", str(error))
     recoverable = (job.result or {}).get("outcome") in RECOVERABLE
     return CommandError("JobFailed", str(error), recoverable=recoverable)

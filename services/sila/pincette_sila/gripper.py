@@ -1,7 +1,9 @@
 """The feature Microgripper: commands and properties, each over the client of the supervisor."""
 
+import asyncio
+import logging
 from collections.abc import Callable, Coroutine, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import Queue
 from typing import Any, TypeVar
 from uuid import UUID, uuid4
@@ -10,7 +12,8 @@ from sila2.framework import Command
 from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
 from sila2.server.observables.observable_command_manager import ObservableCommandManager
 
-from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError
+from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError, RigWatch
+from pincette.client.status import NEWS_S
 from pincette_sila import motion
 from pincette_sila.background import Background
 from pincette_sila.callers import Callers
@@ -19,6 +22,7 @@ from pincette_sila.features import MICROGRIPPER, command, feature
 from pincette_sila.motion import Execution, Sample, known
 from pincette_sila.recovery import ErrorRecovery
 
+log = logging.getLogger("pincette.sila")
 T = TypeVar("T")
 KEPT = 100
 """Commands of each name whose responses can still be asked for after their end."""
@@ -46,6 +50,8 @@ class Gripper(FeatureImplementationBase):
         super().__init__(parent_server)
         self._rig, self._callers, self._background = rig, callers, background
         self._recovery = recovery
+        self.watch = RigWatch(callers.rig())
+        self._told: tuple[str, list[str], str] | None = None
         self._RigState_producer_queue: Queue[str] = Queue()
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
         self._Part_producer_queue: Queue[str] = Queue()
@@ -57,11 +63,19 @@ class Gripper(FeatureImplementationBase):
         self.keys: dict[UUID, str] = {}
         """Idempotency keys of the commands that run, where they have begun a job again."""
 
-    def tell(self, state: str, reasons: list[str], part: str) -> None:
-        """Tell those who listen how the rig is."""
-        self._RigState_producer_queue.put(state)
-        self._Reasons_producer_queue.put(reasons)
-        self._Part_producer_queue.put(part)
+    def publish(self) -> None:
+        """Publish the state of the rig if it has changed. Call it in the client's loop."""
+        now = self.watch.status
+        shown = (str(now.state), list(now.reasons), str(now.part))
+        if shown == self._told:
+            return
+        if self._told is None or (now.state == "unknown") != (self._told[0] == "unknown"):
+            words = now.reasons[0] if now.state == "unknown" else f"the rig is {now.state}"
+            log.info("supervisor: %s", words)
+        self._told = shown
+        self._RigState_producer_queue.put(shown[0])
+        self._Reasons_producer_queue.put(shown[1])
+        self._Part_producer_queue.put(shown[2])
 
     def tell_sample(self, sample: Sample) -> None:
         """Tell those who listen the newest sample."""
@@ -78,6 +92,10 @@ class Gripper(FeatureImplementationBase):
         """Name of the rig."""
         return self._rig
 
+    def get_StateAge(self, *, metadata: MetadataDict) -> float:
+        """Time since the actuator was last heard, in s."""
+        return known(self.watch.status.age_s)
+
     def get_Recipes(self, *, metadata: MetadataDict) -> list[str]:
         """Names of the recipes."""
         found = self._call(self._callers.supervisor.recipes())
@@ -87,7 +105,7 @@ class Gripper(FeatureImplementationBase):
         self, Force: float, HoldTime: float, Recipe: str, *, metadata: MetadataDict
     ) -> Responses:
         """Predict a grip."""
-        wanted = motion.given(force_mN=Force, hold_s=HoldTime, recipe=Recipe)
+        wanted = motion.grip_fields(Force, HoldTime, Recipe)
         plan = self._call(self._callers.rig(metadata).plan("grip", **wanted))
         violations = [violation.message for violation in plan.violations]
         return plan.feasible, plan.duration_s, violations, list(getattr(plan, "warnings", ()))
@@ -110,13 +128,11 @@ class Gripper(FeatureImplementationBase):
         instance: Execution,
     ) -> Responses:
         """Grip the part; without a hold time until it is held."""
-        hold: dict[str, Any] = {"hold_s": HoldTime} if HoldTime else {"until_released": True}
-        wanted = {"force_mN": Force, "recipe": Recipe, **hold}
+        wanted = motion.grip_fields(Force, HoldTime, Recipe)
         return self._begin("Grip", instance, metadata, "grip", **wanted)
 
     def Hold(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Go on holding what is held."""
-        self._call(motion.require_held(self._callers.rig(metadata)))
         return self._begin("Hold", instance, metadata, "hold", until_released=True)
 
     def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
@@ -147,11 +163,13 @@ class Gripper(FeatureImplementationBase):
             metadata,
             "track",
             shape=Shape,
-            force_mean_mN=MeanForce,
-            force_pp_mN=PeakToPeak,
-            frequency_hz=Frequency,
-            cycles=Cycles,
-            recipe=Recipe,
+            **motion.given(
+                force_mean_mN=MeanForce,
+                force_pp_mN=PeakToPeak,
+                frequency_hz=Frequency,
+                cycles=Cycles,
+                recipe=Recipe,
+            ),
         )
 
     def Calibrate(
@@ -219,6 +237,8 @@ class Gripper(FeatureImplementationBase):
         try:
             yield
         finally:
+            # Whoever has the end of a command reads a state that is not older than it.
+            self._background.call(self._refresh())
             del self.jobs[execution]
             self.keys.pop(execution, None)
             self.rigs.pop(execution, None)
@@ -228,6 +248,11 @@ class Gripper(FeatureImplementationBase):
                 ended = [one for one, manager in managers.items() if not manager.is_running()]
                 for one in ended[:-KEPT]:
                     del managers[one]
+
+    async def _refresh(self) -> None:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.watch.read(), NEWS_S)
+        self.publish()
 
     def _call(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine; raises the defined execution errors of the feature."""

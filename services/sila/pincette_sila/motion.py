@@ -13,14 +13,15 @@ from pincette.client import (
     AsyncJobHandle,
     AsyncRigHandle,
     JobEndedError,
-    NothingHeldError,
     left_s,
 )
 
 LABEL = "sila"
 """Label of a job: the command and the execution UUID that have begun it."""
 UNKNOWN = -1.0
-"""SiLA has no null."""
+"""Value of a figure that is not known, since SiLA has no null."""
+DEFAULT = -1.0
+"""Value of a parameter that is left to the recipe or the rig file; 0 is sent as it is."""
 
 
 class Sample(NamedTuple):
@@ -39,8 +40,14 @@ Execution = ObservableCommandInstanceWithIntermediateResponses[Sample]
 
 
 def given(**fields: Any) -> dict[str, Any]:
-    """What is stated; SiLA says 0 or an empty text of what is left to recipe and rig file."""
-    return {name: value for name, value in fields.items() if value not in (0, "")}
+    """Return the fields that a caller states: -1 and an empty text leave one to its default."""
+    return {name: value for name, value in fields.items() if value not in (DEFAULT, "")}
+
+
+def grip_fields(force_mN: float, hold_s: float, recipe: str) -> dict[str, Any]:
+    """Return the fields of a grip; a hold time of 0 holds the part until its release."""
+    hold: dict[str, Any] = {"until_released": True} if hold_s == 0.0 else {"hold_s": hold_s}
+    return {**given(force_mN=force_mN, recipe=recipe), **hold}
 
 
 def known(value: float | None) -> float:
@@ -58,19 +65,13 @@ async def start(
 ) -> AsyncJobHandle:
     """Start a job once for a command."""
     key, named = str(execution), labels(command, execution)
-    return await rig.start(kind, idempotency_key=key, labels=named, **given(**fields))
+    return await rig.start(kind, idempotency_key=key, labels=named, **fields)
 
 
 async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
     """Start the same job again, as the next try of the same command."""
     asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}
     return await rig.start(asked.pop("kind"), idempotency_key=key, **asked)
-
-
-async def require_held(rig: AsyncRigHandle) -> None:
-    """Raise NothingHeldError where it is known that nothing is held."""
-    if (await rig.state()).part == "none":
-        raise NothingHeldError(f"rig {rig.name} holds no part")
 
 
 async def follow(moments: AsyncGenerator[Progress], execution: Execution) -> Progress | None:

@@ -18,43 +18,45 @@ from pincette_sila.motion import LABEL, Sample, known
 from pincette_sila.second_arm import SecondArm
 
 log = logging.getLogger("pincette.sila")
-LOOK_S = 0.5
+LOOK_S = 0.25
+"""Pause between two readings of the rig, in s."""
+PUBLISH_S = 0.05
+"""How often the age of the newest reading is checked, in s."""
 SAMPLE_S = 1.0 / 15.0
 """Between two samples that are told, at least."""
 RETRY_S = 1.0
 REMEMBERED = 20
 """Jobs that are looked through for commands of an earlier server."""
-UNREACHABLE, UNKNOWN_PART = "unreachable", "unknown"
 
 
 async def watch_rig(
     server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing
 ) -> None:
-    """Tell how the rig is whenever that changes, and resume commands once it answers."""
-    told: tuple[str, list[str], str] | None = None
+    """Publish the state of the rig when it changes, and resume commands once the rig answers."""
+    reading = asyncio.create_task(_read(server, gripper, callers, pausing))
+    try:
+        while not reading.done():
+            gripper.publish()
+            await asyncio.sleep(PUBLISH_S)
+        reading.result()
+    finally:
+        reading.cancel()
+
+
+async def _read(server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing) -> None:
+    """Read the state of the rig repeatedly, and which commands rest."""
     resumed = False
     while True:
+        status = await gripper.watch.read()
         try:
-            rig = await callers.rig().state()
-            now = (str(rig.latch.state), [] if rig.can_start else list(rig.reasons), str(rig.part))
-            if not resumed:
+            if not (resumed or status.state == "unknown"):
                 await resume(server, gripper, callers)
                 resumed = True
-            pausing.tell(
-                [
-                    str(execution)
-                    for execution, job in list(gripper.jobs.items())
-                    if (await job.refresh()).state == "paused"
-                ]
-            )
+            jobs = list(gripper.jobs.items())
+            states = [(str(one), (await job.patient(0.0).refresh()).state) for one, job in jobs]
+            pausing.tell([execution for execution, state in states if state == "paused"])
         except ClientError as error:
-            now = (UNREACHABLE, [str(error)], UNKNOWN_PART)
-        if now != told:
-            if told is None or (now[0] == UNREACHABLE) != (told[0] == UNREACHABLE):
-                words = now[1][0] if now[0] == UNREACHABLE else f"it answers, the rig is {now[0]}"
-                log.info("supervisor: %s", words)
-            gripper.tell(*now)
-            told = now
+            log.debug("supervisor: %s", error)  # the next reading shows it
         await asyncio.sleep(LOOK_S)
 
 

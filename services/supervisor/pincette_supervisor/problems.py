@@ -94,16 +94,24 @@ def _named(path: Sequence[str]) -> str:
 
 
 @cache
-def request_fields() -> frozenset[str]:
-    """Names of the members of all requests for jobs."""
-    kinds = job_kinds().values()
-    requests = [kind.request_of(name) for kind in kinds for name in (kind.variants or ("",))]
+def request_fields(tags: tuple[str, ...] = ()) -> frozenset[str]:
+    """Return the names of all fields of requests for jobs, or those of one kind of job.
+
+    ``tags`` are the kind and its variant, if known.
+    """
+    found = [kind for kind in job_kinds().values() if not tags or kind.name == tags[0]]
+    requests = [
+        kind.request_of(name)
+        for kind in found or job_kinds().values()
+        for name in (kind.variants or ("",))
+        if name in tags[1:] or not {*kind.variants} & {*tags[1:]}
+    ]
     return frozenset(name for request in requests for name in request.model_fields)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question after the nearest of some names; empty where none is near."""
-    plain = {one.replace("_", "").lower(): one for one in sorted(known)}
+    """Return a hint with the most similar of other names; empty if none is similar."""
+    plain = {one.replace("_", "").lower(): one for one in sorted({*known} - {name})}
     near = get_close_matches(name.replace("_", "").replace("-", "").lower(), plain, n=1)
     return f"; did you mean {plain[near[0]]}?" if near else ""
 
@@ -113,9 +121,11 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     place, *path = (str(part) for part in error["loc"])
     kinds = job_kinds()
     tags = {*kinds, *(name for kind in kinds.values() for name in kind.variants)}
-    while path and path[0] in tags:
-        # Not a field: the kind of request that the body was checked as.
-        path = path[1:]
+    # The kind of request that the body was checked as is not a field, but a field that is not
+    # known may have the name of a kind, as `hold`.
+    kept, named = int(str(error["type"]) == "extra_forbidden"), list[str]()
+    while len(path) > kept and path[0] in tags:
+        named.append(path.pop(0))
     name = _named(path) or place
     unit = unit_of(name.partition("[")[0])
     value = _shown(error.get("input")) + (f" {unit}" if unit else "")
@@ -127,7 +137,7 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
         name = path[0]
     if kind == "extra_forbidden":
         what = "field" if place == "body" else "parameter"
-        known = request_fields() if place == "body" else context.get("known", ())
+        known = request_fields(tuple(named)) if place == "body" else context.get("known", ())
         message = f"{name} is not a {what} that is known here{did_you_mean(name, known)}"
     elif kind == "repeated":
         message = f"{name} comes {context['count']} times: send it once"

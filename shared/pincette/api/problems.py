@@ -21,7 +21,7 @@ MEANINGS = {
     409: (
         "job-active",
         "the state does not allow it: invalid-transition (with allowed_actions), job-active, "
-        "part-held, queue-full, rig-claimed (with claim), estop-engaged, "
+        "part-held, nothing-held, queue-full, rig-claimed (with claim), estop-engaged, "
         "rig-latched (with cause), zero-not-confirmed (with job), reset-refused, model-changed, "
         "trajectory-stale, recipe-limit, rig-is-real, simulation-refused",
     ),
@@ -62,6 +62,7 @@ REMEDIES: Mapping[str, str] = {
     "invalid-transition": "ask for one of allowed_actions",
     "job-active": "wait for that job, stop it, or send the request with `queue`: true",
     "part-held": "release the part by a job `release`, or keep it by a job `hold`",
+    "nothing-held": "grip a part first; `move` brings a free arm to another place",
     "queue-full": "wait until a queued job has ended, or stop one",
     "queue-moved": "read the queue again, then say what shall become of it",
     "estop-engaged": "see that the rig is safe, then reset it with `acknowledge`: true",

@@ -19,7 +19,7 @@ from ophyd_async.core import (
 )
 
 from pincette.api.jobs import Progress
-from pincette.bluesky.motion import Motion, motion_of, rest
+from pincette.bluesky.motion import Motion, force_of, motion_of, rest
 from pincette.bluesky.readings import (
     STANDING,
     TEXTS,
@@ -108,7 +108,8 @@ class Gripper(Device):
 
     async def read(self) -> dict[str, Reading[Any]]:
         """The newest sample, whether a part is held, and which job has the rig."""
-        return readings(self.name, newest(await self._rig.state()))
+        state = await self._rig.state()
+        return readings(self.name, newest(state), state.standing.state_age_s)
 
     async def describe_configuration(self) -> dict[str, DataKey]:
         """What ``read_configuration`` gives."""
@@ -124,17 +125,21 @@ class Gripper(Device):
         return {"setpoint": self._setpoint_mN, "readback": now["force_mN"]}
 
     async def check_value(self, value: float) -> None:
-        """Raise InfeasiblePlanError for a force with which no grip may begin; nothing moves."""
-        if value:
-            require_feasible(await self._rig.plan("grip", force_mN=value, until_released=True))
+        """Raise InfeasiblePlanError or InvalidRequestError for a force that cannot be set.
+
+        Nothing moves.
+        """
+        if force_mN := force_of(value):
+            require_feasible(await self._rig.plan("grip", force_mN=force_mN, until_released=True))
 
     @WatchableAsyncStatus.wrap
     async def set(self, value: float) -> AsyncIterator[WatcherUpdate[float]]:
         """Grip with a force in mN and end once it is settled, or let go with 0.
 
-        A force with which the part is held already is left as it is. Raises the client's errors.
+        A force with which the part is held already is left as it is. Raises the client's errors:
+        with 0 also RigBusyError while a job is under way that holds no part yet.
         """
-        self._setpoint_mN = value
+        value = force_of(value)
         async with motion_of(self._motions) as motion:
             initial: float | None = None
             async for now in self._grip(motion, value) if value else self._release(motion):
@@ -154,7 +159,7 @@ class Gripper(Device):
         job = await self._rig.active_job()
         if job is None or not self._is_that(job, force_mN):
             job = await self._start(motion, "grip", force_mN=force_mN, until_released=True)
-        motion.job = job
+        motion.job, self._setpoint_mN = job, force_mN
         async for now in job.to_hold():
             yield now
 
@@ -162,8 +167,9 @@ class Gripper(Device):
         try:
             job = await self._rig.let_go(motion.key, labels=self._labels)
         except NothingHeldError:
+            self._setpoint_mN = 0.0
             return
-        motion.job = job
+        motion.job, self._setpoint_mN = job, 0.0
         async for now in job.to_release():
             yield now
 

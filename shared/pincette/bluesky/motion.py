@@ -3,9 +3,12 @@
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from numbers import Real
 from uuid import uuid4
 
 from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError
+from pincette.client.call import require_finite
+from pincette.client.errors import refused
 
 STOPPED_IN_S = 30.0
 
@@ -28,6 +31,19 @@ class Motion:
             await rest(self.job)
 
 
+def force_of(value: object) -> float:
+    """Return a force in mN as a number; raises InvalidRequestError if it is none.
+
+    Numbers of numpy are numbers; None, texts and truth values are not.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        words = f"force_mN = {value!r}: must be a number in mN"
+        errors = [{"pointer": "/force_mN", "message": words}]
+        raise refused(422, "invalid-request", "The request cannot be used", words, errors=errors)
+    require_finite({"force_mN": float(value)})
+    return float(value)
+
+
 @asynccontextmanager
 async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
     """A motion that is listed until its end."""
@@ -43,9 +59,13 @@ async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
 
 
 async def rest(job: AsyncJobHandle) -> None:
-    """Bring a job to rest; one that rests in its hold is left there."""
+    """Bring a job to rest; one that holds its part until it is released is left there.
+
+    A hold with an end is stopped: otherwise it would release the part by itself.
+    """
     known = await job.refresh()
-    resting = known.progress is not None and known.progress.phase == "hold"
+    in_hold = known.progress is not None and known.progress.phase == "hold"
+    resting = in_hold and known.values.get("hold_s") is None
     if not job.ended and not resting:
         await job.stop()
         await job.wait(STOPPED_IN_S)

@@ -52,9 +52,11 @@ def data_keys(name: str, source: str, fields: Iterable[str]) -> dict[str, DataKe
     return {f"{name}-{field}": _data_key(source, field) for field in fields}
 
 
-def readings(name: str, found: Mapping[str, Any]) -> dict[str, Reading[Any]]:
-    """What was found by this moment."""
-    at_s = time.time()
+def readings(
+    name: str, found: Mapping[str, Any], age_s: float | None = 0.0
+) -> dict[str, Reading[Any]]:
+    """Return values as readings of bluesky, with the time at which they were measured."""
+    at_s = time.time() - (age_s or 0.0)
     return {f"{name}-{field}": Reading(value=one, timestamp=at_s) for field, one in found.items()}
 
 

@@ -36,6 +36,7 @@ from pincette.client.following import left_s, require_feasible
 from pincette.client.job import AsyncJobHandle
 from pincette.client.live import LiveSample
 from pincette.client.rig import AsyncRigHandle
+from pincette.client.status import RigStatus, RigWatch
 from pincette.client.supervisor import AsyncSupervisor
 
 __all__ = [
@@ -62,6 +63,8 @@ __all__ = [
     "RigLatchedEndError",
     "RigLatchedError",
     "RigNotReadyError",
+    "RigStatus",
+    "RigWatch",
     "Supervisor",
     "WaitTimeoutError",
     "WhichRigError",

@@ -16,9 +16,10 @@ import httpx
 from pincette.api.jobs import Job
 from pincette.api.results import JobResult
 from pincette.api.states import JobState
+from pincette.client.call import PATIENCE_S
 from pincette.client.job import AsyncJobHandle
 from pincette.client.rig import AsyncRigHandle
-from pincette.client.supervisor import PATIENCE_S, TIMEOUT_S, AsyncSupervisor
+from pincette.client.supervisor import TIMEOUT_S, AsyncSupervisor
 from pincette.client.transport import BlockingConnection, Transport, client_settings
 
 A = TypeVar("A")
@@ -163,6 +164,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
         return RigHandle(self.asynchronous.patient(patience_s))
 
     state = blocking(AsyncRigHandle.state)
+    status = blocking(AsyncRigHandle.status)
     can_start = blocking(AsyncRigHandle.can_start)
     plan = blocking(AsyncRigHandle.plan)
     plot = blocking(AsyncRigHandle.plot)
@@ -230,6 +232,12 @@ class Supervisor(Blocking[AsyncSupervisor]):
         """The same supervisor with another patience, in s, while it does not answer."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
+        return other
+
+    def within(self, timeout_s: float) -> "Supervisor":
+        """Return the same supervisor with another time limit of one reply, in s."""
+        other = Supervisor.__new__(Supervisor)
+        other.asynchronous = self.asynchronous.within(timeout_s)
         return other
 
     close = blocking(AsyncSupervisor.close)

@@ -1,9 +1,10 @@
 """One call over REST as data: what to send, how to read the answer, and whether to repeat it."""
 
+import math
 import ssl
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 from urllib.parse import quote
 
 import httpx
@@ -15,10 +16,18 @@ from pincette.client.errors import (
     GatewayError,
     NoAnswerError,
     problem_of,
+    refused,
 )
+from pincette.core.units import unit_of
 from pincette.core.validation_wording import refusal
 
 BASE = "/api/v1"
+PATIENCE_S = 120.0
+"""Default time, in s, for which a call that is safe to repeat is repeated while nobody replies.
+
+It is longer than a supervisor needs that is restarted. Calls that are safe to repeat are those that
+only read, plans, a ``start``, which has an Idempotency-Key, and everything that stops.
+"""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
 CLAIM_MIN, CLAIM_MAX = 16, 200
@@ -60,6 +69,7 @@ class Call(Generic[T]):
             "timeout": httpx.Timeout(timeout_s, read=timeout_s + self.kept_s),
         }
         if self.body is not None:
+            require_finite(self.body)
             details["json"] = self.body
         return details
 
@@ -203,6 +213,22 @@ def require_supervisor(response: httpx.Response) -> None:
     kind = response.headers.get("content-type", "").partition(";")[0]
     if response.status_code in GATEWAY and kind not in (MEDIA_TYPE, "application/json"):
         raise GatewayError(f"status {response.status_code}, and no words; is it a supervisor?")
+
+
+def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:
+    """Raise InvalidRequestError for a number that JSON cannot carry: not a number, or infinite."""
+    if isinstance(tree, float) and not math.isfinite(tree):
+        named = next((part for part in reversed(path) if not part.isdigit()), "the value")
+        unit = unit_of(named)
+        words = f"{named} = {tree}{f' {unit}' if unit else ''}: must be a finite number"
+        errors = [{"pointer": "".join(f"/{part}" for part in path), "message": words}]
+        raise refused(422, "invalid-request", "The request cannot be used", words, errors=errors)
+    if isinstance(tree, Mapping):
+        for name, value in cast("Mapping[str, Any]", tree).items():
+            require_finite(value, (*path, str(name)))
+    elif isinstance(tree, list | tuple):
+        for place, value in enumerate(cast("Sequence[Any]", tree)):
+            require_finite(value, (*path, str(place)))
 
 
 def content(response: httpx.Response) -> bytes:

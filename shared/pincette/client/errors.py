@@ -10,11 +10,21 @@ from pincette.api.problems import TYPE
 
 
 class ClientError(Exception):
-    """Something that the caller must do something about; the text says what."""
+    """An error that the caller must handle; its text says what to do."""
+
+    code = "client-error"
+    """Stable name of the error for programs; for a refusal that of its problem document."""
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether a motion did not come to its end because a caller has stopped it."""
+        return False
 
 
 class NoAnswerError(ClientError):
     """Nobody answers at the address, or the line broke before the answer was complete."""
+
+    code = "no-answer"
 
     def __init__(self, words: str, *, delivered: bool = False) -> None:
         super().__init__(words)
@@ -29,17 +39,25 @@ class GatewayError(httpx.TransportError):
 class WhichRigError(ClientError):
     """It is not said which of several rigs is meant."""
 
+    code = "which-rig"
+
 
 class ForeignAnswerError(ClientError):
     """What answers is no supervisor of this version."""
+
+    code = "foreign-answer"
 
 
 class WaitTimeoutError(ClientError, TimeoutError):
     """The job has not ended within the time that was given; it goes on."""
 
+    code = "wait-timeout"
+
 
 class InfeasiblePlanError(ClientError):
     """A plan breaks limits; nothing has been asked to move."""
+
+    code = "limit-violation"
 
     def __init__(self, violations: Sequence[str]) -> None:
         super().__init__(
@@ -50,11 +68,21 @@ class InfeasiblePlanError(ClientError):
 
 
 class JobEndedError(ClientError):
-    """A job has ended before it was where the caller waits for it."""
+    """A job has ended before it reached what the caller waits for."""
+
+    code = "job-failed"
 
     def __init__(self, words: str, job: Job) -> None:
         super().__init__(words)
         self.job = job
+        if self.cancelled:
+            self.code = "cancelled"
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether a caller has stopped the job, and no fault, lease or guard has."""
+        ending = self.job.ending
+        return self.stopped and (ending is None or ending.code == "requested")
 
     @property
     def stopped(self) -> bool:
@@ -65,13 +93,18 @@ class JobEndedError(ClientError):
 class RigLatchedEndError(JobEndedError):
     """It has ended because the rig was latched, as by an emergency stop."""
 
+    code = "rig-latched"
 
-class NothingHeldError(ClientError):
-    """A release is asked for, and nothing is held."""
+    @property
+    def cancelled(self) -> bool:
+        """Never: a person must look at the rig."""
+        return False
 
 
 class DamagedFileError(ClientError):
     """A file of a record does not have the SHA-256 that the supervisor states."""
+
+    code = "damaged-file"
 
 
 class ProblemError(ClientError):
@@ -81,7 +114,7 @@ class ProblemError(ClientError):
         self.status = status
         self.problem = dict(problem)
         self.code = str(problem.get("type", "")).removeprefix(TYPE)
-        """Such as limit-violation, job-active, rig-not-ready; empty where it gives none."""
+        """Code of the problem, such as limit-violation or job-active; empty if it has none."""
         self.title = str(problem.get("title", f"status {status}"))
         self.detail = str(problem.get("detail", ""))
         self.place = place
@@ -136,6 +169,10 @@ class PartHeldError(ProblemError):
     """A part is held: release it, or go on holding it."""
 
 
+class NothingHeldError(ProblemError):
+    """No part is held: there is nothing to hold or to release."""
+
+
 class RigLatchedError(ProblemError):
     """The rig is latched: a person must look, and reset it."""
 
@@ -150,6 +187,11 @@ class NotPermittedError(ProblemError):
 
 class RequestStoppedError(ProblemError):
     """The request was stopped by its Idempotency-Key before it had a job."""
+
+    @property
+    def cancelled(self) -> bool:
+        """Always: nothing has moved."""
+        return True
 
 
 RAISED: Mapping[str, type[ProblemError]] = {
@@ -171,6 +213,7 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "too-many-requests": RigBusyError,
     "busy": RigBusyError,
     "part-held": PartHeldError,
+    "nothing-held": NothingHeldError,
     "estop-engaged": RigLatchedError,
     "rig-latched": RigLatchedError,
     "rig-not-ready": RigNotReadyError,
@@ -179,6 +222,12 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "key-stopped": RequestStoppedError,
 }
 """What a problem is raised as, by its code; any other one is a ``ProblemError`` itself."""
+
+
+def refused(status: int, code: str, title: str, detail: str, **members: Any) -> ProblemError:
+    """Return the error of a request that the client itself refuses, as a supervisor would."""
+    raised = RAISED.get(code, ProblemError)
+    return raised(status, {"type": TYPE + code, "title": title, "detail": detail, **members})
 
 
 def _told(entry: Any) -> Any:

@@ -1,21 +1,22 @@
 """A motion followed to what an orchestrator waits for: a part that is held, or that is let go."""
 
 from collections.abc import AsyncGenerator
+from contextlib import aclosing
 from typing import TYPE_CHECKING
 
 from pincette.api.jobs import Progress
 from pincette.api.plans import JobPlan
 from pincette.api.rigs import Rig
-from pincette.client.call import get
+from pincette.api.states import STATES
+from pincette.client.call import PATIENCE_S, get
 from pincette.client.errors import InfeasiblePlanError, JobEndedError, RigLatchedEndError
 from pincette.client.transport import Transport
 
 if TYPE_CHECKING:
     from pincette.client.job import AsyncJobHandle
 
-PATIENCE_S = 120.0
-"""For how long a motion is followed while no supervisor answers: it goes on meanwhile."""
 LOOK_S = 0.1
+TERMINAL = frozenset(name for name, state in STATES.items() if state.terminal)
 LATCHED = ("frozen", "ramping", "latched")
 
 
@@ -32,10 +33,17 @@ def left_s(now: Progress) -> float | None:
 
 
 async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Where a job is, again and again until its end."""
-    async for event in job.patient(PATIENCE_S).events():
-        if event.kind == "progress":
-            yield Progress.model_validate(event.body, extra="ignore")
+    """Yield the progress of a job until it has ended.
+
+    The events of a job that was stopped with a part held go on until the part is released, but its
+    progress ends with the stop.
+    """
+    async with aclosing(job.patient(PATIENCE_S).events()) as events:
+        async for event in events:
+            if event.kind == "progress":
+                yield Progress.model_validate(event.body, extra="ignore")
+            elif event.kind == "state" and event.body.get("state") in TERMINAL:
+                return
 
 
 async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
@@ -51,36 +59,43 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
     """Where a job is, until it has succeeded."""
     async for now in progress(job):
         yield now
-    await job.refresh()
+    job.job = await job.patient(PATIENCE_S).refresh()
     if job.state != "succeeded":
         raise await _ended(transport, job)
 
 
 async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Where a job is, until nothing is held and the arm rests; its record may take longer."""
-    transport = transport.patient(PATIENCE_S)
-    patient = job.patient(PATIENCE_S)
+    """Yield the progress of a job until its part is free and the rig accepts the next job.
+
+    The record may be written later. ``job`` may have ended already, as one that was stopped with
+    the part held and is released then.
+    """
+    had_ended, transport = job.ended, transport.patient(PATIENCE_S)
     while True:
         rig = await _rig(transport, job)
-        known = await patient.refresh()
+        known = job.job = await job.patient(PATIENCE_S).refresh()
         if known.progress is not None:
             yield known.progress
         if rig.latch.state in LATCHED:
             raise _latched(job, rig)
-        if rig.part == "none" and rig.safe_to_move.value:
-            return
-        if patient.ended and rig.active_job is None:
-            raise await _ended(transport, patient)
+        if job.ended and rig.active_job != job.id:
+            if rig.part == "none" or rig.active_job is not None:
+                return
+            raise await _ended(transport, job)
+        if job.ended and not had_ended and "release" in known.allowed_actions:
+            raise await _ended(transport, job)  # stopped on the way, with the part still held
         await transport.sleep(LOOK_S)
 
 
 async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
-    """What a job that has ended otherwise is told as; a latch of the rig is told first."""
+    """Return the error of a job that has ended too early; a latch of the rig comes first."""
     rig = await _rig(transport.patient(PATIENCE_S), job)
-    found = await job.refresh()
+    found = job.job = await job.patient(PATIENCE_S).refresh()
     if rig.latch.state in LATCHED and found.state != "succeeded":
         return _latched(job, rig)
     words = f"job {found.id} {found.state}, part {rig.part}: {found.cause}".rstrip(": ")
+    if rig.part == "held":
+        words += "; the part is still held: release it, or hold it by another job"
     return JobEndedError(words, found)
 
 

@@ -16,10 +16,11 @@ from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.api.simulation import SimulationCommand
 from pincette.client.call import Call, content, get, model, post
-from pincette.client.errors import NothingHeldError
+from pincette.client.errors import ClientError, refused
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
+from pincette.client.status import NEWS_S, RigStatus, status_of, unknown_status
 from pincette.client.transport import Transport
 
 
@@ -36,6 +37,17 @@ class AsyncRigHandle:
     async def state(self) -> Rig:
         """Programs, interlocks, limits, latch, newest samples."""
         return await self._transport.send(get(f"/rigs/{self.name}", Rig))
+
+    async def status(self, limit_s: float = NEWS_S) -> RigStatus:
+        """Return the state of the rig for display, after ``limit_s`` at the latest.
+
+        Without a reply by then everything is unknown, and ``reasons`` say why. Raises nothing.
+        """
+        try:
+            once = self._transport.patient(0.0).within(limit_s)
+            return status_of(await AsyncRigHandle(once, self.name).state())
+        except ClientError as error:
+            return unknown_status(str(error))
 
     async def can_start(self) -> list[str]:
         """Reasons why no job can start; empty if one can."""
@@ -118,12 +130,14 @@ class AsyncRigHandle:
         return None if rig.active_job is None else await self.job(rig.active_job)
 
     async def let_go(self, idempotency_key: str | None = None, **fields: Any) -> AsyncJobHandle:
-        """Ask for the release of what is held, of the job that holds it or of a job for that.
+        """Release the held part: by the job that holds it, or else by a job ``release``.
 
         Raises
         ------
         NothingHeldError
-            Nothing is held.
+            Nothing is held, and no job is under way that could grip a part.
+        RigBusyError
+            A job is under way that holds no part yet.
         """
         state = await self.state()
         if state.active_job is not None:
@@ -131,8 +145,13 @@ class AsyncRigHandle:
             if "release" in job.job.allowed_actions:
                 await job.release()
                 return job
+            if not job.ended:
+                words = f"job {job.id} is {job.state} and holds no part that could be released"
+                raise refused(409, "job-active", "Another job has the rig", words, job=job.id)
+            state = await self.state()
         if state.part == "none":
-            raise NothingHeldError(f"rig {self.name} holds no part")
+            words = f"rig {self.name} holds no part: there is nothing to release"
+            raise refused(409, "nothing-held", "The gripper holds no part", words)
         return await self.start("release", idempotency_key=idempotency_key, **fields)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:

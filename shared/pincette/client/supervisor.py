@@ -14,13 +14,14 @@ from pincette.api.events import Alarm, AlarmList, Event
 from pincette.api.jobs import Job
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList
 from pincette.api.rigs import Rig, RigList, StoppedList
-from pincette.client.call import Call, content, get, post
+from pincette.client.call import PATIENCE_S, Call, content, get, post
 from pincette.client.errors import WhichRigError
 from pincette.client.job import AsyncJobHandle
 from pincette.client.rig import AsyncRigHandle, events, jobs, stop
 from pincette.client.transport import AsyncConnection, Transport, client_settings
 
-TIMEOUT_S, PATIENCE_S = 10.0, 10.0
+TIMEOUT_S = 10.0
+"""Default time limit of one reply, in s."""
 
 
 class AsyncSupervisor:
@@ -91,6 +92,12 @@ class AsyncSupervisor:
         """The same supervisor with another patience, in s, while it does not answer."""
         other = copy(self)
         other.transport = self.transport.patient(patience_s)
+        return other
+
+    def within(self, timeout_s: float) -> "AsyncSupervisor":
+        """Return the same supervisor with another time limit of one reply, in s."""
+        other = copy(self)
+        other.transport = self.transport.within(timeout_s)
         return other
 
     async def rigs(self) -> list[Rig]:

@@ -120,6 +120,12 @@ class Transport:
         other.patience_s = patience_s
         return other
 
+    def within(self, timeout_s: float) -> "Transport":
+        """Return the same connection with another time limit of one reply, in s."""
+        other = copy(self)
+        other.timeout_s = timeout_s
+        return other
+
     async def send(self, call: Call[T]) -> T:
         """Send a call, again if that is safe, and read the answer."""
         look = call.look if call.changes else None

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import AsyncGenerator, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Annotated
 
 import anyio
@@ -18,13 +18,17 @@ from pincette.client import (
     AsyncRigHandle,
     AsyncSupervisor,
     ClientError,
-    ProblemError,
+    WaitTimeoutError,
+    WhichRigError,
     left_s,
 )
+from pincette.client.status import NEWS_S, RigStatus, unknown_status
 from pincette.mcp.plans import NoPlanError, Plans
 
 LABEL = "mcp"
 """Label of a job: the token of its plan."""
+RESTS_S = 30.0
+"""Longest wait of ``stop`` for a motion to come to rest, in s."""
 UNKNOWN = "unknown"
 """Whether a part is held, where that cannot be read."""
 LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
@@ -49,11 +53,16 @@ class Status(BaseModel):
 
     rig: str
     state: str
-    """Of the actuator; latched: a person must look."""
+    """State of the actuator. Latched: a person must look. Unknown: no news from the rig for 1 s."""
+    age_s: float | None
+    """Time since the actuator was last heard; null if it is not known."""
     part: str
+    ready: bool
+    """Whether the rig takes commands: it is not latched, and all of its programs work."""
     can_start: bool
+    """Whether a grip can start now."""
     reasons: list[str]
-    """Why nothing can start."""
+    """Why no grip can start."""
     force_mN: float | None
     force_uncertainty_mN: float | None
     x_um: float | None
@@ -97,9 +106,9 @@ def told() -> Generator[None]:
     """Tell the agent what the supervisor refuses, with its code."""
     try:
         yield
-    except ProblemError as error:
+    except ClientError as error:
         raise ToolError(f"{error.code}: {error}") from error
-    except (ClientError, NoPlanError) as error:
+    except NoPlanError as error:
         raise ToolError(str(error)) from error
 
 
@@ -115,23 +124,30 @@ class Tools:
     async def status(self) -> Status:
         """Whether the rig is ready, what it holds, and its newest sample."""
         with told():
-            rig = await self._rig()
-            state = await rig.state()
-            job = None if state.active_job is None else await rig.job(state.active_job)
-        newest = state.newest
+            found = await self._status()
+        newest = found.newest
+        job_state = None
+        if found.job is not None:
+            at_once = self._supervisor.patient(0.0).within(NEWS_S)
+            try:
+                job_state = (await at_once.job(found.job)).state
+            except ClientError:
+                job_state = UNKNOWN
         return Status(
-            rig=state.name,
-            state=state.latch.state,
-            part=state.part,
-            can_start=state.can_start,
-            reasons=[] if state.can_start else state.reasons,
+            rig=self._name or "",
+            state=found.state,
+            age_s=found.age_s,
+            part=found.part,
+            ready=found.ready,
+            can_start=found.can_start,
+            reasons=found.reasons,
             force_mN=None if newest is None else newest.force_mN,
             force_uncertainty_mN=None if newest is None else newest.force_uncertainty_mN,
             x_um=None if newest is None else newest.x_um,
             voltage_V=None if newest is None else newest.voltage_V,
             phase="" if newest is None else newest.phase,
-            job=None if job is None else job.id,
-            job_state=None if job is None else job.state,
+            job=found.job,
+            job_state=job_state,
         )
 
     async def plan_grip(self, force_mN: Force, hold_s: Hold = None) -> GripPlan:
@@ -183,7 +199,10 @@ class Tools:
             return Done(job=job.id, part=(await rig.state()).part, detail="released")
 
     async def stop(self) -> Done:
-        """Bring a motion to rest; a held part stays held. It may be called at any time."""
+        """Bring a motion to rest; a held part stays held. It may be called at any time.
+
+        It ends once the motion rests, and the next one can start.
+        """
         with told():
             rig = await self._rig()
             for token in list(self._asked):
@@ -192,6 +211,8 @@ class Tools:
             if job is None:
                 return Done(job=None, part=(await rig.state()).part, detail="nothing moves")
             await job.stop()
+            with suppress(WaitTimeoutError):  # its state says that it is still stopping
+                await job.wait(RESTS_S)
             return Done(job=job.id, part=(await rig.state()).part, detail=job.state)
 
     async def emergency_stop(self) -> Done:
@@ -211,6 +232,18 @@ class Tools:
             part = UNKNOWN
         causes = ", ".join(dict.fromkeys(one.cause for one in stopped))
         return Done(job=None, part=part, detail=f"latched: {causes}")
+
+    async def _status(self) -> RigStatus:
+        """Return the state of the rig; unknown if nobody answers within 1 s."""
+        if self._name is None:
+            try:
+                found = await self._supervisor.patient(0.0).within(NEWS_S).rig()
+            except WhichRigError:
+                raise
+            except ClientError as error:
+                return unknown_status(str(error))
+            self._name = found.name
+        return await AsyncRigHandle(self._supervisor.transport, self._name).status()
 
     async def _rig(self) -> AsyncRigHandle:
         """Found when it is first asked for: the server starts without its supervisor."""

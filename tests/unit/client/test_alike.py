@@ -14,7 +14,7 @@ PAIRS = [
     (client.JobHandle, client.AsyncJobHandle),
 ]
 STREAMS = {"events", "live", "to_hold", "to_success", "to_release"}
-KNOWN_WITHOUT_ASKING = {"patient", "result"}
+KNOWN_WITHOUT_ASKING = {"patient", "within", "result"}
 
 
 def public(kind: type) -> dict[str, Any]:

@@ -121,13 +121,18 @@ def _sensor(context: RigContext) -> str:
 def _latch(context: RigContext) -> Check:
     """A latched actuator is well, and waits for a person."""
     latched = context.health.latched()
-    words = f"actuator latched ({context.trip_words(latched)})" if latched else "no latch to clear"
+    state = context.health.state
+    words = "no latch to clear"
+    if latched is not None:
+        words = f"actuator latched ({context.trip_words(latched)})"
+    elif state == "switched_on":
+        words = "actuator at its safe voltage since it was switched on; the first job clears this"
     return _check(
         "actuator.latch",
         latched is None,
         words,
         needed=False,
-        value=context.health.latch().shown,
+        value=state if latched is None else context.health.latch().shown,
         limit="clear",
     )
 

@@ -28,8 +28,8 @@ Moving = Literal["start", "pause", "resume", "stop", "abort"]
 """Actions that change the state of a job by themselves."""
 ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
 
-FREED_S = 1.0
-"""Within this time after its job's end a rig is free."""
+FREED_S = 15.0
+"""Longest wait for a job that has ended to release the rig, in s; usually a few milliseconds."""
 KEPT_S = 15.0
 """Within this time a job that only holds a part hands it over, and its record is closed."""
 
@@ -72,7 +72,9 @@ class JobActions:
         try:
             if action in ("release", "continue"):
                 self._context.bus.call(ACTION, Action(ActionCode(action)))
-                if action == "continue" and waiting is not None:
+                if action == "release":
+                    live.letting_go = True
+                elif waiting is not None:
                     live.confirm_wait(waiting)
             elif not _moved(live, action, state):
                 raise TransitionError(f"the job has just become {live.state}")
@@ -102,8 +104,8 @@ def _moved(live: LiveJob, action: Moving, state: JobState) -> bool:
 
 
 def await_end(active: LiveJob | None) -> None:
-    """Give a job that has ended, and holds nothing, a moment to free the rig."""
-    if active is not None and active.terminal and not active.held:
+    """Wait until a job that has ended, and holds nothing, has released the rig."""
+    if active is not None and active.over:
         active.done.wait(FREED_S)
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 from pincette.api.endings import Ending, EndingCode
@@ -12,6 +12,7 @@ from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
 from pincette.core.faults import Acted
 from pincette.core.messages import JobNotice
+from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.lease import Renewal
 from pincette_supervisor.jobs.resumption import NextJob
 from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
@@ -19,13 +20,6 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
-UNTOLD: Mapping[JobState, EndingCode] = {
-    "succeeded": "done",
-    "stopped": "requested",
-    "aborted": "requested",
-    "interrupted": "supervisor_ended",
-}
-"""Why a job has come to a state, where nothing was found that says more."""
 PLAYING = ("running", "pausing")
 """States in which the program plays."""
 
@@ -87,6 +81,8 @@ class LiveJob:
         self.next_job: NextJob | None = None
         """The one that goes on where a stall has tripped this one, or it went too far."""
         self.held = False
+        self.letting_go = False
+        """Whether a release was requested, and the part is not known to be free yet."""
         self.phase = ""
         self.progress: Progress | None = None
         self.waiting: int | None = None
@@ -122,6 +118,11 @@ class LiveJob:
         """Whether the state is terminal."""
         return STATES[self.state].terminal
 
+    @property
+    def over(self) -> bool:
+        """Whether it has ended and holds nothing: another job can start."""
+        return self.terminal and not self.held
+
     def move(
         self,
         event: Event,
@@ -142,7 +143,7 @@ class LiveJob:
                 values["started_at"] = now
             body = {"state": state, "cause": self.cause}
             if STATES[state].terminal:
-                self.ending = self.ending or Ending(code=UNTOLD.get(state, "internal"))
+                self.ending = self.ending or Ending(code=policies.UNTOLD.get(state, "internal"))
                 values |= {"ended_at": now, "ending": self.ending.model_dump(mode="json")}
                 body["ending"] = self.ending.code
             entered = self.moves + 1

@@ -52,9 +52,11 @@ class JobIndex:
         return self._queue.entry(name) is not None or self._live(name) is not None
 
     def is_over(self, name: str) -> bool:
-        """Whether a job has ended."""
+        """Whether a job has ended, and no release of its part is going on."""
         waits = self._queue.entry(name) is not None
-        return not waits and ((live := self._live(name)) is None or live.terminal)
+        if waits or (live := self._live(name)) is None:
+            return not waits
+        return live.done.is_set() or (live.terminal and not live.letting_go)
 
     def is_recorded(self, name: str) -> bool:
         """Whether a job has ended, and its record is written."""

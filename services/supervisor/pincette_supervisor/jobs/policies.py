@@ -1,5 +1,8 @@
 """Effects of a stop and an abort on a held part, and deadlines of states."""
 
+from collections.abc import Mapping
+
+from pincette.api.endings import EndingCode
 from pincette.api.requests import JobRequest, PolicyRequest
 from pincette.api.states import STATES, JobState
 from pincette.config import RigFile
@@ -10,6 +13,13 @@ from pincette_supervisor.planning.planned import Planned
 STOPS = {"hold": LeaseEnd.STOP, "release": LeaseEnd.LET_GO, "retract": LeaseEnd.RETRACT}
 """The controller's action for each ``on_stop``."""
 CALIBRATE = "calibrate"
+UNTOLD: Mapping[JobState, EndingCode] = {
+    "succeeded": "done",
+    "stopped": "requested",
+    "aborted": "requested",
+    "interrupted": "supervisor_ended",
+}
+"""Default code of the ending for each state in which a job ends."""
 RELEASING = ("unload", "release", "retreat")
 """Phases that a stop plays if ``on_stop`` releases the part."""
 

@@ -14,6 +14,7 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.problems import ProblemError, not_found
 from pincette_supervisor.rigs.part import held_words, playing_words, reset_words
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.standing import standing
 
 
 def require_job(store: Store, name: str) -> JobRow:
@@ -52,7 +53,10 @@ def require_ready(context: RigContext, planned: Planned | None) -> None:
         raise ProblemError(409, code, "Nothing may move", words, cause=str(latched.cause))
     if reasons := context.lasting_reasons():
         raise unready(reasons)
-    if planned is None or planned.begins_held:
+    if planned is None:
+        return
+    if planned.begins_held:
+        require_part(context)
         return
     if words := held_words(context):
         raise part_held(words)
@@ -76,9 +80,18 @@ def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
 def require_startable(context: RigContext, kind: JobKind) -> None:
     """Raise ProblemError where the rig cannot start a job of a kind, by what its programs say."""
     require_ready(context, None)
-    words = held_words(context)
-    if words and not kind.begins_held:
+    if kind.begins_held:
+        require_part(context)
+    elif words := held_words(context):
         raise part_held(words)
+
+
+def require_part(context: RigContext) -> None:
+    """Raise ProblemError if it is known that the gripper holds no part."""
+    if standing(context).part == "none":
+        name = context.rig.rig.name
+        words = f"rig {name} holds no part: there is nothing to hold or to release"
+        raise ProblemError(409, "nothing-held", "The gripper holds no part", words)
 
 
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:

@@ -37,7 +37,10 @@ SAMPLE_OF = {topic.producer: topic.message for topic in reversed(TOPICS) if topi
 
 def rig_view(manager: JobManager) -> Rig:
     """The rig; asks the programs unless they have just answered or a job runs."""
-    context, active, queue = manager.context, manager.active, manager.queue
+    context, queue = manager.context, manager.queue
+    active = manager.active
+    if active is not None and active.over:
+        active = None  # a new job is accepted, see ``await_end``
     health, rig = context.health, context.rig
     if active is None or active.terminal:
         health.refresh()
@@ -104,9 +107,12 @@ def _startable(context: RigContext, active: LiveJob | None) -> list[str]:
     holding = [kind.name for kind in kinds.values() if kind.begins_held]
     if active is not None:
         return holding if active.terminal and active.held else []
-    if standing(context).part == "held":
+    part = standing(context).part
+    if part == "held":
         return holding
-    return [] if is_playing(context) else [*kinds]
+    if is_playing(context):
+        return []
+    return [name for name in kinds if part == "unknown" or name not in holding]
 
 
 def _resettable(context: RigContext) -> bool:

@@ -1,0 +1,105 @@
+"""The state of a rig as orchestrators are told it: from one table, with its age."""
+
+import asyncio
+from collections.abc import Callable
+from time import monotonic
+from typing import TYPE_CHECKING, NamedTuple
+
+from pincette.api.rig_states import RIG_STATES, RigState
+from pincette.api.rigs import Newest, PartState, Rig
+from pincette.client.errors import ClientError
+
+if TYPE_CHECKING:
+    from pincette.client.rig import AsyncRigHandle
+
+NEWS_S = 1.0
+"""Age of the newest reply of the supervisor from which the state of a rig is unknown, in s."""
+
+
+class RigStatus(NamedTuple):
+    """State of a rig for display, as far as it is known."""
+
+    state: RigState
+    """State of the actuator; ``unknown`` without news."""
+    part: PartState
+    """Whether a part is held; ``unknown`` without news."""
+    ready: bool
+    """Whether the rig takes commands: it is not latched, and all of its programs work.
+
+    A rig that holds a part, or that a job has, is ready: the part can be released.
+    """
+    can_start: bool
+    """Whether a grip can start now."""
+    reasons: list[str]
+    """Why no grip can start; empty if one can."""
+    job: str | None
+    """Id of the job that has the rig."""
+    newest: Newest | None
+    age_s: float | None
+    """Time since the actuator was last heard, in s; None if it is not known."""
+
+
+def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
+    """Return the state of a rig from a reply of the supervisor that is ``age_s`` old."""
+    heard_s = rig.standing.state_age_s
+    whole = RIG_STATES[rig.latch.state].may_start and all(
+        check.ok for check in rig.checks if check.needed
+    )
+    return RigStatus(
+        state=rig.latch.state,
+        part=rig.part,
+        ready=bool(rig.startable) or (rig.active_job is not None and whole),
+        can_start=rig.can_start,
+        reasons=[] if rig.can_start else rig.reasons,
+        job=rig.active_job,
+        newest=rig.newest,
+        age_s=None if heard_s is None else heard_s + age_s,
+    )
+
+
+def unknown_status(why: str, age_s: float | None = None) -> RigStatus:
+    """Return the state of a rig of which nothing is known, and why."""
+    return RigStatus(
+        state="unknown",
+        part="unknown",
+        ready=False,
+        can_start=False,
+        reasons=[why],
+        job=None,
+        newest=None,
+        age_s=age_s,
+    )
+
+
+class RigWatch:
+    """The newest state of a rig that is read repeatedly; unknown after ``NEWS_S`` without news."""
+
+    def __init__(self, rig: "AsyncRigHandle", clock: Callable[[], float] = monotonic) -> None:
+        self._handle, self._clock = rig.patient(0.0), clock
+        self._turn = asyncio.Lock()
+        self._rig: Rig | None = None
+        self._heard_at_s = 0.0
+        self._why = f"rig {rig.name}: no reply of the supervisor yet"
+
+    async def read(self) -> RigStatus:
+        """Read the rig once, and return its state. Raises nothing if there is no reply."""
+        async with self._turn:  # so that no older reply comes after a newer one
+            try:
+                rig = await self._handle.state()
+            except ClientError as error:
+                self._why = str(error)
+            else:
+                self._rig, self._heard_at_s = rig, self._clock()
+                self._why = f"rig {rig.name}: no reply of the supervisor for {NEWS_S:g} s"
+        return self.status
+
+    @property
+    def status(self) -> RigStatus:
+        """The state as far as it is known now."""
+        if self._rig is None:
+            return unknown_status(self._why)
+        age_s = self._clock() - self._heard_at_s
+        if age_s > NEWS_S:
+            heard_s = self._rig.standing.state_age_s
+            return unknown_status(self._why, None if heard_s is None else heard_s + age_s)
+        return status_of(self._rig, age_s)
