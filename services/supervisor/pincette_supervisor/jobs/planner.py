@@ -6,6 +6,7 @@ from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.control.record import replace as changed
 from pincette_supervisor import problems
+from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.learned import LearnedRepository
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.kinds.functions import kind_of
@@ -13,6 +14,7 @@ from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
 from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
+from pincette_supervisor.planning.last_pose import last_pose_um
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.recipes import completed, pinned, plan_with_recipe
@@ -20,6 +22,9 @@ from pincette_supervisor.planning.recorded_jobs import recorded_motion
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.part import present
 from pincette_supervisor.rigs.rig_context import RigContext
+
+LOOKED_AT = 20
+"""Number of jobs among which the last one that was armed is looked for."""
 
 
 def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
@@ -30,6 +35,9 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
     try:
         request = for_arms(request, rig)
         stands = None if moving and not kind_of(request).from_present else present(context)
+        if stands is not None and getattr(request, "by_um", None) is not None:
+            rows = context.store.newest(LOOKED_AT, JobFilter(rig=rig.rig.name))
+            stands = replace(stands, pose_um=last_pose_um(rows, stands))
         if request.plays is not None:
             recorded = recorded_motion(context.store, context.records, rig, request.plays)
             stands = replace(stands or Present(), recorded=recorded)

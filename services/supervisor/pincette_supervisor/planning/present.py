@@ -19,6 +19,8 @@ class Present:
     second_V: float | None = None
     second_um: float | None = None
     """Of the second arm, where there is one."""
+    pose_um: float | None = None
+    """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
 
     def stand_V(self, rig: RigFile) -> float:
         """The voltage applied, or where that is not known the rig file's safe voltage."""

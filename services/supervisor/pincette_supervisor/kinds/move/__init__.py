@@ -29,7 +29,7 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     to_um: float | None = None
     """Target position, by the law."""
     by_um: float | None = None
-    """From where the arm stands as the job is planned."""
+    """From the target of the last move where the arm still stands there, else from its position."""
     to_V: float | None = None
     """Target voltage, without a law."""
     by_V: float | None = None

@@ -29,7 +29,7 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
     rig, stand = model.rig, stand_of(present, model.rig)
     to_um, by_um = request.to_um, request.by_um
     if by_um is not None:
-        to_um = stand.x_um + by_um
+        to_um = (stand.x_um if present.pose_um is None else present.pose_um) + by_um
     speed = request.speed_um_per_s or rig.grip.approach_um_per_s
     cycles = _cycles(request, rig)
     move = MoveRequest(
