@@ -146,7 +146,7 @@ def test_missing_and_unknown_fields_are_named() -> None:
 
 
 def test_size_is_bounded() -> None:
-    with pytest.raises(CodecError, match="limit 65536"):
+    with pytest.raises(CodecError, match="limit 524288"):
         decode(Position, b"\x00" * (MAX_BYTES + 1))
 
 

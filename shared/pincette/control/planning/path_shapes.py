@@ -7,8 +7,9 @@ from math import sqrt
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.paths import Knot, Path, Quantity
 from pincette.control.planning.profiles import minimum_duration
+from pincette.control.quantities import MAX_ITEMS
 
-KNOTS_MAX = 256
+KNOTS_MAX = MAX_ITEMS
 """As many as travel in one message."""
 CLOSEST_S = 1e-6
 """Shortest time between two points of a path."""
@@ -16,6 +17,8 @@ CORNER_SHARE = 0.75
 """Of its acceleration that a triangle turns with."""
 PIECE_POINTS, CYCLE_POINTS = 64, 512
 """Points at which a piece and a cycle are sampled for their peaks."""
+PATH_POINTS = 16_384
+"""Points at which a path of many pieces is sampled, shared among its pieces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +159,8 @@ def _passing_rate(
 def peaks(path: Path) -> Peaks:
     """Extremes of a path, sampled over each piece, or over the blend and one full cycle."""
     if path.knots:
-        points, ends = PIECE_POINTS, [knot.t_s for knot in path.knots]
+        ends = [knot.t_s for knot in path.knots]
+        points = min(PIECE_POINTS, PATH_POINTS // (len(ends) - 1))
     else:
         points = CYCLE_POINTS
         ends = [cycle * path.cycle_s for cycle in range(path.blend_cycles + 2)]

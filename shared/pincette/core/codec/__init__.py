@@ -18,7 +18,7 @@ from pincette.core.topics import REQUESTS, TOPICS
 
 M = TypeVar("M", bound=Message)
 
-MAX_BYTES = 65_536
+MAX_BYTES = 524_288
 """Of a message."""
 KINDS = {topic.message for topic in TOPICS} | {
     kind for request in REQUESTS for kind in (request.request, request.reply)

@@ -12,7 +12,7 @@ from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
-MEMBERS_MAX, POINTS_MAX = 100, 200
+MEMBERS_MAX, POINTS_MAX = 100, 4000
 Cycles = Annotated[int, Field(ge=1, le=1000), WHOLE]
 
 

@@ -12,7 +12,7 @@ from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
 from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
 
-LEVELS_MAX, POINTS_MAX = 100, 200
+LEVELS_MAX, POINTS_MAX = 100, 4000
 SWING = ("force_mean_mN", "force_pp_mN", "frequency_hz", "cycles")
 MEMBERS = {
     "sinusoid": SWING,

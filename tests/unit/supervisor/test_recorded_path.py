@@ -1,0 +1,51 @@
+"""A recorded trajectory of thousands of rows is planned and fits in one message."""
+
+from typing import Any
+
+from pincette.config import RigFile
+from pincette.core.codec import decode, encode
+from pincette.core.messages import Load
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.kinds.track import POINTS_MAX
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.present import Present
+from tests.support.rigs import demo_rig
+
+from .test_plan_warnings import TWO_ARMS
+
+RIG = demo_rig()
+
+
+def rows(count: int, name: str, low: float, high: float) -> list[dict[str, float]]:
+    """A triangle of 200 rows, a period apart."""
+    period_s = RIG.rig.period_s
+    steps = [abs(100 - at % 200) / 100.0 for at in range(count)]
+    return [
+        {"t_s": round(period_s * at, 6), name: low + (high - low) * step}
+        for at, step in enumerate(steps)
+    ]
+
+
+def knots_of(rig: RigFile, wish: dict[str, Any]) -> list[int]:
+    planned = plan_job(REQUEST.validate_python(wish), rig, Present(0.0, 0.0))
+    assert planned.plan.violations == []
+    sent = decode(Load, encode(Load(planned.program)))
+    assert sent.program == planned.program
+    paths = [
+        path
+        for segment in sent.program.segments
+        for path in (segment.path, None if segment.both is None else segment.both.place_path)
+    ]
+    return [len(path.knots) for path in paths if path is not None]
+
+
+def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:
+    points = rows(2007, "force_mN", 8.0, 12.0)
+    assert knots_of(RIG, {"kind": "track", "shape": "waypoints", "points": points}) == [2007]
+
+
+def test_two_paths_of_the_most_points_fit_in_one_message() -> None:
+    force = {"shape": "waypoints", "points": rows(POINTS_MAX, "force_mN", 8.0, 9.0)}
+    place = {"shape": "waypoints", "points": rows(POINTS_MAX, "place_um", 0.0, 0.5)}
+    wish = {"kind": "pair_track", "force": force, "place": place}
+    assert knots_of(TWO_ARMS, wish) == [POINTS_MAX, POINTS_MAX]
