@@ -96,7 +96,7 @@ dev:
 	$(call filled,dev)
 
 browser: dev
-	@$(BIN)/python requirements/browser.py
+	@$(BIN)/python requirements/system_programs.py
 
 demo: venv ## a simulated rig grips a bead; nothing else is needed
 	@$(BIN)/pincette demo $(SECURELY) $(ARGS)
@@ -107,7 +107,7 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 # Types are checked beside the parallel tests, on whichever core is idle; what is said comes after.
 test: dev ## lint and a fair check of everything, within ten minutes on two cores
 	@$(MAKE) --no-print-directory lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
-	$(BIN)/python requirements/browser.py; \
+	$(BIN)/python requirements/system_programs.py; \
 	$(call tested,$(TEST),wait $$lint; linted=$$?; cat $(VENV)/lint.log;); \
 	test $$linted -eq 0 || { echo "== lint failed, exit status $$linted: see above" >&2; exit 1; }; \
 	exit $$status

@@ -31,6 +31,11 @@ supervisor serves at `/openapi.json`.
 
 Names of fields contain the units. The supervisor refuses unknown fields and query parameters,
 those that come twice, and numbers that are not finite; an emergency stop alone passes over them.
+An emergency stop is also accepted for every spelling of its path, for HTTP/1.0 and under every
+`Host`. All other paths are exact: a wrong one gets 404, never a redirect. `HEAD` works wherever
+`GET` does, `OPTIONS` names the methods of a path, and so does `Allow` of a 405. `Location` is
+relative to the address of the request, so that it is right [behind a reverse
+proxy](../how-to/reverse-proxy.md).
 If the supervisor has [keys](../how-to/rest-keys.md), a request needs one with the scope that is
 named at each path: `Authorization: Bearer KEY`. A page that has signed in sends a cookie
 instead. *Required* marks a field without a default: a request must have it, and an answer always

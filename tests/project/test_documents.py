@@ -27,7 +27,7 @@ from tests.support.documents import (
 
 REGISTER = "tests/support/document_register.py"
 COMMAND = re.compile(r"(?:\.venv/bin/)?(?:pincette|python3?|pip|make|curl|docker|kill|export|git) ")
-KNOWN = {"", "sh", "python", "toml", "json", "ini", "console", "yaml", "promql", "js"}
+KNOWN = {"", "sh", "python", "toml", "json", "ini", "console", "yaml", "promql", "js", "nginx"}
 
 
 def every_block() -> list[Block]:

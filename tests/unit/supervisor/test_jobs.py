@@ -70,7 +70,7 @@ def test_nothing_but_the_record_can_be_read(harness: Harness, name: str) -> None
 def test_without_autostart_a_job_waits_for_the_action(harness: Harness) -> None:
     response = harness.post("/jobs", {"kind": "grip"})
     job = response.json()["id"]
-    assert response.headers["location"] == f"/api/v1/jobs/{job}"
+    assert response.headers["location"] == f"jobs/{job}"
     harness.reach(job, "ready")
     assert harness.get(f"/jobs/{job}")["allowed_actions"] == ["start", "stop", "abort"]
     assert "sensor/arm" not in harness.bus.asked

@@ -65,8 +65,13 @@ def take(
     asker: Asker,
     predict: bool = True,
     key: str | None = None,
+    jobs: str = "jobs",
 ) -> Job | JobPlan:
-    """Take a job, or plan it only, and predict what playing the plan would come to."""
+    """Create a job, or plan it only, and predict the result of the plan.
+
+    ``jobs`` is the address of the jobs relative to that of the request. ``Location`` is relative,
+    so that it is right below the path prefix of a reverse proxy, too.
+    """
     asker.note(DRY_RUN if dry_run or body.dry_run else body.kind)
     if dry_run or body.dry_run:
         response.status_code = 200
@@ -80,7 +85,7 @@ def take(
         if error.code == "caller-gone":
             asker.note(f"{body.kind}: the caller hung up, nothing was begun")
         raise
-    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    response.headers["Location"] = f"{jobs}/{job.id}"
     response.headers["ETag"] = etag(job.id, job.revision)
     if replayed:
         response.status_code = 200

@@ -47,7 +47,7 @@ def create(body: RecipeRequest, repository: Repository, response: Response, note
     except RecipeLimitError as error:
         title = "There are too many recipes"
         raise ProblemError(409, "recipe-limit", title, str(error)) from error
-    response.headers["Location"] = f"/api/v1/recipes/{row.name}/{row.version}"
+    response.headers["Location"] = f"recipes/{row.name}/{row.version}"
     if not anew:
         response.status_code = 200
     return _view(row)

@@ -105,7 +105,7 @@ def create(
         return planned.plan
     require_feasible(planned)
     row, anew = TrajectoryStore(manager.context).book.add(row)
-    response.headers["Location"] = f"/api/v1/trajectories/{row.digest}"
+    response.headers["Location"] = f"trajectories/{row.digest}"
     if not anew:
         response.status_code = 200
     return _view(manager, row, planned)
@@ -224,6 +224,7 @@ def start(
         dry_run=False,
         asker=asker,
         key=idempotency_key,
+        jobs="../../jobs",
     )
 
 

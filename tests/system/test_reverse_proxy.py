@@ -1,0 +1,174 @@
+"""A rig behind real reverse proxies, configured by the blocks of docs/how-to/reverse-proxy.md."""
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+from urllib.parse import urljoin
+
+import httpx
+import pytest
+
+from tests.support.documents import ROOT, blocks_of
+from tests.support.rigs import free_ports, paced_rig
+from tests.support.running import RunningRig, running_rig
+
+PAGE = ROOT / "docs" / "how-to" / "reverse-proxy.md"
+PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin"])
+OWN = {"Host": "gripper.lab", "Origin": "http://gripper.lab"}
+START_S = 30.0
+FIRST_EVENT_S = 5.0
+ADDRESS = re.compile(r'(?:href|src|action)="([^"#?:]+)"')
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    changes = {"supervisor": {"names": ["gripper.lab"]}}
+    with running_rig(paced_rig(changes), tmp_path_factory.mktemp("proxied")) as running:
+        yield running
+
+
+def nginx(block: str, folder: Path, port: int) -> tuple[list[str], str]:
+    site = re.sub(r"listen \d+( ssl)?;", f"listen 127.0.0.1:{port};", block)
+    site = re.sub(r" +ssl_certificate.*\n", "", site)
+    places = "".join(
+        f"{name}_temp_path {folder}/{name};\n"
+        for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+    )
+    text = (
+        f"daemon off; master_process off; pid {folder}/pid; error_log stderr;\n"
+        f"events {{}}\nhttp {{\naccess_log off;\n{places}{site}}}\n"
+    )
+    return ["nginx", "-e", "stderr", "-c", str(folder / "configuration")], text
+
+
+def haproxy(block: str, folder: Path, port: int) -> tuple[list[str], str]:
+    text = block.replace("bind :80", f"bind 127.0.0.1:{port}")
+    # One failed check takes the server down, so that a test need not wait for the usual three.
+    text = text.replace(" check\n", " check inter 100ms fall 1\n")
+    return ["haproxy", "-db", "-f", str(folder / "configuration")], text
+
+
+def caddy(block: str, folder: Path, port: int) -> tuple[list[str], str]:
+    text = "{\n admin off\n}\n" + block.replace("http://gripper.lab", f"http://gripper.lab:{port}")
+    name = str(folder / "configuration")
+    return ["caddy", "run", "--adapter", "caddyfile", "--config", name], text
+
+
+Prepare = Callable[[str, Path, int], tuple[list[str], str]]
+PROXIES: dict[str, Prepare] = {"nginx": nginx, "HAProxy": haproxy, "Caddy": caddy}
+TITLES = {f"{name}: {kind}": name for name in PROXIES for kind in ("whole host", "prefix")}
+
+
+def block_of(title: str) -> str:
+    (block,) = [block for block in blocks_of(PAGE) if block.first == f"# {title}"]
+    return block.text
+
+
+@contextmanager
+def proxied(
+    title: str, rig: RunningRig, folder: Path, change: Callable[[str], str] = str
+) -> Generator[httpx.Client]:
+    """A client of a proxy that is configured by a block of the page."""
+    port = free_ports(1)
+    place = rig.rig.supervisor
+    block = change(block_of(title)).replace("127.0.0.1:8000", f"{place.host}:{place.port}")
+    command, text = PROXIES[TITLES[title]](block, folder, port)
+    program = shutil.which(command[0], path=PATH)
+    if program is None:
+        pytest.skip(f"no {command[0]} on this machine")
+    (folder / "configuration").write_text(text, encoding="utf-8")
+    environment = {**os.environ, "HOME": str(folder), "XDG_DATA_HOME": str(folder)}
+    log = (folder / "log").open("w")
+    process = subprocess.Popen([program, *command[1:]], stdout=log, stderr=log, env=environment)
+    try:
+        base = f"http://127.0.0.1:{port}/" + ("gripper/" if title.endswith("prefix") else "")
+        with httpx.Client(base_url=base, headers=OWN, timeout=30.0, trust_env=False) as client:
+            until_answered(client, process, folder / "log")
+            yield client
+    finally:
+        process.terminate()
+        process.wait(10.0)
+        log.close()
+
+
+def until_answered(client: httpx.Client, process: subprocess.Popen[bytes], log: Path) -> None:
+    deadline = monotonic() + START_S
+    while True:
+        assert process.poll() is None, log.read_text()
+        try:
+            if client.get("livez").status_code == 200:
+                return
+        except httpx.TransportError:
+            pass
+        assert monotonic() < deadline, log.read_text()
+        sleep(0.05)
+
+
+def assert_the_page_loads(client: httpx.Client) -> None:
+    page = client.get("")
+    assert page.status_code == 200
+    found = [address for address in ADDRESS.findall(page.text) if "{" not in address]
+    assets = [address for address in found if "page/" in address]
+    assert len(assets) >= 4
+    for address in found:
+        # A browser resolves them against the address of the page, prefix and all.
+        place = urljoin(str(client.base_url), address)
+        assert place.startswith(str(client.base_url)), address
+        if address in assets:
+            assert client.get(place).status_code == 200, address
+
+
+@pytest.mark.parametrize("title", TITLES)
+def test_a_rig_works_behind_a_proxy(title: str, rig: RunningRig, tmp_path: Path) -> None:
+    with proxied(title, rig, tmp_path) as client:
+        assert_the_page_loads(client)
+        check = client.post("api/v1/rigs/demo/page-check").json()
+        assert (check["stop"]["accepted"], check["order"]["accepted"]) == (True, True)
+        assert check["path"] == "/api/v1/rigs/demo/page-check"
+
+        taken = client.post("api/v1/jobs", json={"kind": "grip"})
+        assert taken.status_code == 201
+        job = urljoin(str(taken.request.url), taken.headers["location"])
+        assert client.get(job).json()["id"] == taken.json()["id"]
+        assert client.post(f"{job}/actions", json={"type": "stop"}).status_code == 202
+        assert client.head(job).status_code == 200
+
+        begun_s = monotonic()
+        with client.stream("GET", "api/v1/rigs/demo/live") as stream:
+            assert next(stream.iter_text())
+            assert monotonic() - begun_s < FIRST_EVENT_S
+
+        if "HAProxy" in title:
+            sleep(1.0)  # some checks later the server is still up
+            assert client.get("livez").status_code == 200
+
+        for path in ("api/v1/rigs/demo/estop", "api/v1/rigs/demo/estop/", "api/v1/estop"):
+            stopped = client.post(path)
+            assert stopped.status_code == 200, stopped.text
+            assert stopped.json()["supervisor"] == check["supervisor"]
+        assert rig.view()["latch"]["cause"] == "estop"
+        reset = client.post("api/v1/rigs/demo/reset", json={"acknowledge": True})
+        assert reset.status_code == 200, reset.text
+
+
+def test_a_proxy_that_drops_host_is_reported(rig: RunningRig, tmp_path: Path) -> None:
+    line = "proxy_set_header Host $http_host;"
+    assert line in block_of("nginx: prefix")
+    with proxied("nginx: prefix", rig, tmp_path, lambda block: block.replace(line, "")) as client:
+        assert client.get("api/v1/rigs").status_code == 200
+        check = client.post("api/v1/rigs/demo/page-check").json()
+        assert check["stop"]["code"] == check["order"]["code"] == "foreign-page"
+        assert line in check["stop"]["remedy"]
+        assert client.post("api/v1/rigs/demo/estop").status_code == 403
+
+
+def test_a_prefix_that_a_proxy_left_is_named(rig: RunningRig, tmp_path: Path) -> None:
+    with proxied("nginx: whole host", rig, tmp_path) as client:
+        answer = client.post("gripper/api/v1/rigs/demo/estop")
+        assert answer.status_code == 404
+        assert "'/gripper'" in answer.json()["detail"]
