@@ -5,9 +5,9 @@ from time import monotonic
 
 from pincette.engine.fleet import Child, Fleet
 
-REVIVED = ("supervisor",)
-"""Programs that are started again. They are no part of the loop: the loop goes on without them, and
-a held part stays held. What is part of it has a person look first."""
+REVIVED = ("supervisor", "recorder")
+"""Programs that are restarted. They are no part of the loop, which goes on without them, and a held
+part stays held. A program of the loop is not restarted before a person has looked at the rig."""
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
 """A program that has run for so long begins with the shortest wait again."""

@@ -1,9 +1,10 @@
 """Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import IO, Any, Literal
 
 Kind = Literal["float", "int", "bool", "text"]
 
@@ -18,13 +19,24 @@ class Field:
     kind: Kind
 
 
-def write(
-    target: Path | BinaryIO,
-    fields: Sequence[Field],
-    columns: Mapping[str, Sequence[Any]],
-    about: Mapping[str, str],
-) -> None:
-    """Write a table; each field's metadata holds its unit and meaning, the schema's ``about``."""
+class Writer:
+    """Writes a table part by part; each part becomes a row group."""
+
+    def __init__(self, source: Any, schema: Any) -> None:
+        self._writer, self._schema = source, schema
+
+    def add(self, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Write rows; raises OSError."""
+        table = _pyarrow()[0].Table.from_pydict(dict(columns), schema=self._schema)
+        self._writer.write_table(table)
+
+    def close(self) -> None:
+        """Write the end of the file, without which nothing of it can be read; raises OSError."""
+        self._writer.close()
+
+
+def writer(target: Path | IO[bytes], fields: Sequence[Field], about: Mapping[str, str]) -> Writer:
+    """Begin a table; each field's metadata holds its unit and meaning, the schema's ``about``."""
     arrow, files = _pyarrow()
     types = {
         "float": arrow.float64(),
@@ -41,8 +53,30 @@ def write(
         ],
         metadata=dict(about),
     )
-    table = arrow.Table.from_pydict(dict(columns), schema=schema)
-    files.write_table(table, target, compression="zstd")
+    return Writer(files.ParquetWriter(target, schema, compression="zstd"), schema)
+
+
+@contextmanager
+def writing(
+    target: Path | IO[bytes], fields: Sequence[Field], about: Mapping[str, str]
+) -> Generator[Writer]:
+    """Write a table, and close it at the end; raises OSError."""
+    begun = writer(target, fields, about)
+    try:
+        yield begun
+    finally:
+        begun.close()
+
+
+def write(
+    target: Path | IO[bytes],
+    fields: Sequence[Field],
+    columns: Mapping[str, Sequence[Any]],
+    about: Mapping[str, str],
+) -> None:
+    """Write a table that is in memory."""
+    with writing(target, fields, about) as begun:
+        begun.add(columns)
 
 
 def opened(path: Path) -> Any:

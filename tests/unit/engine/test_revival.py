@@ -39,7 +39,7 @@ class Programs:
 
 @pytest.fixture
 def programs() -> Programs:
-    return Programs("supervisor", "controller")
+    return Programs("supervisor", "recorder", "controller")
 
 
 class Watched:
@@ -65,6 +65,14 @@ def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None
     (line,) = watched.said
     assert line.startswith("supervisor: ended, status -9; see supervisor.log; started again in 0.5")
     assert "a held part go on" in line
+
+
+def test_a_recorder_is_started_again(programs: Programs) -> None:
+    watched = Watched(programs)
+    programs.members["recorder"].process.returncode = -9
+    watched.after(0.1)
+    watched.after(FIRST_S)
+    assert programs.revived == ["recorder"]
 
 
 def test_the_loop_is_left_to_a_person(programs: Programs) -> None:

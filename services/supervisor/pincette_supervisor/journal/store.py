@@ -1,7 +1,7 @@
 """Jobs, actions, events and notes in the journal; never called from the event loop."""
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -29,6 +29,8 @@ __all__ = ["ActionRow", "JobRow", "KeyTakenError", "Store", "StoreError", "utc_n
 
 INTERRUPTED = "the supervisor ended while the job ran"
 PROBE, IDENTIFIER = "probe", "supervisor"
+PAGE = 250
+"""Jobs that are read at once where any number is asked for."""
 EVENTS_KEPT = 200_000
 """Events that are kept at least; some weeks of work."""
 EVENTS_SWEEP = 500
@@ -122,6 +124,17 @@ class Store(Database):
         query = found.applied(select(JOBS).order_by(JOBS.c.number.desc()).limit(limit))
         with self.reading() as connection:
             return _select(connection, query)
+
+    def pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[JobRow]]:
+        """The same, at most ``PAGE`` jobs at once; without a limit all of them."""
+        left = limit
+        while left is None or left > 0:
+            page = self.newest(PAGE if left is None else min(PAGE, left), found)
+            if not page:
+                return
+            yield page
+            found = replace(found, before_number=page[-1].number)
+            left = None if left is None else left - len(page)
 
     def queued(self, rig: str) -> list[JobRow]:
         """Jobs of a rig that wait for their turn, the next first."""

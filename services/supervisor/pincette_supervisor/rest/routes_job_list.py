@@ -30,8 +30,6 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results import job_table
 
 NAME_LENGTH = 200
-EXPORTED = 10_000
-"""Jobs of one table at most."""
 
 
 def _label(text: str | None) -> tuple[str, str] | None:
@@ -144,15 +142,15 @@ def export(
     format: Annotated[  # noqa: A002 - the name of the query over REST
         Literal["csv", "parquet"], Query(description="of the table")
     ] = "csv",
-    limit: Annotated[int, Query(ge=1, le=EXPORTED)] = EXPORTED,
+    limit: Annotated[
+        int | None, Query(ge=1, description="the newest ones alone; all of them by default")
+    ] = None,
 ) -> Response:
-    """Many jobs as one table, the newest first; those alone that are as named."""
-    table = job_table.table_of(rigs.jobs(limit, wanted))
-    media_type = job_table.MEDIA_TYPES[format]
+    """Jobs as one table, the newest first; those alone that are as named."""
+    table = job_table.table_of(lambda: rigs.job_pages(wanted, limit))
+    rows = job_table.parquet_of(table) if format == "parquet" else job_table.csv_of(table)
     headers = {"Content-Disposition": f'attachment; filename="jobs.{format}"'}
-    if format == "parquet":
-        return Response(job_table.parquet_of(table), media_type=media_type, headers=headers)
-    return StreamingResponse(job_table.csv_of(table), media_type=media_type, headers=headers)
+    return StreamingResponse(rows, media_type=job_table.MEDIA_TYPES[format], headers=headers)
 
 
 @router.patch("/{job}", responses=responses(404, 422, 503), dependencies=[OPERATE])

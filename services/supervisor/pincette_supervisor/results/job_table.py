@@ -2,7 +2,9 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from tempfile import TemporaryFile
 from typing import Any, cast
 
 from pincette.api.jobs import Job
@@ -12,19 +14,42 @@ from pincette.records import parquet
 MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
+PART_BYTES = 65_536
 GROUPS = ("", "label", "value", "result")
 """Begins of the names of columns, in their order."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Begins of texts that a spreadsheet would work out."""
-Rows = Mapping[str, Sequence[Any]]
+Pages = Callable[[], Iterator[Sequence[Job]]]
+"""Begins to read the jobs again, a page at a time."""
 
 
-def table_of(jobs: Sequence[Job]) -> Rows:
-    """Columns by name, of one length; a value that a job does not have is None."""
-    rows = [_row(job) for job in jobs]
-    names = list(dict.fromkeys(name for row in rows for name in row)) or [*FIRST, "ending", *SAID]
-    names.sort(key=lambda name: GROUPS.index(_group(name)))
-    return {name: [row.get(name) for row in rows] for name in names}
+@dataclass(frozen=True, slots=True)
+class JobTable:
+    """Jobs as rows of named columns; no more than a page of them is in memory at once."""
+
+    pages: Pages
+    columns: Mapping[str, frozenset[type[Any]]]
+    """Types of the values of each column, by its name."""
+
+    def rows(self) -> Iterator[Sequence[Mapping[str, Any]]]:
+        """Pages of rows; a row lacks the columns for which its job has no value."""
+        for page in self.pages():
+            yield [_row(job) for job in page]
+
+
+def table_of(pages: Pages) -> JobTable:
+    """Read the jobs once to find the columns; they are read again for the rows."""
+    found: dict[str, set[type[Any]]] = {}
+    for page in pages():
+        for job in page:
+            for name, value in _row(job).items():
+                kinds = found.setdefault(name, set())
+                if value is not None:
+                    kinds.add(cast("type[Any]", type(value)))
+    if not found:
+        found = {name: set() for name in (*FIRST, "ending", *SAID)}
+    names = sorted(found, key=lambda name: GROUPS.index(_group(name)))
+    return JobTable(pages, {name: frozenset(found[name]) for name in names})
 
 
 def _group(name: str) -> str:
@@ -52,11 +77,12 @@ def _flat(name: str, tree: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def csv_of(table: Rows) -> Iterator[str]:
+def csv_of(table: JobTable) -> Iterator[str]:
     """Lines of a CSV; a number reads back bit for bit, and no text is a formula."""
-    yield _line(list(table))
-    for row in zip(*table.values(), strict=True):
-        yield _line(row)
+    yield _line(list(table.columns))
+    for page in table.rows():
+        for row in page:
+            yield _line([row.get(name) for name in table.columns])
 
 
 def _cell(value: Any) -> Any:
@@ -73,22 +99,33 @@ def _line(cells: Sequence[Any]) -> str:
     return stream.getvalue()
 
 
-def parquet_of(table: Rows) -> bytes:
-    """A Parquet file with the unit of each column in its metadata."""
-    fields: list[parquet.Field] = []
-    columns: dict[str, list[Any]] = {}
-    for name, values in table.items():
-        kinds: set[type[Any]] = {type(value) for value in values if value is not None}
-        unit = unit_of(name.rpartition(".")[2])
-        if kinds and kinds <= {bool}:
-            fields.append(parquet.Field(name, unit, "", "bool"))
-            columns[name] = list(values)
-        elif kinds and kinds <= {int, float}:
-            fields.append(parquet.Field(name, unit, "", "float"))
-            columns[name] = [None if value is None else float(value) for value in values]
-        else:
-            fields.append(parquet.Field(name, unit, "", "text"))
-            columns[name] = [None if value is None else str(value) for value in values]
-    target = io.BytesIO()
-    parquet.write(target, fields, columns, {})
-    return target.getvalue()
+def parquet_of(table: JobTable) -> Iterator[bytes]:
+    """Parts of a Parquet file with the unit of each column in its metadata."""
+    fields = [_field(name, kinds) for name, kinds in table.columns.items()]
+    with TemporaryFile() as file:
+        with parquet.writing(file, fields, {}) as writer:
+            for page in table.rows():
+                writer.add(
+                    {one.name: [_value(row.get(one.name), one) for row in page] for one in fields}
+                )
+        file.seek(0)
+        while part := file.read(PART_BYTES):
+            yield part
+
+
+def _field(name: str, kinds: frozenset[type[Any]]) -> parquet.Field:
+    kind: parquet.Kind = "text"
+    if kinds and kinds <= {bool}:
+        kind = "bool"
+    elif kinds and kinds <= {int, float}:
+        kind = "float"
+    return parquet.Field(name, unit_of(name.rpartition(".")[2]), "", kind)
+
+
+def _value(value: Any, field: parquet.Field) -> Any:
+    """A value of its column's type; None where a job that has changed meanwhile has another."""
+    if value is None or field.kind == "text":
+        return None if value is None else str(value)
+    if isinstance(value, bool) is not (field.kind == "bool") or isinstance(value, str):
+        return None
+    return value if field.kind == "bool" else float(value)

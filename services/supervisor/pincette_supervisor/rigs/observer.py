@@ -21,8 +21,8 @@ from pincette_supervisor.alarms.trips import TripMonitor
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.metrics.counters import RigCounters
 
-CAPACITY = 4_000_000
-"""Messages a buffer can hold; about three hours at 50 Hz. What comes after is counted."""
+CAPACITY = 200_000
+"""Messages that may wait for a run's thread: about half a minute at 1 kHz, ten at 50 Hz."""
 STEP_V = 0.05
 """Change of the voltage from tick to tick beyond which the arm does not stand where it was."""
 M = TypeVar("M", bound=Message)
@@ -43,15 +43,15 @@ class MessageBuffer:
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._queue: deque[Message] = deque()
-        self._room = capacity
+        self._capacity = capacity
         self.dropped = 0
+        """Messages that found no room."""
 
     def put(self, message: Message) -> None:
-        """Add a message, or count it as dropped if the buffer is full."""
-        if self._room <= 0:
+        """Add a message; where ``capacity`` of them wait already, count it as dropped."""
+        if len(self._queue) >= self._capacity:
             self.dropped += 1
             return
-        self._room -= 1
         self._queue.append(message)
 
     def drain(self) -> list[Message]:

@@ -1,7 +1,7 @@
 """The rigs of one supervisor: its own and those found on the router, and how one is created."""
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -137,11 +137,22 @@ class Rigs:
         """Jobs of all rigs, newest first, taken before one that is named; raises ProblemError."""
         if before is not None:
             found = replace(found, before_number=require_job(self.store, before).number)
-        if found.rig is not None and found.rig not in {**self._managers, **self._unusable}:
-            counted = {rig for rig, _, _ in self.store.counted()}
-            if found.rig not in counted:
-                raise problems.not_found("rig", found.rig, sorted({*self._managers, *counted}))
+        self._require_known(found.rig)
         return [self._view(row) for row in self.store.newest(limit, found)]
+
+    def job_pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[Job]]:
+        """Pages of the jobs of all rigs, newest first; raises ProblemError."""
+        self._require_known(found.rig)
+        for page in self.store.pages(found, limit):
+            yield [self._view(row) for row in page]
+
+    def _require_known(self, rig: str | None) -> None:
+        """Raise ProblemError for a rig that is not served and has no job."""
+        if rig is None or rig in {**self._managers, **self._unusable}:
+            return
+        counted = {name for name, _, _ in self.store.counted()}
+        if rig not in counted:
+            raise problems.not_found("rig", rig, sorted({*self._managers, *counted}))
 
     def _view(self, row: JobRow) -> Job:
         manager = self.find(row.rig)

@@ -1,0 +1,70 @@
+"""The table of all jobs: complete, whatever their number, in memory that does not grow with it."""
+
+import csv
+import tracemalloc
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pincette.records import parquet
+from pincette_supervisor.journal.job_filter import EVERY_JOB
+from pincette_supervisor.journal.store import PAGE
+from pincette_supervisor.results import job_table
+
+from .harness import Harness
+
+FEW, MANY = 2 * PAGE, 8 * PAGE
+
+
+@pytest.fixture
+def journal(harness: Harness) -> Harness:
+    """A journal of many jobs, each with a result of its own size."""
+    job = str(harness.grip()["id"])
+    harness.freed(job)
+    store = harness.manager.context.store
+    row = store.get(job)
+    assert row is not None
+    with store.writing():
+        for number in range(MANY - 1):
+            name = f"{job}-{number}"
+            store.add(replace(row, id=name, sample=f"B{number}", actions=()))
+            store.change(name, result={**(row.result or {}), "extra_mN": 0.5 * number})
+    return harness
+
+
+def test_every_job_is_in_the_table(journal: Harness, tmp_path: Path) -> None:
+    rows = list(csv.DictReader(journal.call("GET", "/api/v1/jobs/export").text.splitlines()))
+    assert len(rows) == len({row["id"] for row in rows}) == MANY
+    assert float(rows[0]["result.extra_mN"]) == 0.5 * (MANY - 2)
+    assert rows[-1]["result.extra_mN"] == ""  # the first job has no such figure
+    path = tmp_path / "jobs.parquet"
+    path.write_bytes(journal.call("GET", "/api/v1/jobs/export?format=parquet").content)
+    table = parquet.opened(path).read()
+    assert table["id"].to_pylist() == [row["id"] for row in rows]
+    assert table.schema.field("result.extra_mN").metadata[b"unit"] == b"mN"
+    limited = journal.call("GET", f"/api/v1/jobs/export?limit={PAGE + 3}").text
+    assert len(limited.splitlines()) == 1 + PAGE + 3
+
+
+@pytest.mark.parametrize("form", [job_table.csv_of, job_table.parquet_of])
+def test_memory_of_an_export_does_not_grow_with_the_jobs(
+    journal: Harness, form: Callable[[job_table.JobTable], Iterator[object]]
+) -> None:
+    rigs = journal.rigs
+
+    def peak_bytes(jobs: int) -> int:
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in form(job_table.table_of(lambda: rigs.job_pages(EVERY_JOB, jobs))):
+            pass
+        return tracemalloc.get_traced_memory()[1] - before
+
+    tracemalloc.start()
+    try:
+        peak_bytes(FEW)
+        few, many = peak_bytes(FEW), peak_bytes(MANY)
+    finally:
+        tracemalloc.stop()
+    assert many < 1.5 * few, f"{few / 1e6:.1f} MB for {FEW} jobs, {many / 1e6:.1f} MB for {MANY}"
