@@ -26,6 +26,8 @@ class RecorderConfig:
     silence_s: float
     keep_s: float | None
     keep_bytes: int | None
+    lockstep: bool = False
+    """Whether every tick of the loop waits for the one before."""
 
 
 def configure(rig: RigFile, data: Path) -> RecorderConfig:
@@ -41,5 +43,6 @@ def configure(rig: RigFile, data: Path) -> RecorderConfig:
         min_free_bytes=round(given.min_free_MB * BYTES_PER_MB),
         silence_s=given.silence_s,
         keep_s=None if given.keep_days is None else given.keep_days * SECONDS_PER_DAY,
+        lockstep=rig.lockstep,
         keep_bytes=None if given.keep_GB is None else round(given.keep_GB * BYTES_PER_GB),
     )

@@ -17,9 +17,8 @@ from pincette.core.messages import (
     Timing,
 )
 from pincette.core.topics import TIMING
-from pincette.records import mcap_reading
 from pincette.records.mcap_file import NAME, McapFile
-from pincette.records.tables import lost, write_tables
+from pincette.records.tables import Tables, write_tables_of_file
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
@@ -39,12 +38,15 @@ class OpenRecord:
         epoch: int,
         about: Mapping[str, str],
         period_s: float,
+        every_tick: bool,
         start_ns: int,
         now_s: float,
     ) -> None:
-        self.job, self.epoch, self.folder = folder.name, epoch, folder
+        """``every_tick``: see ``RowBlocks``."""
+        self.job, self.epoch, self.folder, self.about = folder.name, epoch, folder, dict(about)
         folder.mkdir(parents=True, exist_ok=True)
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
+        self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
         self.trouble = ""
         """Why the disk takes no more."""
         self.refused: Counter[str] = Counter()
@@ -90,6 +92,7 @@ class OpenRecord:
             return
         try:
             self.file.add(message, arrival_ns)
+            self._tables.add(message)
         except ValueError as error:  # a number that no file has room for
             self.refused[topic] += 1
             self._log_error(f"a message of {topic} cannot be kept: {error}")
@@ -120,18 +123,19 @@ class OpenRecord:
         try:
             if not self.trouble:
                 self.file.flush()
-            # Read back, so that the tables show what the file really holds.
-            recording = mcap_reading.read(self.folder / NAME)
-            wrong = write_tables(self.folder, recording)
+                wrong, missing = self._tables.write(), self._tables.missing
+            else:  # the file may lack messages that the tables have
+                self._tables.close()
+                wrong, missing = write_tables_of_file(self.folder)
         except (OSError, ValueError) as error:
             return [f"no table: {error}"]
-        missing = lost(recording.messages)
         wrong += [f"{count} of {topic} never came" for topic, count in missing.items()]
         self.missing = sum(missing.values())
         return wrong
 
     def finish(self, closing: Mapping[str, str]) -> str:
         """Close the file; returns why that was not possible."""
+        self._tables.close()
         if not self.trouble:
             try:
                 self.file.finish(closing)

@@ -14,8 +14,6 @@ from pincette.control.checks import require_positive
 from pincette.core.messages import Ack, Finish, Record, Recorded
 from pincette.core.topics import TOPIC_OF
 from pincette.records import folder as files
-from pincette.records import mcap_reading
-from pincette.records.mcap_file import NAME
 from pincette_recorder import record_repair
 from pincette_recorder.config import BYTES_PER_MB, RecorderConfig
 from pincette_recorder.intake import Intake
@@ -123,6 +121,7 @@ class Keeper:
             epoch=request.epoch,
             about={key: value for key, value in about.items() if key != "request"},
             period_s=period_s,
+            every_tick=config.lockstep,
             start_ns=now_ns,
             now_s=self._clock_s(),
         )
@@ -230,8 +229,7 @@ class Keeper:
     def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> None:
         """Say in the folder itself how it ended, since the supervisor may be gone."""
         try:
-            about = mcap_reading.read_closing(record.folder / NAME)[0]
-            record_repair.write_manifest(record.folder, about, closing)
+            record_repair.write_manifest(record.folder, record.about, closing)
         except OSError as error:
             log.error("%s: %s", record.job, error, extra={"job": record.job})
 

@@ -5,18 +5,18 @@ import logging
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any, cast
 
 import mcap.records as mcap
-from mcap.writer import Writer
 
-from pincette import __version__
 from pincette.records import folder as files
 from pincette.records import mcap_reading
-from pincette.records.mcap_file import CHUNK_BYTES, CLOSING, NAME, PROFILE, Unbuffered
-from pincette.records.tables import lost, write_tables
+from pincette.records.mcap_file import CLOSING, NAME, Chunks, Unbuffered
+from pincette.records.tables import write_tables_of_file
 
 log = logging.getLogger(__name__)
+BOUNDED = 10_000
+"""Messages after which the index of a copy is bounded."""
 KILLED = "the recorder ended while this was being recorded"
 
 
@@ -31,9 +31,8 @@ def mend(folder: Path, why: str) -> dict[str, str]:
     """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
     path = folder / NAME
     try:
-        recording = mcap_reading.read(path)
-        wrong = write_tables(folder, recording)
-        missing = sum(lost(recording.messages).values())
+        wrong, never_came = write_tables_of_file(folder)
+        missing = sum(never_came.values())
     except ValueError as error:  # of another version; the file itself can be closed all the same
         wrong, missing = [f"no table: {error}"], 0
     why = _manifest(folder).get("detail") or why
@@ -84,8 +83,8 @@ def repair(path: Path, closing: Mapping[str, str]) -> int:
 
 
 def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
-    writer = Writer(cast("IO[bytes]", stream), chunk_size=CHUNK_BYTES)
-    writer.start(PROFILE, f"pincette {__version__}")
+    chunks = Chunks(stream)
+    writer = chunks.writer
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     kept = 0
@@ -107,6 +106,8 @@ def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
                     entry.sequence,
                 )
                 kept += 1
+                if kept % BOUNDED == 0:
+                    chunks.bound()
             case mcap.Metadata() if entry.name != CLOSING:
                 writer.add_metadata(entry.name, entry.metadata)
             case mcap.Attachment():
@@ -115,6 +116,7 @@ def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
                 )
             case _:
                 pass
+    chunks.flush()
     writer.add_metadata(CLOSING, {**closing, "messages": str(kept)})
     writer.finish()
     return kept

@@ -139,6 +139,8 @@ SECOND_COLUMNS = (
 )
 """Beside those, of a rig of two arms."""
 Columns = Mapping[str, list[Any]]
+RUNNING = ("armed", "idle")
+"""States of the actuator in which a simulated rig counts a voltage for each tick."""
 
 
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
@@ -164,8 +166,22 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
             if seq >= 0 and (over is None or seq <= over)
         }
     )
-    table: dict[str, list[Any]] = {"seq": numbers, "t_s": [seq * period_s for seq in numbers]}
     two = any(item.second is not UNSET for item in applied.values())
+    return table_of(found, numbers, period_s, two=two)
+
+
+def table_of(
+    found: Mapping[type[Message], Mapping[int, Message]],
+    numbers: Sequence[int],
+    period_s: float,
+    *,
+    two: bool,
+) -> dict[str, list[Any]]:
+    """Columns of samples by kind and number, a row for each of ``numbers``.
+
+    ``two``: with the columns of the second arm.
+    """
+    table: dict[str, list[Any]] = {"seq": [*numbers], "t_s": [seq * period_s for seq in numbers]}
     for column in (*COLUMNS, *SECOND_COLUMNS) if two else COLUMNS:
         samples = found.get(column.message, {})
         table[column.name] = [
@@ -210,7 +226,7 @@ def number_truths(
     # tripped it writes as often as it likes, and truths are left out.
     ticks: list[int] = []
     for seq in range(max(applied, default=-1) + 1):
-        if seq in applied and applied[seq].state not in ("armed", "idle"):
+        if seq in applied and applied[seq].state not in RUNNING:
             break
         ticks.append(seq)
     if not truths or not ticks:
@@ -224,3 +240,19 @@ def number_truths(
         for truth in truths
         if truth.seq in numbers
     }
+
+
+def numbers_every_tick(messages: Iterable[Applied | GroundTruth]) -> bool:
+    """Whether the truths of an epoch number every tick, not those alone that had a command."""
+    lowest: int | None = None
+    highest, newest, tripped = 0, -1, None
+    for message in messages:
+        if isinstance(message, GroundTruth):
+            lowest = message.seq if lowest is None else min(lowest, message.seq)
+            highest = max(highest, message.seq)
+            continue
+        newest = max(newest, message.seq)
+        if message.seq >= 0 and message.state not in RUNNING:
+            tripped = message.seq if tripped is None else min(tripped, message.seq)
+    ticks = newest + 1 if tripped is None else tripped
+    return lowest is None or highest - lowest + 1 >= ticks

@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,50 @@ def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
     with _replacing(path) as draft:
         two = SECOND_COLUMNS if SECOND_COLUMNS[0].name in table else ()
         parquet.write(draft, (*OF_SAMPLES, *two), table, about)
+
+
+class SamplesDraft:
+    """A table of samples that is written part by part, and published from time to time."""
+
+    def __init__(self, path: Path, about: Mapping[str, str], *, two_arms: bool) -> None:
+        self._path, self._about = path, about
+        self._fields = (*OF_SAMPLES, *(SECOND_COLUMNS if two_arms else ()))
+        self._draft = path.with_name(path.name + ".part")
+        self._writer: parquet.Writer | None = None
+        self._rows = 0
+        """Rows that were added."""
+
+    def add(self, table: Columns) -> None:
+        """Add rows; raises OSError."""
+        self._opened().add(table)
+        self._rows += len(table["seq"])
+
+    def _opened(self) -> parquet.Writer:
+        """The writer of the draft, which begins with the rows of a table published earlier."""
+        if self._writer is None:
+            self._writer = parquet.writer(self._draft, self._fields, self._about)
+            if self._rows:
+                self._writer.copy(self._path, self._rows)
+        return self._writer
+
+    def publish(self, rest: Columns) -> None:
+        """Let the rows so far, and those of ``rest``, take the place of the table at once.
+
+        More rows may be added later, those of ``rest`` among them. Raises OSError.
+        """
+        writer = self._opened()
+        writer.add(rest)
+        writer.close()
+        self._writer = None
+        self._draft.replace(self._path)
+
+    def discard(self) -> None:
+        """Delete the draft."""
+        if self._writer is not None:
+            with suppress(OSError):
+                self._writer.close()
+            self._writer = None
+        self._draft.unlink(missing_ok=True)
 
 
 def write_burst(

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any, cast
 
-from mcap.writer import Writer
+from mcap.writer import IndexType, Writer
 
 from pincette import __version__
 from pincette.core.messages import GroundTruth, JobNotice, Message
@@ -24,6 +24,8 @@ ABOUT, CLOSING = "record", "closing"
 """Names of the metadata at the file's begin and at its end."""
 CHUNK_BYTES = 65_536
 CHUNK_NS = 250_000_000
+INDEXED_CHUNKS = 20_000
+"""Chunks of a file with an index; at four chunks a second they are an hour and twenty minutes."""
 SEQUENCE_LIMIT = 2**32
 LAST_NS = 2**63 - 1
 
@@ -57,6 +59,36 @@ class Unbuffered:
         self._file.close()
 
 
+class Chunks:
+    """Writes chunks; a file with more than ``INDEXED_CHUNKS`` of them has no index of them.
+
+    Readers then scan the file from its begin.
+    """
+
+    # The library keeps the index of all chunks in memory until the end, 1 kB for each chunk. An
+    # index of some chunks would make readers overlook the others.
+
+    def __init__(self, stream: Unbuffered) -> None:
+        self.writer = Writer(cast("IO[bytes]", stream), chunk_size=CHUNK_BYTES)
+        self.writer.start(PROFILE, f"pincette {__version__}")
+        self._state = cast("dict[str, Any]", vars(self.writer))
+        self._indexed = True
+
+    def bound(self) -> None:
+        """Give the index up where it is too long; called after a chunk was closed."""
+        index: list[Any] = self._state["_Writer__chunk_indices"]
+        if self._indexed and len(index) <= INDEXED_CHUNKS:
+            return
+        self._indexed = False
+        self._state["_Writer__index_types"] = IndexType.ATTACHMENT | IndexType.METADATA
+        index.clear()
+
+    def flush(self) -> None:
+        """Close the chunk; raises OSError."""
+        self.writer.flush()
+        self.bound()
+
+
 class McapFile:
     """Writes one record."""
 
@@ -68,8 +100,8 @@ class McapFile:
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float
     ) -> None:
         self._stream = Unbuffered(path)
-        self._writer = Writer(cast("IO[bytes]", self._stream), chunk_size=CHUNK_BYTES)
-        self._writer.start(PROFILE, f"pincette {__version__}")
+        self._chunks = Chunks(self._stream)
+        self._writer = self._chunks.writer
         self._start_ns, self._period_ns = start_ns, round(period_s * 1e9)
         self._channels = {topic.name: self._register(rig, topic) for topic in TOPICS}
         self._newest_ns = start_ns
@@ -137,7 +169,7 @@ class McapFile:
 
     def flush(self) -> None:
         """Close the chunk; raises OSError."""
-        self._writer.flush()
+        self._chunks.flush()
         self._oldest_ns, self._bytes = None, 0
 
     def finish(self, closing: Mapping[str, str]) -> None:

@@ -1,13 +1,15 @@
 """Reads a record, also the readable part of one whose writer was killed."""
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import mcap.records as mcap
 from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from zstandard import ZstdError
 
@@ -60,31 +62,63 @@ def entries(path: Path) -> Iterator[mcap.McapRecord]:
 
 
 def read(path: Path) -> Recording:
-    """Read a record; raises OSError, or ValueError for messages of another version."""
+    """Read a whole record; raises OSError, or ValueError for messages of another version."""
     metadata: dict[str, dict[str, str]] = {}
-    messages: list[Message] = []
     attachments: dict[str, bytes] = {}
-    schemas: dict[int, bytes] = {}
-    readers: dict[int, Callable[[bytes], Any]] = {}
+    messages: list[Message] = []
+    decoder = Decoder()
     for entry in entries(path):
         match entry:
-            case mcap.Schema():
-                schemas[entry.id] = entry.data
-            case mcap.Channel() if entry.topic in SCHEMAS:
-                readers[entry.id] = unpacker(entry.topic, schemas[entry.schema_id])
-            case mcap.Message() if entry.channel_id in readers:
-                messages.append(readers[entry.channel_id](entry.data))
             case mcap.Metadata():
                 metadata[entry.name] = entry.metadata
             case mcap.Attachment():
                 attachments[entry.name] = entry.data
             case _:
-                pass
+                messages.extend(decoder.decode(entry))
     return Recording(metadata.get(ABOUT, {}), metadata.get(CLOSING), messages, attachments)
 
 
+def messages_of(path: Path, topics: Collection[str] = SCHEMAS.keys()) -> Iterator[Message]:
+    """Read the messages of some topics one by one; raises as ``read`` does."""
+    decoder = Decoder(topics)
+    for entry in entries(path):
+        yield from decoder.decode(entry)
+
+
+class Decoder:
+    """Decodes the messages of a file by the schemas that the file holds."""
+
+    def __init__(self, topics: Collection[str] = SCHEMAS.keys()) -> None:
+        self._topics = topics
+        self._schemas: dict[int, bytes] = {}
+        self._readers: dict[int, Callable[[bytes], Any]] = {}
+
+    def decode(self, entry: mcap.McapRecord) -> Iterator[Message]:
+        """Decode an entry if it is a message of one of the topics; raises ValueError."""
+        match entry:
+            case mcap.Schema():
+                self._schemas[entry.id] = entry.data
+            case mcap.Channel() if entry.topic in self._topics and entry.topic in SCHEMAS:
+                self._readers[entry.id] = unpacker(entry.topic, self._schemas[entry.schema_id])
+            case mcap.Message() if entry.channel_id in self._readers:
+                yield self._readers[entry.channel_id](entry.data)
+            case _:
+                pass
+
+
+def read_about(path: Path) -> dict[str, str]:
+    """Read whose a record is, from the begin of the file; raises OSError."""
+    found = (one.metadata for one in entries(path) if isinstance(one, mcap.Metadata))
+    return next(found, {})
+
+
 def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
-    """Whose a record is and how it ended, without its samples; raises OSError."""
-    found = [entry for entry in entries(path) if isinstance(entry, mcap.Metadata)]
+    """Read whose a record is and how it ended, without its samples; raises OSError."""
+    found: list[mcap.Metadata] = []
+    if is_closed(path):
+        with path.open("rb") as file, suppress(*BROKEN):
+            found = [*make_reader(file).iter_metadata()]
+    if not found:
+        found = [entry for entry in entries(path) if isinstance(entry, mcap.Metadata)]
     metadata = {entry.name: entry.metadata for entry in found}
     return metadata.get(ABOUT, {}), metadata.get(CLOSING)

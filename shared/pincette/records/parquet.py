@@ -19,23 +19,59 @@ class Field:
     kind: Kind
 
 
-class Writer:
-    """Writes a table part by part; each part becomes a row group."""
+GROUP_ROWS = 65_536
+"""Rows of a row group at least. So many are in memory; a file has few groups."""
 
-    def __init__(self, source: Any, schema: Any) -> None:
-        self._writer, self._schema = source, schema
+
+class Writer:
+    """Writes a table part by part."""
+
+    def __init__(self, source: Any, schema: Any, group_rows: int) -> None:
+        self._writer, self._schema, self._group_rows = source, schema, group_rows
+        self._parts: list[Any] = []
+        """Rows of the next row group."""
 
     def add(self, columns: Mapping[str, Sequence[Any]]) -> None:
-        """Write rows; raises OSError."""
-        table = _pyarrow()[0].Table.from_pydict(dict(columns), schema=self._schema)
-        self._writer.write_table(table)
+        """Add rows; raises OSError."""
+        self._add(_pyarrow()[0].Table.from_pydict(dict(columns), schema=self._schema))
+
+    def copy(self, path: Path, rows: int) -> None:
+        """Add the first rows of another table with these columns; raises OSError."""
+        source = opened(path)
+        try:
+            for number in range(source.num_row_groups):
+                part = source.read_row_group(number).slice(0, rows)
+                rows -= part.num_rows
+                self._add(part.cast(self._schema))
+                if rows <= 0:
+                    return
+        finally:
+            source.close()
+
+    def _add(self, part: Any) -> None:
+        self._parts.append(part)
+        if sum(one.num_rows for one in self._parts) >= self._group_rows:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._parts:
+            parts, self._parts = self._parts, []
+            self._writer.write_table(_pyarrow()[0].concat_tables(parts))
 
     def close(self) -> None:
         """Write the end of the file, without which nothing of it can be read; raises OSError."""
-        self._writer.close()
+        try:
+            self._flush()
+        finally:
+            self._writer.close()
 
 
-def writer(target: Path | IO[bytes], fields: Sequence[Field], about: Mapping[str, str]) -> Writer:
+def writer(
+    target: Path | IO[bytes],
+    fields: Sequence[Field],
+    about: Mapping[str, str],
+    group_rows: int = GROUP_ROWS,
+) -> Writer:
     """Begin a table; each field's metadata holds its unit and meaning, the schema's ``about``."""
     arrow, files = _pyarrow()
     types = {
@@ -53,15 +89,18 @@ def writer(target: Path | IO[bytes], fields: Sequence[Field], about: Mapping[str
         ],
         metadata=dict(about),
     )
-    return Writer(files.ParquetWriter(target, schema, compression="zstd"), schema)
+    return Writer(files.ParquetWriter(target, schema, compression="zstd"), schema, group_rows)
 
 
 @contextmanager
 def writing(
-    target: Path | IO[bytes], fields: Sequence[Field], about: Mapping[str, str]
+    target: Path | IO[bytes],
+    fields: Sequence[Field],
+    about: Mapping[str, str],
+    group_rows: int = GROUP_ROWS,
 ) -> Generator[Writer]:
     """Write a table, and close it at the end; raises OSError."""
-    begun = writer(target, fields, about)
+    begun = writer(target, fields, about, group_rows)
     try:
         yield begun
     finally:

@@ -1,35 +1,129 @@
-"""The tables of a record, made from the messages that its file holds, and what they lack."""
+"""The tables of a record, made from its messages part by part, and what they lack."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pincette.core.messages import Applied, Burst, Command, Estimate, Message, Position, Telemetry
+from pincette.core.messages import Applied, Burst, GroundTruth, Message, Timing
+from pincette.core.topics import APPLIED, GROUND_TRUTH
 from pincette.records import folder as files
-from pincette.records.columns import columns
+from pincette.records import mcap_reading
+from pincette.records.columns import numbers_every_tick
+from pincette.records.mcap_file import NAME
 from pincette.records.mcap_reading import Recording
+from pincette.records.row_blocks import RowBlocks
 from pincette.records.timings import loop_timing
+
+NO_PERIOD = "the record does not say its control period: no table can be made of it"
+
+
+class Tables:
+    """The tables of one record, while its messages come; memory is bounded.
+
+    Samples beyond the newest rows are written at once, to a draft beside the table.
+    """
+
+    def __init__(
+        self, folder: Path, about: Mapping[str, str], period_s: float, *, every_tick: bool = True
+    ) -> None:
+        """``every_tick``: see ``RowBlocks``."""
+        self._folder, self._about = folder, about
+        self._rows = RowBlocks(period_s, every_tick=every_tick)
+        self._samples: files.SamplesDraft | None = None
+        self._timings: dict[str, Timing] = {}
+        self._bursts: dict[int, Burst] = {}
+        self._trouble: OSError | None = None
+
+    def add(self, message: Message) -> None:
+        """Take a message, in order of arrival."""
+        if isinstance(message, Timing):
+            self._timings[message.service] = message
+        elif isinstance(message, Burst):
+            self._bursts[message.seq] = message
+        self._rows.add(message)
+        if self._rows.full:
+            self._write_block()
+
+    def _write_block(self) -> None:
+        block = self._rows.take()
+        if self._trouble is not None:
+            return
+        try:
+            if self._samples is None:
+                path, two = self._folder / files.SAMPLES, self._rows.two_arms
+                self._samples = files.SamplesDraft(path, self._about, two_arms=two)
+            self._samples.add(block)
+        except OSError as error:
+            self._trouble = error  # told with the table
+
+    def write(self) -> list[str]:
+        """Write the tables of what has come so far; returns what is wrong; raises OSError."""
+        if self._trouble is not None:
+            raise self._trouble
+        if self._samples is None:
+            files.write_samples(self._folder / files.SAMPLES, self._rows.rest(), self._about)
+        else:
+            self._samples.publish(self._rows.rest())
+        timing = loop_timing(self._timings.values())
+        if timing is not None:
+            files.write_json(self._folder / files.TIMING, timing.model_dump(exclude={"silent"}))
+        try:
+            acquired = joined(self._bursts.values())
+        except ValueError as error:
+            return [str(error)]
+        if acquired is not None:
+            about = {**self._about, "rate_hz": repr(acquired.rate_hz)}
+            path = self._folder / files.BURST
+            files.write_burst(path, acquired.x_um, acquired.drive_V, about)
+        return []
+
+    @property
+    def missing(self) -> dict[str, int]:
+        """Samples that were sent and never came, as others prove, by topic."""
+        return self._rows.missing
+
+    def close(self) -> None:
+        """Delete the draft."""
+        if self._samples is not None:
+            self._samples.discard()
+            self._samples = None
 
 
 def write_tables(folder: Path, recording: Recording) -> list[str]:
-    """Write samples, acquisition and timing; returns what is wrong with them; raises OSError."""
+    """Write the tables of a recording; returns what is wrong with them; raises OSError."""
+    return _written(folder, recording.about, recording.messages, every_tick=True)[0]
+
+
+def write_tables_of_file(folder: Path) -> tuple[list[str], dict[str, int]]:
+    """Write the tables of the record in a folder, which is read part by part.
+
+    Returns what is wrong with them, and what never came, by topic.
+    Raises OSError, or ValueError for messages of another version.
+    """
+    path = folder / NAME
+    every_tick = numbers_every_tick(
+        one
+        for one in mcap_reading.messages_of(path, (APPLIED.name, GROUND_TRUTH.name))
+        if isinstance(one, Applied | GroundTruth)
+    )
+    about = mcap_reading.read_about(path)
+    return _written(folder, about, mcap_reading.messages_of(path), every_tick=every_tick)
+
+
+def _written(
+    folder: Path, about: Mapping[str, str], messages: Iterable[Message], *, every_tick: bool
+) -> tuple[list[str], dict[str, int]]:
     try:
-        period_s = recording.period_s
+        period_s = float(about["period_s"])
     except (KeyError, ValueError):
-        return ["the record does not say its control period: no table can be made of it"]
-    table = columns(recording.messages, period_s)
-    files.write_samples(folder / files.SAMPLES, table, recording.about)
-    timing = loop_timing(recording.messages)
-    if timing is not None:
-        files.write_json(folder / files.TIMING, timing.model_dump(exclude={"silent"}))
+        return [NO_PERIOD], lost(messages)
+    tables = Tables(folder, about, period_s, every_tick=every_tick)
     try:
-        acquired = joined(recording.messages)
-    except ValueError as error:
-        return [str(error)]
-    if acquired is not None:
-        about = {**recording.about, "rate_hz": repr(acquired.rate_hz)}
-        files.write_burst(folder / files.BURST, acquired.x_um, acquired.drive_V, about)
-    return []
+        for message in messages:
+            tables.add(message)
+        return tables.write(), tables.missing
+    finally:
+        tables.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,28 +155,9 @@ def joined(messages: Iterable[Message]) -> Joined | None:
 
 def lost(messages: Iterable[Message]) -> dict[str, int]:
     """How many samples of an epoch were sent and never came, by topic, as others prove."""
-    # A sample that is derived from another proves that the other was sent: an estimate its
-    # position, the telemetry of a playing program its estimate, an answered tick its command, and
-    # an estimate the applied voltage that it names.
-    came: dict[type[Message], set[int]] = {
-        kind: set() for kind in (Position, Estimate, Command, Applied)
-    }
-    sent: dict[type[Message], set[int]] = {kind: set() for kind in came}
+    rows = RowBlocks(1.0)
     for message in messages:
-        match message:
-            case Estimate():
-                sent[Position].add(message.seq)
-                sent[Applied].add(message.applied_seq)
-            case Telemetry() if message.playing:
-                sent[Estimate].add(message.seq)
-            case Applied() if message.answered:
-                sent[Command].add(message.seq)
-            case _:
-                pass
-        if type(message) in came:
-            came[type(message)].add(getattr(message, "seq", -1))
-    names = {Position: "position", Estimate: "estimate", Command: "command", Applied: "applied"}
-    missing = {
-        name: sum(1 for seq in sent[kind] - came[kind] if seq >= 0) for kind, name in names.items()
-    }
-    return {name: count for name, count in missing.items() if count}
+        rows.add(message)
+        if rows.full:
+            rows.take()
+    return rows.missing

@@ -14,7 +14,8 @@ from pincette.records import parquet
 MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
-PART_BYTES = 65_536
+PART_BYTES, GROUP_ROWS = 65_536, 2_000
+"""Bytes of a Parquet file that are sent at once, and rows of one of its row groups."""
 GROUPS = ("", "label", "value", "result")
 """Begins of the names of columns, in their order."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -103,7 +104,7 @@ def parquet_of(table: JobTable) -> Iterator[bytes]:
     """Parts of a Parquet file with the unit of each column in its metadata."""
     fields = [_field(name, kinds) for name, kinds in table.columns.items()]
     with TemporaryFile() as file:
-        with parquet.writing(file, fields, {}) as writer:
+        with parquet.writing(file, fields, {}, GROUP_ROWS) as writer:
             for page in table.rows():
                 writer.add(
                     {one.name: [_value(row.get(one.name), one) for row in page] for one in fields}

@@ -1,0 +1,179 @@
+"""Joins the samples of one epoch into rows, block by block, so that memory stays bounded."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from pincette.core.messages import (
+    Applied,
+    Command,
+    Estimate,
+    GroundTruth,
+    Message,
+    Position,
+    Sample,
+    Telemetry,
+)
+from pincette.records.columns import RUNNING, columns, table_of
+
+ROWS = 8192
+"""Rows of a block. A row is complete once so many later ones have begun."""
+NAMES: Mapping[type[Message], str] = {
+    Position: "position",
+    Estimate: "estimate",
+    Command: "command",
+    Applied: "applied",
+}
+"""Topics of which losses are counted."""
+
+
+class RowBlocks:
+    """Rows of one epoch.
+
+    A run of less than two blocks is joined as a whole by ``columns``. A longer one is given out in
+    blocks, in order; a message that comes for a row that was given out is left out.
+    """
+
+    def __init__(self, period_s: float, *, every_tick: bool = True, rows: int = ROWS) -> None:
+        """``every_tick``: a simulated rig counts ticks without a command too, as in lockstep."""
+        self._period_s, self._every_tick, self._rows = period_s, every_tick, rows
+        self._samples: dict[type[Message], dict[int, Message]] = {}
+        self._truths: dict[int, GroundTruth] = {}
+        self._next = 0
+        """Lowest number of a row that was not given out."""
+        self.given = 0
+        """Rows that were given out."""
+        self.two_arms = False
+        """Whether the actuator has reported a second arm."""
+        self._over: int | None = None
+        """Number of the sample that ended the arming."""
+        self._newest_applied = -1
+        self._tripped = False
+        self._first_truth: int | None = None
+        self._places = self._placed_seq = 0
+        """Truths that belong to ticks before ``_placed_seq``."""
+        self._missing: Counter[str] = Counter()
+        self._applied: set[int] = set()
+        """Numbers of the applied voltages of the newest block that was given out; those that are
+        missing in it were counted."""
+
+    def add(self, message: Message) -> None:
+        """Take a message of the epoch, in order of arrival."""
+        if isinstance(message, GroundTruth):
+            self._truths[message.seq] = message
+            return
+        if not isinstance(message, Sample):
+            return
+        if isinstance(message, Applied):
+            self._newest_applied = max(self._newest_applied, message.seq)
+            self.two_arms = self.two_arms or message.second is not UNSET
+            if message.final and message.seq >= 0:
+                self._over = min(message.seq, message.seq if self._over is None else self._over)
+        if message.seq >= self._next:
+            self._samples.setdefault(type(message), {})[message.seq] = message
+
+    @property
+    def full(self) -> bool:
+        """Whether a block can be taken."""
+        return max(map(len, self._samples.values()), default=0) >= 2 * self._rows
+
+    def take(self) -> dict[str, list[Any]]:
+        """Give out the oldest block as columns, and forget its messages."""
+        seqs = sorted({seq for samples in self._samples.values() for seq in samples})
+        table = self._table(seqs[: self._rows])
+        self._next = seqs[: self._rows][-1] + 1
+        for samples in self._samples.values():
+            for seq in [seq for seq in samples if seq < self._next]:
+                del samples[seq]
+        for number in [one for one in self._truths if one < self._number_of_place()]:
+            del self._truths[number]
+        self.given += len(table["seq"])
+        return table
+
+    def rest(self) -> dict[str, list[Any]]:
+        """Columns of the rows that were not given out; they stay."""
+        if not self._next:
+            messages = [one for samples in self._samples.values() for one in samples.values()]
+            return columns([*messages, *self._truths.values()], self._period_s)
+        kept = self._places, self._placed_seq, self._tripped, self._missing.copy(), {*self._applied}
+        table = self._table(sorted({seq for one in self._samples.values() for seq in one}))
+        self._places, self._placed_seq, self._tripped, self._missing, self._applied = kept
+        return table
+
+    @property
+    def missing(self) -> dict[str, int]:
+        """Samples that were sent and never came, as others prove, by topic."""
+        # A sample that is derived from another proves that the other was sent: an estimate its
+        # position, the telemetry of a playing program its estimate, an answered tick its command,
+        # and an estimate the applied voltage that it names.
+        found = self._missing + self._missing_in(self._samples, {*self._applied})
+        return {name: found[name] for name in NAMES.values() if found[name]}
+
+    def _missing_in(
+        self, samples: Mapping[type[Message], Mapping[int, Message]], applied: set[int]
+    ) -> Counter[str]:
+        came = {kind: samples.get(kind, {}) for kind in (*NAMES, Telemetry)}
+        sent: dict[type[Message], set[int]] = {kind: set() for kind in NAMES}
+        for seq, estimate in came[Estimate].items():
+            sent[Position].add(seq)
+            if isinstance(estimate, Estimate) and estimate.applied_seq >= self._next - self._rows:
+                sent[Applied].add(estimate.applied_seq)
+        for seq, one in came[Telemetry].items():
+            if isinstance(one, Telemetry) and one.playing:
+                sent[Estimate].add(seq)
+        for seq, one in came[Applied].items():
+            if isinstance(one, Applied) and one.answered:
+                sent[Command].add(seq)
+        sent[Applied] -= applied
+        applied |= sent[Applied]
+        return Counter(
+            {
+                name: sum(1 for seq in sent[kind] if seq >= 0 and seq not in came[kind])
+                for kind, name in NAMES.items()
+            }
+        )
+
+    def _table(self, seqs: list[int]) -> dict[str, list[Any]]:
+        """Columns of some rows, which are the next ones; counts what they lack."""
+        found = {
+            kind: {seq: samples[seq] for seq in seqs if seq in samples}
+            for kind, samples in self._samples.items()
+        }
+        counted = {*self._applied}
+        self._missing += self._missing_in(found, counted)
+        begin = min(seqs, default=0)
+        self._applied = {*found.get(Applied, {}), *(seq for seq in counted if seq >= begin)}
+        found[GroundTruth] = self._truths_of(seqs, found.get(Applied, {}))
+        over = self._over
+        numbers = [seq for seq in seqs if seq >= 0 and (over is None or seq <= over)]
+        return table_of(found, numbers, self._period_s, two=self.two_arms)
+
+    def _number_of_place(self) -> int:
+        return (self._first_truth or 0) + self._places
+
+    def _truths_of(self, seqs: list[int], applied: Mapping[int, Message]) -> dict[int, Message]:
+        """Truths of some rows; see ``number_truths``."""
+        if self._first_truth is None:
+            self._first_truth = min(self._truths, default=None)
+        found: dict[int, Message] = {}
+        if self._first_truth is None:
+            return found
+        for seq in seqs:
+            tick = applied.get(seq)
+            state = tick.state if isinstance(tick, Applied) else "armed"
+            self._tripped = self._tripped or state not in RUNNING
+            if self._tripped or seq > self._newest_applied:
+                break
+            self._places += seq - self._placed_seq  # ticks of which nothing came
+            self._placed_seq = seq + 1
+            answered = not isinstance(tick, Applied) or tick.answered
+            if not (answered or self._every_tick):
+                continue
+            truth = self._truths.get(self._number_of_place())
+            self._places += 1
+            if truth is not None:
+                found[seq] = replace(truth, seq=seq)
+        return found
