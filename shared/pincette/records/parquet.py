@@ -1,6 +1,6 @@
 """Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,8 @@ class Field:
     kind: Kind
 
 
+PART_ROWS = 8192
+"""Rows that are read at once where a table is read part by part."""
 GROUP_ROWS = 65_536
 """Rows of a row group at least. So many are in memory; a file has few groups."""
 
@@ -121,6 +123,16 @@ def write(
 def opened(path: Path) -> Any:
     """A table, to be read by parts; raises OSError where it cannot be."""
     return _pyarrow()[1].ParquetFile(path)
+
+
+def parts(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str, list[Any]]]:
+    """Read a table part by part; raises OSError, or ValueError where it is no table."""
+    source = opened(path)
+    try:
+        for batch in source.iter_batches(PART_ROWS, columns=columns):
+            yield batch.to_pydict()
+    finally:
+        source.close()
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -14,7 +14,6 @@ from pincette.core.faults import ActionCode, Mode
 from pincette.core.messages import Action, Applied, Recorded
 from pincette.core.topics import ACTION
 from pincette.records import folder, mcap_reading, parquet
-from pincette.records.columns import Columns
 from pincette.records.mcap_file import NAME
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job_queue import CAPACITY
@@ -27,7 +26,9 @@ from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.results.archive import Record as Gathered
 from pincette_supervisor.results.archive import Take, gather
 from pincette_supervisor.results.documents import completeness
+from pincette_supervisor.results.long_hold import completed
 from pincette_supervisor.results.result import course
+from pincette_supervisor.results.run_samples import RunSamples
 from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
@@ -149,12 +150,12 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
 
     Raises OSError, or ValueError where it cannot be planned again as it was.
     """
-    recording = mcap_reading.read(context.records / row.id / NAME)
+    path = context.records / row.id / NAME
     request = REQUEST.validate_json(json.dumps({"kind": row.kind, **row.request}))
     planned = replace(plan(context, request, moving=True), values=row.plan["values"])
-    if recording.about["model_digest"] != planned.model.digest:
+    if mcap_reading.read_about(path)["model_digest"] != planned.model.digest:
         raise ValueError("the model with which it was played is no longer in use")
-    take = Take(int(row.epoch or 0), recording.messages)
+    take = Take(int(row.epoch or 0), mcap_reading.messages_of(path))
     made = gather(planned.model.rig, row, planned, take)
     if row.result is None:
         return made
@@ -164,8 +165,12 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
 
 def _result(samples: Path, period_s: float) -> JobResult | None:
     """How far a job came, where its own figures cannot be worked out."""
+    taken = RunSamples(period_s)
     try:
-        table: Columns = parquet.opened(samples).read().to_pydict()
+        for part in parquet.parts(samples):
+            taken.add_rows(part)
     except (OSError, ValueError):  # no record, or one that a full disk has cut off
         return None
-    return JobResult(**course(table, period_s=period_s, dropped=0))
+    tables = taken.tables()
+    result = JobResult(**course(tables.even, period_s=period_s, dropped=0))
+    return completed(result, tables, period_s)

@@ -20,6 +20,7 @@ from pincette_supervisor.jobs.stalls import stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
 from pincette_supervisor.jobs.watch import Watch
 from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -52,6 +53,7 @@ class JobMonitor:
             planned.planned_s,
             lockstep=self._rig.lockstep,
             hold_at_s=planned.hold_at_s,
+            thins=archive.thins(planned),
         )
         lease_s = policies.lease_s(job.request, self._rig)
         self._silence = Silence(context, self._tracker, job.epoch, lease_s)

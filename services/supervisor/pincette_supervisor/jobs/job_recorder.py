@@ -25,7 +25,6 @@ from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.archive import Record as Gathered
-from pincette_supervisor.results.archive import Take
 from pincette_supervisor.results.documents import completeness
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -90,9 +89,10 @@ class JobRecorder:
         row = self._current_row()
         if row is None:
             return ""
-        take = Take(self._epoch, tracker.messages, collection.dropped)
         # Not by the archivist, who may still draw: the rig is not free before this is done.
-        self._gathered = record = archive.gather(planned.model.rig, row, planned, take)
+        self._gathered = record = archive.gathered(
+            planned.model.rig, row, planned, self._epoch, tracker.samples, collection.dropped
+        )
         job.store(result=record.tree)
         self._keep_learned(record)
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}

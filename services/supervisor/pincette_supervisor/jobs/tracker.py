@@ -21,6 +21,7 @@ from pincette.core.messages import (
 from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette_supervisor.alarms.trips import TripReason, reason_of
 from pincette_supervisor.planning.planned import Wait
+from pincette_supervisor.results.run_samples import RunSamples
 from pincette_supervisor.rigs.rig_context import RigContext
 
 EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in LOOP]
@@ -46,9 +47,15 @@ class Tracker:
         *,
         lockstep: bool,
         hold_at_s: float | None = None,
+        thins: bool = True,
     ) -> None:
-        """``hold_at_s``: when the hold is to begin; None where none is planned."""
-        self.messages: list[Message] = []
+        """``hold_at_s``: when the hold is to begin; None where none is planned.
+
+        ``thins``: see ``RunSamples``.
+        """
+        self.samples = RunSamples(period_s, every_tick=lockstep, thins=thins)
+        self.messages = 0
+        """Messages of the epoch so far."""
         self.trip: TripReason | None = None
         self.outcome = Outcome.NONE
         self.released = False
@@ -84,16 +91,20 @@ class Tracker:
 
     def update(self, messages: Iterable[Message]) -> bool:
         """Follow new messages; False where none of them belongs to this epoch."""
-        before = len(self.messages)
+        before = self.messages
         for message in messages:
             if isinstance(message, GroundTruth):
                 # In real time a truth of the idle rig may still be on its way.
                 if self._lockstep or self._position is not None:
-                    self.messages.append(message)
+                    self._keep(message)
             elif cast(Sample, message).epoch == self._epoch:
-                self.messages.append(message)
+                self._keep(message)
                 self._follow(cast(Sample, message))
-        return len(self.messages) > before
+        return self.messages > before
+
+    def _keep(self, message: Message) -> None:
+        self.messages += 1
+        self.samples.add(message)
 
     def _follow(self, sample: Sample) -> None:
         topic = TOPIC_OF[type(sample)]

@@ -1,6 +1,6 @@
 """From the samples of a job to its folder and its result."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from ctypes import CDLL
@@ -14,7 +14,6 @@ from pincette.api.results import JobResult
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.core.messages import Message, Recorded
-from pincette.records.columns import columns
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
@@ -22,6 +21,8 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.goal import goal_of
+from pincette_supervisor.results.long_hold import completed
+from pincette_supervisor.results.run_samples import RunSamples
 
 
 def trim_memory() -> None:
@@ -40,11 +41,12 @@ def archivist() -> ThreadPoolExecutor:
 
 @dataclass(frozen=True, slots=True)
 class Take:
-    """What a run has gathered: messages of one epoch, and how many found no room."""
+    """Messages of one epoch, in order of arrival."""
 
     epoch: int
-    messages: Sequence[Message]
+    messages: Iterable[Message]
     dropped: int = 0
+    """Messages that found no room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,18 +114,37 @@ def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
-    table = columns(take.messages, rig.rig.period_s)
-    run = Run(rig, planned, table, take.messages, take.dropped)
+    samples = RunSamples.of(take.messages, rig.rig.period_s, thins=thins(planned))
+    return gathered(rig, job, planned, take.epoch, samples, take.dropped)
+
+
+def thins(planned: Planned) -> bool:
+    """Whether the result of a job can do without most rows of a hold; calibrations need all."""
+    return planned.plan.kind != "calibrate"
+
+
+def gathered(
+    rig: RigFile,
+    job: JobRow,
+    planned: Planned,
+    epoch: int,
+    samples: RunSamples,
+    dropped: int = 0,
+) -> Record:
+    """Work out the result of the samples so far; ``dropped``: messages that found no room."""
+    tables, period_s = samples.tables(), rig.rig.period_s
+    run = Run(rig, planned, tables.even, tables.bursts, dropped)
     kind = job_kinds()[planned.plan.kind]
     evaluation = functions_of(kind).evaluate(run)
+    result = completed(evaluation.result, tables, period_s)
     goal = goal_of(
-        table,
+        tables.extreme,
         planned.values,
         kind.goal_phase,
-        rig.rig.period_s,
-        completed=evaluation.result.outcome in GOOD_OUTCOMES,
+        period_s,
+        completed=result.outcome in GOOD_OUTCOMES,
     )
     if goal is not None:
-        result = evaluation.result.model_copy(update={"goal": goal})
-        evaluation = replace(evaluation, result=result)
-    return Record(job, run, evaluation, take.epoch)
+        result = result.model_copy(update={"goal": goal})
+    run = replace(run, table=tables.extreme)  # the picture shows the extremes as well
+    return Record(job, run, replace(evaluation, result=result), epoch)

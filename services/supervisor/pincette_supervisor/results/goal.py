@@ -85,6 +85,9 @@ def goal_of(
     settling_s = float(values["settling_s"])
     stretch = _last_stretch(np.flatnonzero(within(table, [phase])))
     skipped = int(np.ceil(settling_s / period_s - 1e-9))
+    # Ticks since the begin of the phase; rows that never came are left out.
+    ticks = np.array(table["seq"], dtype=np.int64)[stretch]
+    ticks -= ticks[0] if ticks.size else 0
     errors: list[float | None] = []
     settled: list[int | None] = []
     for limit, error in zip(limits, (position_error(table), force_error(table)), strict=True):
@@ -92,17 +95,19 @@ def goal_of(
             errors.append(None)
             continue
         size = np.abs(error[stretch])
-        after = size[skipped:]
+        after = size[ticks >= skipped]
         known = after[~np.isnan(after)]
         errors.append(float(known.max()) if known.size else None)
-        settled.append(_settled(size, limit))
+        row = _settled(size, limit)
+        settled.append(None if row is None else int(ticks[row]))
     last = None if None in settled else max(index for index in settled if index is not None)
     settled_s = None if last is None else last * period_s
+    lasts = int(ticks[-1]) + 1 if ticks.size else 0
     return Goal(
         met=(
             None
-            if completed and len(stretch) <= skipped
-            else last is not None and last <= skipped < len(stretch)
+            if completed and lasts <= skipped
+            else last is not None and last <= skipped < lasts
         ),
         settling_s=settling_s,
         settled_s=settled_s,

@@ -1,0 +1,244 @@
+"""The samples of a run in bounded memory: all rows, but only evenly spaced ones of a long hold."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from sys import intern
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.core.messages import Burst, Message
+from pincette.records.columns import COLUMNS, SECOND_COLUMNS, Columns
+from pincette.records.row_blocks import RowBlocks
+
+HELD_ROWS = 32_768
+"""Rows of holds that are kept at most; eleven minutes at 50 Hz are kept in full."""
+EXTREME_ROWS, EXTREMES_OF = 4096, 32
+"""Rows of extremes that are kept at most, and rows of which the extremes are kept beyond that."""
+EXTREMES = ("x_um", "force_mN")
+"""Columns whose smallest and largest values are kept."""
+LAST_S, LAST_ROWS = 0.5, 500
+"""The newest rows, of which none is left out: so much time, and so many rows at most."""
+TEXTS = frozenset(column.name for column in (*COLUMNS, *SECOND_COLUMNS) if column.kind == "text")
+KINDS: Mapping[str, type[Any]] = {
+    "seq": int,
+    **{
+        column.name: {"int": int, "bool": bool}.get(column.kind, float)
+        for column in (*COLUMNS, *SECOND_COLUMNS)
+    },
+}
+Indices = NDArray[np.intp]
+
+
+@dataclass(slots=True)
+class LeftOut:
+    """What is known of the rows that are not in a table."""
+
+    rows: int = 0
+    unanswered: int = 0
+    limits: dict[int, tuple[int, int]] = field(default_factory=dict[int, tuple[int, int]])
+    """First seq and number of rows, by the bits of ``limits_active``."""
+
+    def add(self, rows: "Rows") -> None:
+        """Count rows."""
+        self.rows += len(rows)
+        self.unanswered += int(np.sum(rows.numbers["answered"] == 0.0))
+        bits = rows.numbers["limits_active"]
+        for value in np.unique(bits[bits > 0.0]):
+            seqs = rows.numbers["seq"][bits == value]
+            first, count = self.limits.get(int(value), (int(seqs.min()), 0))
+            self.limits[int(value)] = min(first, int(seqs.min())), count + len(seqs)
+
+    def copy(self) -> "LeftOut":
+        """Copy the counts."""
+        return LeftOut(self.rows, self.unanswered, {**self.limits})
+
+
+class Rows:
+    """Rows of a table, packed: 8 bytes for each number, and shared texts."""
+
+    def __init__(
+        self, numbers: dict[str, NDArray[np.float64]], texts: dict[str, list[str | None]]
+    ) -> None:
+        self.numbers, self.texts = numbers, texts
+
+    @classmethod
+    def of(cls, table: Columns) -> "Rows":
+        """Pack a table."""
+        numbers = {
+            name: np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+            for name, values in table.items()
+            if name not in TEXTS
+        }
+        texts = {
+            name: [None if v is None else intern(v) for v in values]
+            for name, values in table.items()
+            if name in TEXTS
+        }
+        return cls(numbers, texts)
+
+    def __len__(self) -> int:
+        return len(self.numbers["seq"])
+
+    def at(self, places: Indices) -> "Rows":
+        """Some of the rows."""
+        return Rows(
+            {name: values[places] for name, values in self.numbers.items()},
+            {name: [values[place] for place in places] for name, values in self.texts.items()},
+        )
+
+    def split(self, chosen: NDArray[np.bool_]) -> "tuple[Rows, Rows]":
+        """The rows that are chosen, and the others."""
+        return self.at(np.flatnonzero(chosen)), self.at(np.flatnonzero(~chosen))
+
+    def extremes(self) -> "Rows":
+        """Rows with the smallest and the largest values of ``EXTREMES``."""
+        places: set[int] = set()
+        for name in EXTREMES:
+            values = self.numbers[name]
+            if not np.all(np.isnan(values)):
+                places |= {int(np.nanargmin(values)), int(np.nanargmax(values))}
+        return self.at(np.array(sorted(places), dtype=np.intp))
+
+
+def joined(parts: Sequence[Rows]) -> Columns:
+    """Unpack rows into one table, in the order of their numbers."""
+    order = np.argsort(np.concatenate([part.numbers["seq"] for part in parts]), kind="stable")
+    table: dict[str, list[Any]] = {}
+    for name in parts[0].numbers:
+        kind = KINDS.get(name, float)
+        values = np.concatenate([part.numbers[name] for part in parts])[order].tolist()
+        # NaN: it never came.
+        table[name] = [None if v != v else kind(v) for v in values]
+    for name in parts[0].texts:
+        texts = [value for part in parts for value in part.texts[name]]
+        table[name] = [texts[place] for place in order]
+    names = ("seq", "t_s", *(one.name for one in (*COLUMNS, *SECOND_COLUMNS)))
+    return {name: table[name] for name in names if name in table}
+
+
+@dataclass(frozen=True, slots=True)
+class RunTables:
+    """Tables of a run."""
+
+    even: Columns
+    """All rows, but of a long hold evenly spaced ones: means over these are means over all."""
+    extreme: Columns
+    """The same with the extremes of what was left out, and all of the newest rows."""
+    left_out: LeftOut
+    """What ``even`` lacks."""
+    bursts: Sequence[Message]
+    """Acquisitions of the sensor's buffer."""
+
+
+class RunSamples:
+    """Takes the messages of a run. A run without a long hold is kept in full."""
+
+    # Rows of a hold whose number is a multiple of the stride stay. The stride doubles whenever they
+    # are too many, so that all stretches of all holds are kept alike.
+
+    def __init__(self, period_s: float, *, every_tick: bool = True, thins: bool = True) -> None:
+        """``every_tick``: see ``RowBlocks``; ``thins``: whether rows of a hold may be left out."""
+        self._blocks = RowBlocks(period_s, every_tick=every_tick)
+        self._thins = thins
+        self._last = min(LAST_ROWS, ceil(LAST_S / period_s))
+        self._others: list[Rows] = []
+        self._held: list[Rows] = []
+        self._extremes: list[Rows] = []
+        self._stride = 1
+        self._left_out = LeftOut()
+        self._bursts: list[Message] = []
+
+    @classmethod
+    def of(cls, messages: Iterable[Message], period_s: float, **wishes: bool) -> "RunSamples":
+        """Take all messages of a run."""
+        samples = cls(period_s, **wishes)
+        for message in messages:
+            samples.add(message)
+        return samples
+
+    def add(self, message: Message) -> None:
+        """Take a message, in order of arrival."""
+        if isinstance(message, Burst):
+            self._bursts.append(message)
+        self._blocks.add(message)
+        if self._blocks.full:
+            self.add_rows(self._blocks.take())
+
+    def add_rows(self, table: Columns) -> None:
+        """Take rows that are joined already, in order."""
+        rows = Rows.of(table)
+        held, others = rows.split(self._may_go(rows))
+        self._others.append(others)
+        kept, gone = held.split(self._even(held))
+        self._held.append(kept)
+        self._leave_out(gone)
+        while sum(map(len, self._held)) > HELD_ROWS:
+            self._stride *= 2
+            for place, part in enumerate(self._held):
+                self._held[place], gone = part.split(self._even(part))
+                self._leave_out(gone)
+
+    def _may_go(self, rows: Rows) -> NDArray[np.bool_]:
+        """Rows of a hold, or of a pause, in which nothing happened."""
+        numbers, texts = rows.numbers, rows.texts
+        paused = numbers["paused"] == 1.0
+        quiet = np.array(
+            [
+                self._thins and not acted and not outcome and state == "armed" and name is not None
+                for acted, outcome, state, name in zip(
+                    texts["acted"],
+                    texts["outcome"],
+                    texts["actuator_state"],
+                    texts["phase"],
+                    strict=True,
+                )
+            ],
+            dtype=np.bool_,
+        )
+        return quiet & (paused | np.array([name == "hold" for name in texts["phase"]], np.bool_))
+
+    def _even(self, rows: Rows) -> NDArray[np.bool_]:
+        return rows.numbers["seq"] % self._stride == 0.0
+
+    def _leave_out(self, gone: Rows) -> None:
+        if not len(gone):
+            return
+        self._left_out.add(gone)
+        self._extremes.append(gone.extremes())
+        if sum(map(len, self._extremes)) > EXTREME_ROWS:
+            whole = _one(self._extremes)
+            self._extremes = [
+                whole.at(np.arange(begin, min(begin + EXTREMES_OF, len(whole)))).extremes()
+                for begin in range(0, len(whole), EXTREMES_OF)
+            ]
+
+    def tables(self) -> RunTables:
+        """Make the tables of what has come so far; more may be added later."""
+        rest = self._blocks.rest()
+        if not self._others:
+            return RunTables(rest, rest, LeftOut(), self._bursts)
+        left_out, parts = self._left_out.copy(), [*self._others, *self._held]
+        newest = Rows.of(rest) if rest["seq"] else parts[0].at(np.array([], dtype=np.intp))
+        may_go = self._may_go(newest) & ~self._even(newest)
+        may_go[max(0, len(newest) - self._last) :] = False
+        gone, kept = newest.split(may_go)
+        left_out.add(gone)
+        even = joined([*parts, kept])
+        if not left_out.rows:
+            return RunTables(even, even, left_out, self._bursts)
+        extreme = joined([*parts, *self._extremes, newest])
+        return RunTables(even, extreme, left_out, self._bursts)
+
+
+def _one(parts: Sequence[Rows]) -> Rows:
+    numbers = {
+        name: np.concatenate([part.numbers[name] for part in parts]) for name in parts[0].numbers
+    }
+    texts = {
+        name: [value for part in parts for value in part.texts[name]] for name in parts[0].texts
+    }
+    order = np.argsort(numbers["seq"], kind="stable")
+    return Rows(numbers, texts).at(order)
