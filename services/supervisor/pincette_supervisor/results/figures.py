@@ -12,6 +12,8 @@ from pincette.records.columns import Columns
 
 Series = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+SETTLE_S = 0.5
+"""Left out at the begin of a hold, or a quarter of it where it is shorter than 2 s."""
 
 
 def series(table: Columns, name: str) -> Series:
@@ -22,6 +24,15 @@ def series(table: Columns, name: str) -> Series:
 def within(table: Columns, phases: Sequence[str]) -> Mask:
     """Samples of some phases."""
     return np.array([name in phases for name in table["phase"]], dtype=np.bool_)
+
+
+def settled(mask: Mask, period_s: float) -> Mask:
+    """The same samples without the first ``SETTLE_S``, or quarter, of them."""
+    places = np.flatnonzero(mask)
+    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
+    found = mask.copy()
+    found[places[:skipped]] = False
+    return found
 
 
 def chosen(values: Series, mask: Mask) -> Series:

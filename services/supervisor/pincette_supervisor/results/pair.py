@@ -14,9 +14,6 @@ from pincette_supervisor.results.drawing import MEASURED, REFERENCE, SECOND, TRU
 from pincette_supervisor.results.figures import Mask, Series, series, within
 from pincette_supervisor.results.result import course
 
-SETTLE_S = 0.5
-"""Left out at the begin of a hold, or a quarter of it where it is shorter than 2 s."""
-
 
 def evaluate(run: Run) -> Evaluation:
     """Work out the figures of a job of both arms."""
@@ -70,10 +67,7 @@ def evaluated(run: Run) -> Mask:
     known: list[Path] = [path for path in _paths(run) if path is not None]
     if not known:
         hold = within(table, ["hold"]) if "hold" in table["phase"] else within(table, ["rest"])
-        places = np.flatnonzero(hold)
-        skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
-        hold[places[:skipped]] = False
-        return hold
+        return figures.settled(hold, period_s)
     from_s = max(path.full_from_s for path in known)
     to_s = min(path.full_to_s for path in known)
     # The references of a sample are those of the tick before it.

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 from sys import intern
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,13 @@ EXTREME_ROWS, EXTREMES_OF = 4096, 32
 """Rows of extremes that are kept at most, and rows of which the extremes are kept beyond that."""
 EXTREMES = ("x_um", "force_mN")
 """Columns whose smallest and largest values are kept."""
+HELD: Mapping[str, tuple[str, str]] = {
+    "force": ("force_mN", ""),
+    "true force": ("true_force_mN", ""),
+    "force error": ("force_mN", "force_r_mN"),
+    "position error": ("x_um", "x_r_um"),
+}
+"""Quantities of a hold of which all samples are summed: a column, less its reference."""
 LAST_S, LAST_ROWS = 0.5, 500
 """The newest rows, of which none is left out: so much time, and so many rows at most."""
 TEXTS = frozenset(column.name for column in (*COLUMNS, *SECOND_COLUMNS) if column.kind == "text")
@@ -32,6 +39,23 @@ KINDS: Mapping[str, type[Any]] = {
 Indices = NDArray[np.intp]
 
 
+class Sums(NamedTuple):
+    """Number, sum and sum of squares of some values."""
+
+    count: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+
+    def plus(self, values: NDArray[np.float64]) -> "Sums":
+        """Add values; those that never came are left out."""
+        known = values[~np.isnan(values)]
+        return Sums(
+            self.count + known.size,
+            self.total + float(known.sum()),
+            self.squares + float(np.sum(known**2)),
+        )
+
+
 @dataclass(slots=True)
 class LeftOut:
     """What is known of the rows that are not in a table."""
@@ -40,6 +64,9 @@ class LeftOut:
     unanswered: int = 0
     limits: dict[int, tuple[int, int]] = field(default_factory=dict[int, tuple[int, int]])
     """First seq and number of rows, by the bits of ``limits_active``."""
+
+    sums: dict[str, Sums] = field(default_factory=dict[str, Sums])
+    """Sums over the rows of holds, by the names of ``HELD``."""
 
     def add(self, rows: "Rows") -> None:
         """Count rows."""
@@ -50,10 +77,16 @@ class LeftOut:
             seqs = rows.numbers["seq"][bits == value]
             first, count = self.limits.get(int(value), (int(seqs.min()), 0))
             self.limits[int(value)] = min(first, int(seqs.min())), count + len(seqs)
+        hold = np.array([name == "hold" for name in rows.texts["phase"]], dtype=np.bool_)
+        for name, (column, reference) in HELD.items():
+            values = rows.numbers[column][hold]
+            if reference:
+                values = values - rows.numbers[reference][hold]
+            self.sums[name] = self.sums.get(name, Sums()).plus(values)
 
     def copy(self) -> "LeftOut":
         """Copy the counts."""
-        return LeftOut(self.rows, self.unanswered, {**self.limits})
+        return LeftOut(self.rows, self.unanswered, {**self.limits}, {**self.sums})
 
 
 class Rows:

@@ -30,8 +30,6 @@ from pincette_supervisor.results.figures import Mask, chosen, series
 from pincette_supervisor.results.result import common, force_error, position_error
 
 PRESSING = ("load", "hold", "unload")
-SETTLE_S = 0.5
-"""Left out at the begin of the hold, or a quarter of it where it is shorter than 2 s."""
 
 
 def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planned:
@@ -118,11 +116,7 @@ def grip_result(
 
 
 def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
-    hold = np.array([name == "hold" for name in phase], dtype=np.bool_)
-    places = np.flatnonzero(hold)
-    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
-    hold[places[:skipped]] = False
-    return hold
+    return figures.settled(np.array([name == "hold" for name in phase], dtype=np.bool_), period_s)
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
