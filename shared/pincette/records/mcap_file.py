@@ -71,7 +71,7 @@ class Chunks:
     def __init__(self, stream: Unbuffered) -> None:
         self.writer = Writer(cast("IO[bytes]", stream), chunk_size=CHUNK_BYTES)
         self.writer.start(PROFILE, f"pincette {__version__}")
-        self._state = cast("dict[str, Any]", vars(self.writer))
+        self._state = vars(self.writer)
         self._indexed = True
 
     def bound(self) -> None:

@@ -108,8 +108,10 @@ class Decoder:
 
 def read_about(path: Path) -> dict[str, str]:
     """Read whose a record is, from the begin of the file; raises OSError."""
-    found = (one.metadata for one in entries(path) if isinstance(one, mcap.Metadata))
-    return next(found, {})
+    for entry in entries(path):
+        if isinstance(entry, mcap.Metadata):
+            return entry.metadata
+    return {}
 
 
 def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:

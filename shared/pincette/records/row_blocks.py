@@ -163,8 +163,8 @@ class RowBlocks:
             return found
         for seq in seqs:
             tick = applied.get(seq)
-            state = tick.state if isinstance(tick, Applied) else "armed"
-            self._tripped = self._tripped or state not in RUNNING
+            if isinstance(tick, Applied) and tick.state not in RUNNING:
+                self._tripped = True
             if self._tripped or seq > self._newest_applied:
                 break
             self._places += seq - self._placed_seq  # ticks of which nothing came

@@ -65,7 +65,7 @@ def _means(result: JobResult, tables: RunTables, period_s: float) -> dict[str, f
     ):
         if getattr(result, name, None) is not None:
             whole = sums[quantity].plus(values[quantity][mask])
-            mean = (whole.squares if squared else whole.total) / whole.count
+            mean = (whole.squares if squared else whole.total) / whole.number
             found[name] = sqrt(mean) if squared else mean
     return found
 

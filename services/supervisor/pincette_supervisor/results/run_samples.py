@@ -42,7 +42,7 @@ Indices = NDArray[np.intp]
 class Sums(NamedTuple):
     """Number, sum and sum of squares of some values."""
 
-    count: int = 0
+    number: int = 0
     total: float = 0.0
     squares: float = 0.0
 
@@ -50,7 +50,7 @@ class Sums(NamedTuple):
         """Add values; those that never came are left out."""
         known = values[~np.isnan(values)]
         return Sums(
-            self.count + known.size,
+            self.number + known.size,
             self.total + float(known.sum()),
             self.squares + float(np.sum(known**2)),
         )
