@@ -51,7 +51,7 @@ class RowBlocks:
         self._over: int | None = None
         """Number of the sample that ended the arming."""
         self._newest_applied = -1
-        self._tripped = False
+        self._tripped: bool = False
         self._first_truth: int | None = None
         self._places = self._placed_seq = 0
         """Truths that belong to ticks before ``_placed_seq``."""
@@ -98,9 +98,11 @@ class RowBlocks:
         if not self._next:
             messages = [one for samples in self._samples.values() for one in samples.values()]
             return columns([*messages, *self._truths.values()], self._period_s)
-        kept = self._places, self._placed_seq, self._tripped, self._missing.copy(), {*self._applied}
+        places, seq, tripped = self._places, self._placed_seq, self._tripped
+        missing, applied = self._missing.copy(), {*self._applied}
         table = self._table(sorted({seq for one in self._samples.values() for seq in one}))
-        self._places, self._placed_seq, self._tripped, self._missing, self._applied = kept
+        self._places, self._placed_seq, self._tripped = places, seq, tripped
+        self._missing, self._applied = missing, applied
         return table
 
     @property

@@ -105,9 +105,7 @@ def goal_of(
     lasts = int(ticks[-1]) + 1 if ticks.size else 0
     return Goal(
         met=(
-            None
-            if completed and lasts <= skipped
-            else last is not None and last <= skipped < lasts
+            None if completed and lasts <= skipped else last is not None and last <= skipped < lasts
         ),
         settling_s=settling_s,
         settled_s=settled_s,
