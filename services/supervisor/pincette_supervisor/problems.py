@@ -81,9 +81,14 @@ def response_of(error: ProblemError) -> JSONResponse:
     )
 
 
-def _shown(value: Any) -> str:
-    text = repr(value) if not isinstance(value, dict | list) else type(cast(Any, value)).__name__
+def _cut(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return type(cast(Any, value)).__name__
+    return _cut(repr(value))
 
 
 def _named(path: Sequence[str]) -> str:
@@ -126,6 +131,7 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     kept, named = int(str(error["type"]) == "extra_forbidden"), list[str]()
     while len(path) > kept and path[0] in tags:
         named.append(path.pop(0))
+    path = [_cut(part) for part in path]
     name = _named(path) or place
     unit = unit_of(name.partition("[")[0])
     value = _shown(error.get("input")) + (f" {unit}" if unit else "")

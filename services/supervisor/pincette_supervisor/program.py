@@ -2,6 +2,7 @@
 
 import socket
 import ssl
+import sys
 import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
@@ -41,6 +42,9 @@ from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 
 STOP_S = 5.0
+SWITCH_S = 0.001
+"""Interval at which threads of the interpreter take turns; Python's own is 0.005 s. A stop needs
+the interpreter some ten times, and each time waits for all threads that work."""
 GONE_S, LOOK_S = 5.0, 0.1
 """For how long the token of a supervisor that was killed or cut off may still be seen."""
 
@@ -61,6 +65,7 @@ def bind(host: str, port: int) -> socket.socket:
 
 def run(context: Context) -> None:
     """Serve REST until the program is stopped."""
+    sys.setswitchinterval(SWITCH_S)
     config = configure(context.rig, context.data)
     with ExitStack() as stack:
         listener = stack.enter_context(closing(bind(config.host, config.port)))

@@ -1,6 +1,7 @@
 """How much a client may have of requests, streams, bodies and time; a stop has no limit."""
 
 import asyncio
+import gzip
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -9,10 +10,12 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from pincette_supervisor.access.access import CLIENTS, Access, TokenBuckets
-from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.access.authentication import Authenticator, Caller
+from pincette_supervisor.problems import ERRORS_MAX
 from pincette_supervisor.rest import limits
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.limits import AT_ONCE, MOST_BYTES, STREAMS, RateLimit
+from pincette_supervisor.rest.limits import AT_ONCE, LARGE_BYTES, OF_ONE, SMALL_BYTES, RateLimit
+from tests.support.keys import key_of_each_scope
 
 from .harness import Harness
 
@@ -39,8 +42,11 @@ def test_a_flood_of_addresses_takes_no_more_memory() -> None:
     assert buckets.wait_s("0", 0.0) == 0.0
 
 
-def test_who_asks_too_often_is_told_when_to_ask_again_and_may_still_stop(harness: Harness) -> None:
+def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=2.0)))
+    monkeypatch.setattr(limits, "HELD_S", 0.0)
     answers = [harness.call("GET", "/livez") for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
     assert answers[-1].headers["retry-after"] == "1000"
@@ -49,46 +55,121 @@ def test_who_asks_too_often_is_told_when_to_ask_again_and_may_still_stop(harness
     assert [harness.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
 
 
-Call = Callable[[str, str], Awaitable[httpx.Response]]
+Call = Callable[..., Awaitable[httpx.Response]]
+ACTIONS = "/api/v1/jobs/job-1/actions"
 
 
-def held(test: Callable[[Call, asyncio.Event], Awaitable[None]]) -> None:
+class OfKeys(Authenticator):
+    """Takes any key for the name of its caller."""
+
+    def identify(self, address: str, shown: str | None, cookie: str | None) -> Caller:
+        del cookie
+        return Caller(address, shown, "operate" if shown else None, "key" if shown else "none")
+
+
+def held(
+    monkeypatch: pytest.MonkeyPatch, test: Callable[[Call, asyncio.Event], Awaitable[None]]
+) -> None:
     """Run a test before an application that answers nothing but stops until it is let go."""
+    monkeypatch.setattr(limits, "HELD_S", 0.0)
 
     async def run() -> None:
         go = asyncio.Event()
 
         async def app(scope: Scope, _receive: Receive, send: Send) -> None:
-            if not scope["path"].endswith("/estop"):
+            if not scope["path"].endswith(("/estop", "/actions")):
                 await go.wait()
             await send({"type": "http.response.start", "status": 200, "headers": []})
             await send({"type": "http.response.body", "body": b""})
 
-        transport = httpx.ASGITransport(RateLimit(app, Authenticator()))
+        transport = httpx.ASGITransport(RateLimit(app, OfKeys()))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
-            await test(lambda method, path: client.request(method, path), go)
+
+            def call(method: str, path: str, key: str = "ann") -> Awaitable[httpx.Response]:
+                headers = {"Authorization": f"Bearer {key}"} if key else {}
+                return client.request(method, path, headers=headers)
+
+            await test(call, go)
 
     asyncio.run(run())
 
 
-@pytest.mark.parametrize(
-    ("path", "most", "status"), [("/jobs", AT_ONCE, 503), ("/live", STREAMS, 429)]
-)
-def test_only_so_much_is_under_way_and_a_stop_comes_through(
-    path: str, most: int, status: int
+async def under_way(calls: list[Awaitable[httpx.Response]]) -> list[asyncio.Future[httpx.Response]]:
+    """Begin requests, and let them reach the application."""
+    begun = [asyncio.ensure_future(one) for one in calls]
+    for _ in range(50):
+        await asyncio.sleep(0.0)
+    return begun
+
+
+LONG = ["/rigs/demo/live", "/events", "/jobs/a?wait=change", "/jobs/a?timeout_s=1&wait=terminal"]
+
+
+@pytest.mark.parametrize(("path", "other"), [("/jobs", LONG[0]), *((one, "/jobs") for one in LONG)])
+def test_one_client_has_a_share_of_each_kind_of_request(
+    monkeypatch: pytest.MonkeyPatch, path: str, other: str
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
-        under_way = [asyncio.ensure_future(call("GET", path)) for _ in range(most)]
-        for _ in range(50):  # turns of the loop, until each waits in the application
-            await asyncio.sleep(0.0)
+        begun = await under_way([call("GET", path) for _ in range(OF_ONE)])
         refused = await call("GET", path)
-        assert (refused.status_code, int(refused.headers["retry-after"]) > 0) == (status, True)
-        assert (await call("POST", "/api/v1/estop")).status_code == 200
+        assert refused.status_code == 429
+        assert int(refused.headers["retry-after"]) > 0
+        # Another client, the other kind of request, and all stops are not affected.
+        begun += await under_way([call("GET", path, "ben"), call("GET", other)])
+        for place in ("/api/v1/estop", ACTIONS):
+            assert (await call("POST", place)).status_code == 200
         go.set()
-        assert {answer.status_code for answer in await asyncio.gather(*under_way)} == {200}
+        assert {answer.status_code for answer in await asyncio.gather(*begun)} == {200}
         assert (await call("GET", path)).status_code == 200
 
-    held(test)
+    held(monkeypatch, test)
+
+
+@pytest.mark.parametrize("path", ["/jobs", LONG[0]])
+def test_all_clients_together_have_a_bound(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+    async def test(call: Call, go: asyncio.Event) -> None:
+        keys = [f"key{number // OF_ONE}" for number in range(AT_ONCE)]
+        begun = await under_way([call("GET", path, key) for key in keys])
+        assert (await call("GET", path, "another")).status_code == 503
+        for place in ("/api/v1/estop", ACTIONS):
+            assert (await call("POST", place)).status_code == 200
+        go.set()
+        assert {answer.status_code for answer in await asyncio.gather(*begun)} == {200}
+
+    held(monkeypatch, test)
+
+
+def test_actions_without_a_key_are_not_exempt(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test(call: Call, go: asyncio.Event) -> None:
+        begun = await under_way([call("GET", "/jobs", "") for _ in range(OF_ONE)])
+        assert (await call("POST", ACTIONS, "")).status_code == 429
+        go.set()
+        await asyncio.gather(*begun)
+
+    held(monkeypatch, test)
+
+
+def test_addresses_of_one_ipv6_network_are_one_client() -> None:
+    assert Caller("2001:db8::1").client == Caller("2001:db8::ffff:2").client
+    assert Caller("2001:db8::1").client != Caller("2001:db8:0:1::1").client
+    assert Caller("192.0.2.1").client == "192.0.2.1"
+    assert Caller("2001:db8::1", "ann").client == "ann"
+
+
+def test_a_stop_of_a_job_is_not_limited_and_other_actions_are(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "HELD_S", 0.0)
+    job = harness.playing_to(20)
+    harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=3.0)))
+    while harness.call("GET", "/livez").status_code == 200:
+        pass
+    act = f"/api/v1/jobs/{job}/actions"
+    assert harness.call("POST", act, json={"type": "pause"}).status_code == 429
+    assert harness.call("POST", act, json={"type": "stop"}).status_code in (200, 202)
+    assert harness.call("POST", act, json={"type": "abort"}).status_code in (200, 202, 409)
+    stop = {"idempotency_key": "k"}
+    assert harness.call("POST", "/api/v1/jobs/stop", json=stop).status_code == 200
 
 
 def test_who_does_not_take_an_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +190,23 @@ def test_who_does_not_take_an_answer_is_given_up(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("chunked", [False, True])
-def test_a_body_that_is_too_large_is_refused(harness: Harness, chunked: bool) -> None:
+@pytest.mark.parametrize(
+    ("method", "path", "most_bytes"),
+    [
+        ("POST", "/jobs", LARGE_BYTES),
+        ("POST", "/trajectories", LARGE_BYTES),
+        ("POST", "/recipes", LARGE_BYTES),
+        ("PATCH", "/jobs/job-1", LARGE_BYTES),
+        ("POST", "/jobs/stop", SMALL_BYTES),
+        ("POST", "/jobs/job-1/actions", SMALL_BYTES),
+        ("POST", "/rigs/demo/reset", SMALL_BYTES),
+        ("PUT", "/rigs/demo/claim", SMALL_BYTES),
+        ("POST", "/session", 4096),
+    ],
+)
+def test_a_body_beyond_the_limit_of_its_route_is_refused(
+    harness: Harness, method: str, path: str, most_bytes: int, chunked: bool
+) -> None:
     read: list[int] = []
 
     async def endless() -> Any:
@@ -117,26 +214,90 @@ def test_a_body_that_is_too_large_is_refused(harness: Harness, chunked: bool) ->
             read.append(1)
             yield b" " * 100_000
 
-    content = endless() if chunked else b" " * (MOST_BYTES + 1)
+    content = endless() if chunked else b" " * (most_bytes + 1)
     headers = {"Content-Type": "application/json"}
-    answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)
+    answer = harness.call(method, f"/api/v1{path}", content=content, headers=headers)
     assert answer.status_code == 413
     assert answer.headers["content-type"] == "application/problem+json"
     assert answer.json()["type"] == "urn:pincette:problem:body-too-large"
-    assert len(read) <= MOST_BYTES / 100_000 + 2
+    assert answer.json()["limit_bytes"] == most_bytes
+    assert len(read) <= most_bytes / 100_000 + 2
+    operation = harness.app.openapi()["paths"][
+        f"/api/v1{path}".replace("job-1", "{job}").replace("demo", "{rig}")
+    ][method.lower()]
+    assert operation["x-max-bytes"] == most_bytes
 
 
 def test_a_body_as_large_as_may_be_is_read(harness: Harness) -> None:
-    content = b'{"kind": "grip"}'.ljust(MOST_BYTES)
+    content = b'{"kind": "grip"}'.ljust(LARGE_BYTES)
     headers = {"Content-Type": "application/json"}
     answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)
     assert answer.status_code == 201
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "{" + ", ".join(f'"f{n}": 1' for n in range(8_000)) + "}",
+        '{"kind": "grip", "labels": [' + "1," * 9_000 + "1]}",
+        '{"kind": "grip", "labels": ' + "[" * 9_000 + "]" * 9_000 + "}",
+    ],
+    ids=["members", "items", "depth"],
+)
+def test_a_body_of_too_many_parts_is_refused_unparsed(harness: Harness, body: str) -> None:
+    headers = {"Content-Type": "application/json"}
+    answer = harness.call("POST", "/api/v1/jobs", content=body.encode(), headers=headers)
+    assert (answer.status_code, answer.json()["type"]) == (
+        413,
+        "urn:pincette:problem:body-too-large",
+    )
+
+
+def test_the_errors_that_are_listed_are_bounded(harness: Harness) -> None:
+    long = "x" * 5_000
+    body = {"kind": "grip", **{f"{long}{n}": 1 for n in range(40)}}
+    answer = harness.post("/jobs", body)
+    assert answer.status_code == 422
+    assert len(answer.json()["errors"]) == ERRORS_MAX
+    assert "and 20 more" in answer.json()["detail"]
+    assert len(answer.content) < 20_000
+
+
+def test_a_body_is_not_read_without_a_key(harness: Harness) -> None:
+    access = Access()
+    key_of_each_scope(harness.store, access.authenticator)
+    harness.app = create_app(harness.rigs, access)
+    taken: list[int] = []
+
+    async def chunks() -> Any:
+        for _ in range(10):
+            taken.append(1)
+            yield b" " * 1000
+
+    headers = {"Content-Type": "application/json"}
+    for path in ("/jobs", "/jobs/stop", "/recipes", "/trajectories", "/rigs/demo/reset"):
+        answer = harness.call("POST", f"/api/v1{path}", content=chunks(), headers=headers)
+        assert answer.status_code == 401
+    assert taken == []
+
+
+def test_an_encoded_body_is_refused(harness: Harness) -> None:
+    headers = {"Content-Type": "application/json", "Content-Encoding": "gzip"}
+    content = gzip.compress(b'{"kind": "grip"}')
+    answer = harness.call("POST", "/api/v1/jobs", content=content, headers=headers)
+    assert answer.status_code == 415
+
+
+def test_many_query_parameters_are_refused(harness: Harness) -> None:
+    answer = harness.call("GET", "/api/v1/jobs?" + "&".join(f"a{n}" for n in range(3000)))
+    assert answer.status_code == 422
+    assert len(answer.content) < 2_000
+
+
 def test_a_body_that_does_not_come_is_given_up(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(limits, "MOST_S", 0.05)
+    monkeypatch.setattr(limits, "BODY_S", 0.05)
 
     async def slow() -> Any:
         yield b'{"kind":'
@@ -152,14 +313,14 @@ def test_a_body_that_does_not_come_is_given_up(
 
 
 def test_an_emergency_stop_needs_no_body_and_minds_none(harness: Harness) -> None:
-    answer = harness.call("POST", ESTOP, content=b" " * (2 * MOST_BYTES))
+    answer = harness.call("POST", ESTOP, content=b" " * (2 * LARGE_BYTES))
     assert answer.status_code == 200
 
 
 def test_a_long_wait_outlasts_the_time_of_a_body(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(limits, "MOST_S", 0.01)
+    monkeypatch.setattr(limits, "BODY_S", 0.01)
     job = harness.playing_to(20)
     answer = harness.call(
         "GET", f"/api/v1/jobs/{job}", params={"wait": "terminal", "timeout_s": 0.1}

@@ -92,7 +92,7 @@ def test_kinds_of_json_are_taken(harness: Harness, kind: str) -> None:
         (b'{"kind": "grip", "dry_run": true, "dry_run": false}', "'dry_run' comes 2 times"),
         (b'{"kind": "grip", "labels": {"a": "b", "a": "c"}}', "'a' comes 2 times"),
         (b'{"kind": ', "line 1, column 10"),
-        (b"[" * 100_000, "nested too deeply"),
+        (b"[" * 5_000, "nested too deeply"),
         (b'{"kind": "\xff"}', "byte 10 is not UTF-8"),
     ],
 )

@@ -1,16 +1,28 @@
 """People who sign in by name and password, beside keys."""
 
+import asyncio
+from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 
 import httpx
 import pytest
 
 from pincette.cli import Exit
 from pincette.cli.main import main
+from pincette_supervisor.access import passwords
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.access.key_store import KeyStore
-from pincette_supervisor.access.passwords import FREE_TRIES, Tries, fits, hashed
+from pincette_supervisor.access.passwords import (
+    FREE_TRIES,
+    LONGEST_WAIT_S,
+    WAITING_MAX,
+    PasswordCheck,
+    Tries,
+    fits,
+    hashed,
+)
 from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
@@ -50,14 +62,89 @@ def test_who_did_what_has_the_name_of_a_person(bench: Harness) -> None:
     assert refused.status_code == 403
 
 
-def test_a_wrong_password_opens_nothing_and_soon_has_to_wait(bench: Harness) -> None:
+def test_a_wrong_password_opens_nothing(bench: Harness) -> None:
     for user in ("ann", "nobody"):
         assert sign_in(bench, user, "another password").status_code == 401
-    for _ in range(FREE_TRIES - 1):
-        sign_in(bench, "ann", "another password")
-    waits = sign_in(bench, "ann", PASSWORD)
-    assert waits.status_code == 429
-    assert int(waits.headers["Retry-After"]) >= 1
+
+
+def check(clock: Callable[[], float], monkeypatch: pytest.MonkeyPatch) -> PasswordCheck:
+    """Return a check of passwords whose hashes cost nothing, on a clock that a test sets."""
+    monkeypatch.setattr(passwords, "fits", lambda password, kept: password == kept)
+    return PasswordCheck(clock)
+
+
+def test_five_wrong_passwords_delay_a_user_and_lock_nobody_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s, slept_s = 0.0, list[float]()
+
+    async def sleep(delay_s: float) -> None:
+        nonlocal now_s
+        slept_s.append(delay_s)
+        now_s += delay_s
+
+    async def run() -> None:
+        one = check(lambda: now_s, monkeypatch)
+        for _ in range(FREE_TRIES):
+            assert not await one.is_right("ann", "192.0.2.1", "wrong", PASSWORD)
+        assert max(slept_s) == 0.0
+        # From elsewhere at once, from the same address after a second that the try waits out.
+        assert await one.is_right("ann", "192.0.2.2", PASSWORD, PASSWORD)
+        assert max(slept_s) == 0.0
+        assert await one.is_right("ann", "192.0.2.1", PASSWORD, PASSWORD)
+        assert max(slept_s) == 1.0
+        for _ in range(FREE_TRIES + 3):
+            assert not await one.is_right("ann", "192.0.2.1", "wrong", PASSWORD)
+        with pytest.raises(ProblemError) as refusal:
+            await one.is_right("ann", "192.0.2.1", PASSWORD, PASSWORD)
+        assert refusal.value.status == 429
+        assert (refusal.value.headers or {})["Retry-After"] == "8"
+        assert await one.is_right("ann", "192.0.2.1", PASSWORD, PASSWORD, trusted=True)
+
+    monkeypatch.setattr(passwords.asyncio, "sleep", sleep)
+    asyncio.run(run())
+
+
+def test_many_tries_from_one_address_delay_another_by_one_try(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    order: list[str] = []
+
+    def fits_noted(password: str, _kept: str) -> bool:
+        order.append(password)
+        return False
+
+    async def run() -> None:
+        one = check(monotonic, monkeypatch)
+        monkeypatch.setattr(passwords, "fits", fits_noted)
+        flood = [
+            asyncio.ensure_future(one.is_right(f"user{n}", "192.0.2.1", "flood", None))
+            for n in range(2 * WAITING_MAX)
+        ]
+        await asyncio.sleep(0.0)
+        await one.is_right("ann", "192.0.2.2", "honest", None)
+        assert order.index("honest") <= 2
+        ended = await asyncio.gather(*flood, return_exceptions=True)
+        refused = [one for one in ended if isinstance(one, ProblemError)]
+        assert len(refused) == WAITING_MAX
+        assert {one.status for one in refused} == {429}
+
+    asyncio.run(run())
+
+
+def test_tries_at_once_do_not_pass_by_the_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def run() -> None:
+        one = check(lambda: 0.0, monkeypatch)
+        tries = [one.is_right("ann", "192.0.2.1", "wrong", PASSWORD) for _ in range(WAITING_MAX)]
+        ended = await asyncio.gather(*tries, return_exceptions=True)
+        checked = [one for one in ended if one is False]
+        assert len(checked) == FREE_TRIES + 3  # after waits of 1, 2 and 4 s
+
+    async def sleep(_delay_s: float) -> None:
+        return
+
+    monkeypatch.setattr(passwords.asyncio, "sleep", sleep)
+    asyncio.run(run())
 
 
 def test_another_password_ends_the_sessions(bench: Harness) -> None:
@@ -75,15 +162,18 @@ def test_waits_grow_with_each_wrong_try_and_end() -> None:
     now_s = 0.0
     tries = Tries(lambda: now_s)
     for _ in range(FREE_TRIES + 2):
-        tries.note("ann", right=False)
-    with pytest.raises(ProblemError, match="wait another 4 s"):
-        tries.require("ann")
-    tries.require("ben")
+        tries.note("ann", "a", right=False)
+    assert tries.wait_s("ann", "a") == 4.0
+    assert tries.wait_s("ben", "a") == 0.0
+    assert tries.wait_s("ann", "b") == 0.0
     now_s = 4.1
-    tries.require("ann")
-    tries.note("ann", right=True)
-    tries.note("ann", right=False)
-    tries.require("ann")
+    assert tries.wait_s("ann", "a") == 0.0
+    for _ in range(10):
+        tries.note("ann", "a", right=False)
+    assert tries.wait_s("ann", "a") == pytest.approx(LONGEST_WAIT_S)
+    tries.note("ann", "a", right=True)
+    tries.note("ann", "a", right=False)
+    assert tries.wait_s("ann", "a") == 0.0
 
 
 def test_a_password_is_kept_salted_and_hashed() -> None:

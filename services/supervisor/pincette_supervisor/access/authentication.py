@@ -7,11 +7,12 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from ipaddress import IPv6Address, IPv6Network
 from time import monotonic
 from typing import Literal, TypeVar
 
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
-from pincette_supervisor.access.passwords import NOBODY, Tries, fits
+from pincette_supervisor.access.passwords import PasswordCheck
 from pincette_supervisor.journal.access_rows import KeyRepository, SessionRow
 from pincette_supervisor.journal.key_file import KeyRow
 from pincette_supervisor.journal.tables import utc_now, utc_text
@@ -73,6 +74,20 @@ class Caller:
     unconfirmed: bool = False
     """Whether the caller is refused because the supervisor cannot read its keys."""
 
+    @property
+    def network(self) -> str:
+        """Address as one client has it: of IPv6 the network of 64 bits."""
+        try:
+            known = IPv6Address(self.address)
+        except ValueError:
+            return self.address
+        return str(IPv6Network((int(known) >> 64 << 64, 64)))
+
+    @property
+    def client(self) -> str:
+        """Client whose share of the limits a request takes: a key, else an address."""
+        return self.name or self.network
+
     def signed(self, label: str) -> str:
         """The name an action is stored under: the key and the label, or without keys the label."""
         if self.name is None:
@@ -123,7 +138,7 @@ class Authenticator:
         """Time of the last successful reading of the keys; None before the first one."""
         self._snapshot = KeySnapshot()
         self._turn = threading.Lock()
-        self.tries = Tries()
+        self._passwords = PasswordCheck()
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
 
@@ -187,22 +202,24 @@ class Authenticator:
         if not _same_minute(key.used_at, now):
             self._keys_used[key.name] = now
 
-    def by_password(self, address: str, name: str, password: str) -> Caller:
-        """Return the user of a name and a password; raises ProblemError after many wrong ones."""
+    async def by_password(self, caller: Caller, name: str, password: str) -> Caller:
+        """Return the user of a name and a password; raises ProblemError for too many tries.
+
+        A caller who has signed in as that user already does not have to wait.
+        """
         if self.unconfirmed:
-            return Caller(address, unconfirmed=True)
-        self.tries.require(name)
+            return Caller(caller.address, unconfirmed=True)
         now = self._now()
         rows = [row for row in self._snapshot.keys if row.name == name and row.usable(now)]
         user = rows[0] if rows and rows[0].password is not None else None
-        with self.tries.turn:
-            right = fits(password, NOBODY if user is None else user.password or NOBODY)
-        right = right and user is not None
-        self.tries.note(name, right=right)
+        kept = None if user is None else user.password
+        right = await self._passwords.is_right(
+            name, caller.network, password, kept, trusted=caller.name == name
+        )
         if not right or user is None:
-            return Caller(address, showed=True)
+            return Caller(caller.address, showed=True)
         self._note_use(user, now)
-        return Caller(address, user.name, user.scope, "key", showed=True)
+        return Caller(caller.address, user.name, user.scope, "key", showed=True)
 
     def sign_in(self, repository: KeyRepository, caller: Caller, cookie: str) -> None:
         """Let a cookie stand for the key that a caller has shown."""

@@ -1,12 +1,20 @@
-"""Passwords of people, kept as scrypt hashes (RFC 7914), and how often they may be tried."""
+"""Passwords of people, kept as scrypt hashes (RFC 7914), and how often they may be tried.
 
+Hashes are computed in a thread of their own. Each address has one place in its queue at a time, so
+that a flood of tries from one address delays those from another by one try at most.
+"""
+
+import asyncio
 import hashlib
 import hmac
 import secrets
-import threading
 from base64 import b64decode, b64encode
+from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from math import ceil
 from time import monotonic
+from weakref import WeakValueDictionary
 
 from pincette_supervisor.problems import ProblemError
 
@@ -14,9 +22,14 @@ COST, BLOCK, LANES = 2**14, 8, 1
 """N, r and p: 16 MB and some 50 ms a try."""
 SALT_BYTES = 16
 FREE_TRIES = 5
-"""Wrong passwords of one name before it has to wait."""
-LONGEST_WAIT_S = 300.0
-NAMES_MAX = 1000
+"""Wrong passwords of one name from one address before the next try has to wait."""
+LONGEST_WAIT_S = 60.0
+HELD_S = 5.0
+"""A try that has to wait no longer than this is held back and then checked; others get 429."""
+PLACES_MAX = 1000
+"""Pairs of a name and an address whose wrong passwords are counted."""
+WAITING_MAX = 32
+"""Tries of one address that wait; beyond, 429."""
 
 
 def hashed(password: str, salt: bytes | None = None) -> str:
@@ -37,35 +50,85 @@ def fits(password: str, kept: str) -> bool:
 
 
 class Tries:
-    """Counts wrong passwords by name, and makes a name wait twice as long with each."""
+    """Counts wrong passwords by name and address, and makes the next try wait.
+
+    The wait doubles with each wrong password. It concerns one address only, so that nobody who
+    knows a user's name can lock the user out from elsewhere.
+    """
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
-        self._lock = threading.Lock()
-        self._wrong: dict[str, tuple[int, float]] = {}
-        self.turn = threading.Lock()
-        """Held while a hash is computed: many tries at once take no memory."""
+        self._wrong: dict[tuple[str, str], tuple[int, float]] = {}
 
-    def require(self, name: str) -> None:
-        """Raise ProblemError while a name has to wait."""
-        with self._lock:
-            count, since_s = self._wrong.get(name, (0, 0.0))
-        wait_s = min(2.0 ** (count - FREE_TRIES), LONGEST_WAIT_S) if count >= FREE_TRIES else 0.0
-        left_s = since_s + wait_s - self._clock()
-        if left_s > 0.0:
-            raise ProblemError(
-                429,
-                "too-many-requests",
-                "Too many wrong passwords",
-                f"{count} wrong passwords for {name!r}: wait another {left_s:.0f} s",
-                headers={"Retry-After": str(int(left_s) + 1)},
-            )
+    def wait_s(self, name: str, address: str) -> float:
+        """Return for how long a name has to wait at an address, in s."""
+        count, since_s = self._wrong.get((name, address), (0, 0.0))
+        if count < FREE_TRIES:
+            return 0.0
+        wait_s = min(2.0 ** (count - FREE_TRIES), LONGEST_WAIT_S)
+        return max(since_s + wait_s - self._clock(), 0.0)
 
-    def note(self, name: str, *, right: bool) -> None:
+    def note(self, name: str, address: str, *, right: bool) -> None:
         """Count a try."""
-        with self._lock:
-            count, _ = self._wrong.pop(name, (0, 0.0))
-            if not right:
-                self._wrong[name] = (count + 1, self._clock())
-                while len(self._wrong) > NAMES_MAX:
-                    self._wrong.pop(next(iter(self._wrong)))
+        count, _ = self._wrong.pop((name, address), (0, 0.0))
+        if not right:
+            self._wrong[name, address] = (count + 1, self._clock())
+            while len(self._wrong) > PLACES_MAX:
+                self._wrong.pop(next(iter(self._wrong)))
+
+
+class PasswordCheck:
+    """Checks passwords, one at a time; used from the event loop only."""
+
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self.tries = Tries(clock)
+        self._waiting: Counter[str] = Counter()
+        self._locks: WeakValueDictionary[tuple[str, ...], asyncio.Lock] = WeakValueDictionary()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="passwords")
+
+    async def is_right(
+        self, name: str, address: str, password: str, kept: str | None, *, trusted: bool = False
+    ) -> bool:
+        """Return whether a password is the one kept; raises ProblemError for too many tries.
+
+        ``kept`` is None where there is no such user, which takes as long. A ``trusted`` caller has
+        no waits.
+        """
+        if self._waiting[address] >= WAITING_MAX:
+            raise _too_many(f"{WAITING_MAX} tries from {address} are waiting", 2.0)
+        self._waiting[address] += 1
+        try:
+            # One try of a name at an address after the other: each knows how the last one ended.
+            async with self._lock(name, address):
+                if not trusted:
+                    await self._wait(name, address)
+                async with self._lock(address):
+                    right = await asyncio.get_running_loop().run_in_executor(
+                        self._thread, fits, password, NOBODY if kept is None else kept
+                    )
+                right = right and kept is not None
+                self.tries.note(name, address, right=right)
+                return right
+        finally:
+            self._waiting[address] -= 1
+            if not self._waiting[address]:
+                del self._waiting[address]
+
+    def _lock(self, *place: str) -> asyncio.Lock:
+        return self._locks.setdefault(place, asyncio.Lock())
+
+    async def _wait(self, name: str, address: str) -> None:
+        wait_s = self.tries.wait_s(name, address)
+        if wait_s > HELD_S:
+            raise _too_many(f"wrong passwords for {name!r} from {address}", wait_s)
+        await asyncio.sleep(wait_s)
+
+
+def _too_many(why: str, wait_s: float) -> ProblemError:
+    return ProblemError(
+        429,
+        "too-many-requests",
+        "Too many passwords are tried",
+        f"{why}: wait another {ceil(wait_s)} s",
+        headers={"Retry-After": str(ceil(wait_s))},
+    )

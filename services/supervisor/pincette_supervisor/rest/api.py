@@ -25,7 +25,7 @@ from pincette_supervisor.rest import (
     routes_simulation,
     routes_trajectories,
 )
-from pincette_supervisor.rest.limits import BodyLimit, RateLimit
+from pincette_supervisor.rest.limits import RateLimit
 from pincette_supervisor.rest.methods import HeadAndOptions
 from pincette_supervisor.rest.middleware import AuditLog, OriginCheck
 from pincette_supervisor.rest.openapi_schema import complete
@@ -88,7 +88,6 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
 def _add_middleware(app: FastAPI, access: Access) -> None:
     """Add what holds for all routes; the last added is outermost."""
     app.add_middleware(HeadAndOptions, routes=app.routes)
-    app.add_middleware(BodyLimit)
     if access.buckets is not None:
         app.add_middleware(RateLimit, authenticator=access.authenticator, buckets=access.buckets)
     app.add_middleware(OriginCheck, names=access.names)

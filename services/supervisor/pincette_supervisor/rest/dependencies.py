@@ -31,7 +31,9 @@ from pincette_supervisor.rest.session_cookie import NAME, session_cookies
 from pincette_supervisor.rigs.rigs import Rigs
 
 CALLER, NOTE = "pincette.caller", "pincette.note"
-"""Keys of an ASGI scope: the caller, and what the audit log is told of the request."""
+SHARE, HELD = "pincette.share", "pincette.held"
+"""Keys of an ASGI scope: the caller, the note for the audit log, the limits of a request that is
+exempt from them only where it stops a job, and whether its refusal is being held back."""
 DISCONNECT_S = 10.0
 """For how long the event loop may take to say whether a caller has hung up."""
 OPERATOR_LENGTH, KEY_LENGTH = 960, 255

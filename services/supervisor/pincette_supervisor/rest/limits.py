@@ -2,38 +2,83 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from math import ceil
 from time import monotonic
+from typing import Any, Literal
 
-from starlette.datastructures import Headers
-from starlette.exceptions import HTTPException
+from fastapi import Request
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import TokenBuckets
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.dependencies import caller_of
+from pincette_supervisor.rest.dependencies import HELD, SHARE, caller_of
 
+Kind = Literal["short", "long"]
+"""``long``: a stream or a long poll, which waits; ``short``: any other request."""
 AT_ONCE = 256
-"""Requests under way, long ones and streams included; beyond, 503."""
-STREAMS = 32
-"""Streams of one client: each page has two, an orchestrator one a job."""
+"""Requests of each kind under way, of all clients; beyond, 503."""
+OF_ONE = 64
+"""Requests of each kind under way, of one client; beyond, 429."""
 STREAMED = ("/events", "/live")
+LONG_POLL = b"wait="
+HELD_S = 1.0
+"""Time for which such a refusal is held back, so that a client that repeats at once does not keep
+the server busy with refusals."""
 SEND_S = 30.0
 """How long a client may take for one block of an answer."""
 ESTOP = "/estop"
-MOST_BYTES = 1_000_000
-"""Of a body: a path of 200 points takes some 20 kB, a recipe less."""
-MOST_S = 10.0
-"""From the head of a request to the end of its body."""
-BODILESS = ("GET", "HEAD")
-"""Methods whose body nobody reads; a file response only listens for the disconnect."""
+JOB_STOPS = ("/actions", "/stop")
+"""Ends of the paths below ``/jobs`` that stop a job."""
+SMALL_BYTES, LARGE_BYTES = 16_384, 262_144
+"""Largest body of a route; large where a request has points, labels or notes: a path of 200 points
+takes some 20 kB, and 4000 characters of notes up to 48 kB."""
+MOST_BYTES = "x-max-bytes"
+"""Extension of the OpenAPI document by which a route names the limit of its body."""
+LARGE: dict[str, Any] = {MOST_BYTES: LARGE_BYTES}
+"""``openapi_extra`` of a route whose body may have points, labels or notes."""
+BODY_S = 10.0
+"""Longest time from the head of a request to the end of its body."""
+
+
+class Shares:
+    """Counts the requests under way, by client and kind."""
+
+    def __init__(self) -> None:
+        self._all: Counter[Kind] = Counter()
+        self._of_one: Counter[tuple[Kind, str]] = Counter()
+
+    @contextmanager
+    def taken(self, kind: Kind, client: str) -> Generator[None]:
+        """Count a request within the block; raises ProblemError where there are too many."""
+        place = (kind, client)
+        if self._of_one[place] >= OF_ONE:
+            why = f"{client} has {OF_ONE} {kind} requests under way, which is the most"
+            raise _refused(429, why, 5.0 if kind == "long" else 1.0)
+        if self._all[kind] >= AT_ONCE:
+            why = f"{AT_ONCE} {kind} requests are under way, which is the most"
+            raise _refused(503, why, 1.0)
+        self._all[kind] += 1
+        self._of_one[place] += 1
+        try:
+            yield
+        finally:
+            self._all[kind] -= 1
+            self._of_one[place] -= 1
+            if not self._of_one[place]:
+                del self._of_one[place]
 
 
 class RateLimit:
-    """Refuses requests beyond the rate and the concurrency limits, with ``Retry-After``."""
+    """Refuses requests beyond the rate and the concurrency limits, with ``Retry-After``.
+
+    A client is a key, or an address where no valid key is shown. Emergency stops are exempt, and so
+    are the actions of a job with a valid key: its route applies the limits to all but stops.
+    """
 
     def __init__(
         self,
@@ -44,44 +89,52 @@ class RateLimit:
     ) -> None:
         self._app, self._authenticator, self._clock = app, authenticator, clock
         self._buckets = buckets or TokenBuckets()
-        self._under_way = 0
-        self._streams: Counter[str] = Counter()
+        self._shares = Shares()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
-        if scope["type"] != "http" or _is_estop(scope):
+        if scope["type"] != "http" or is_estop(scope):
             await self._app(scope, receive, send)
             return
         caller = caller_of(scope, self._authenticator)
-        client = caller.name or caller.address
-        streamed = scope["method"] == "GET" and scope["path"].endswith(STREAMED)
-        refusal = self._refusal(client, streamed=streamed)
-        if refusal is not None:
-            await problems.response_of(refusal)(scope, receive, send)
+        client = caller.client
+        send = _with_send_timeout(send)
+        if caller.scope is not None and _may_stop_job(scope):
+            scope[SHARE] = lambda: self._taken("short", client)
+            await self._app(scope, receive, send)
             return
-        self._under_way += 1
-        self._streams[client] += streamed
         try:
-            await self._app(scope, receive, _with_send_timeout(send))
-        finally:
-            self._under_way -= 1
-            self._streams[client] -= streamed
-            if not self._streams[client]:
-                del self._streams[client]
+            with self._taken(_kind(scope), client):
+                await self._app(scope, receive, send)
+        except ProblemError as refusal:  # of the limits; the application answers its own
+            scope[HELD] = True
+            await asyncio.sleep(HELD_S)
+            await problems.response_of(refusal)(scope, receive, send)
 
-    def _refusal(self, client: str, *, streamed: bool) -> ProblemError | None:
+    @contextmanager
+    def _taken(self, kind: Kind, client: str) -> Generator[None]:
         wait_s = self._buckets.wait_s(client, self._clock())
         if wait_s > 0.0:
-            return _refused(429, f"{client} asks too often", wait_s)
-        if streamed and self._streams[client] >= STREAMS:
-            return _refused(429, f"{client} has {STREAMS} streams, which is the most", 5.0)
-        if self._under_way >= AT_ONCE:
-            return _refused(503, f"{AT_ONCE} requests are under way, which is the most", 1.0)
-        return None
+            raise _refused(429, f"{client} asks too often", wait_s)
+        with self._shares.taken(kind, client):
+            yield
 
 
-def _is_estop(scope: Scope) -> bool:
+def is_estop(scope: Scope) -> bool:
+    """Return whether a request is an emergency stop."""
     return scope["method"] == "POST" and scope["path"].endswith(ESTOP)
+
+
+def _may_stop_job(scope: Scope) -> bool:
+    path: str = scope["path"]
+    return scope["method"] == "POST" and "/jobs/" in path and path.endswith(JOB_STOPS)
+
+
+def _kind(scope: Scope) -> Kind:
+    if scope["method"] != "GET":
+        return "short"
+    waits = scope["path"].endswith(STREAMED) or LONG_POLL in scope.get("query_string", b"")
+    return "long" if waits else "short"
 
 
 def _refused(status: int, why: str, wait_s: float) -> ProblemError:
@@ -105,48 +158,41 @@ def _with_send_timeout(send: Send) -> Send:
     return timed
 
 
-class BodyLimit:
-    """Refuses bodies that are too large (413) or come too slowly (408).
+async def read_body(request: Request, most_bytes: int) -> bytes:
+    """Read a body; raises ProblemError where it is too large (413) or comes too slowly (408).
 
-    FastAPI's own ``max_body_size`` knows no time, answers in plain text, and takes the answer of an
-    emergency stop away from whoever announces a large body with it.
+    FastAPI's own ``max_body_size`` has no time limit, and answers in plain text.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
-        if scope["type"] == "http" and scope["method"] not in BODILESS:
-            receive = _bounded(receive, Headers(scope=scope).get("content-length", ""))
-        await self._app(scope, receive, send)
-
-
-def _bounded(receive: Receive, announced: str) -> Receive:
-    until_s = asyncio.get_running_loop().time() + MOST_S
-    size, complete = 0, False
-
-    async def bounded() -> Message:
-        nonlocal size, complete
-        if complete:
-            return await receive()
-        if announced.isdecimal() and int(announced) > MOST_BYTES:
-            raise _too_large()
-        try:
-            async with asyncio.timeout_at(until_s):
-                message = await receive()
-        except TimeoutError as error:
-            detail = f"the body was not complete after {MOST_S:g} s"
-            raise HTTPException(408, detail, {"Connection": "close"}) from error
-        size += len(message.get("body", b""))
-        complete = not message.get("more_body", False)
-        if size > MOST_BYTES:
-            raise _too_large()
-        return message
-
-    return bounded
+    announced = request.headers.get("content-length", "")
+    if announced.isdecimal() and int(announced[:20]) > most_bytes:
+        raise _too_large(f"{announced[:20]} bytes", most_bytes)
+    body = bytearray()
+    try:
+        async with asyncio.timeout(BODY_S):
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > most_bytes:
+                    raise _too_large(f"more than {most_bytes} bytes", most_bytes)
+    except TimeoutError as error:
+        raise ProblemError(
+            408,
+            "body-too-slow",
+            "The body is too slow",
+            f"the body was not complete after {BODY_S:g} s",
+            limit_s=BODY_S,
+        ) from error
+    except ClientDisconnect as error:
+        raise ProblemError(
+            400, "bad-json", "The body is incomplete", "the client closed the connection"
+        ) from error
+    return bytes(body)
 
 
-def _too_large() -> HTTPException:
-    detail = f"the body is larger than {MOST_BYTES / 1e6:g} MB"
-    return HTTPException(413, detail, {"Connection": "close"})
+def _too_large(size: str, most_bytes: int) -> ProblemError:
+    return ProblemError(
+        413,
+        "body-too-large",
+        "The body is too large",
+        f"the body has {size}; the limit of this route is {most_bytes} bytes",
+        limit_bytes=most_bytes,
+    )

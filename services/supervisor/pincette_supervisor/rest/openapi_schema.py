@@ -6,6 +6,7 @@ from typing import Any
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import Problem, responses
 from pincette.api.results import JobResult
+from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES
 
 SCHEMAS = "#/components/schemas/"
 NAMES = {
@@ -20,8 +21,6 @@ NAMES = {
     503: "Busy",
 }
 EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 422, 429, 503), (401,), (408, 413, 415)
-ESTOP = "/estop"
-"""An emergency stop is refused for no parameter."""
 
 
 def complete(document: dict[str, Any]) -> None:
@@ -43,6 +42,9 @@ def complete(document: dict[str, Any]) -> None:
             parameter["schema"] = _sent(parameter["schema"])
         if _is_own_error_model(operation["responses"].get("422", {})):
             del operation["responses"]["422"]
+        if "requestBody" in operation:
+            most_bytes = operation.setdefault(MOST_BYTES, SMALL_BYTES)
+            operation["requestBody"]["description"] = f"JSON of at most {most_bytes} bytes"
         for content in operation.get("requestBody", {}).get("content", {}).values():
             operation["responses"].update(
                 {str(status): answer for status, answer in responses(400).items()}
@@ -96,7 +98,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
     }
     for path, operation in _placed(document):
         wanted = EVERYWHERE
-        if path.endswith(ESTOP):
+        if path.endswith(ESTOP):  # which is refused for no parameter
             wanted = tuple(status for status in wanted if status != 422)
         if "security" in operation or operation["operationId"].startswith("sign_in"):
             wanted += WITH_KEY

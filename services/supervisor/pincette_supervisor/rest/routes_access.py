@@ -28,7 +28,7 @@ from pincette_supervisor.rest.dependencies import (
     Note,
     SupervisorId,
 )
-from pincette_supervisor.rest.limits import ESTOP
+from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES
 from pincette_supervisor.rest.middleware import DRY_RUN, PAGE_CHECK, refusal
 from pincette_supervisor.rest.session_cookie import delete_cookies, session_cookies, set_cookie
 from pincette_supervisor.rest.strict_route import StrictRoute
@@ -44,7 +44,7 @@ async def session(caller: AnyCaller, access: AccessState) -> Session:
     return _view(caller, keys=access.authenticator.keys_wanted)
 
 
-@router.post("/session", responses=responses(401, 422, 429))
+@router.post("/session", openapi_extra={MOST_BYTES: 4096}, responses=responses(401, 422, 429))
 async def sign_in(
     request: Request,
     response: Response,
@@ -63,9 +63,7 @@ async def sign_in(
     authenticator = access.authenticator
     if body is not None and authenticator.keys_wanted:
         note(f"as {body.user}")
-        caller = await run_in_threadpool(
-            authenticator.by_password, caller.address, body.user, body.password
-        )
+        caller = await authenticator.by_password(caller, body.user, body.password)
         request.scope[CALLER] = caller
     require_scope(caller, "observe")
     if caller.way == "key":

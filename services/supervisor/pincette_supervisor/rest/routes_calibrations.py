@@ -16,6 +16,7 @@ from pincette_supervisor.rest.dependencies import (
     Asking,
     IdempotencyKey,
 )
+from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import CREATED, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
@@ -26,6 +27,7 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"], route_class=St
 
 @router.post(
     "",
+    openapi_extra=LARGE,
     status_code=201,
     response_model=Job | CalibrationPlan,
     responses=CREATED,

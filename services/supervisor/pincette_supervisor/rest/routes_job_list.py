@@ -25,6 +25,7 @@ from pincette_supervisor.rest.dependencies import (
     Operator,
     etag,
 )
+from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.routes_artifacts import WRITTEN
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results import job_table
@@ -153,7 +154,12 @@ def export(
     return StreamingResponse(rows, media_type=job_table.MEDIA_TYPES[format], headers=headers)
 
 
-@router.patch("/{job}", responses=responses(404, 422, 503), dependencies=[OPERATE])
+@router.patch(
+    "/{job}",
+    openapi_extra=LARGE,
+    responses=responses(404, 422, 503),
+    dependencies=[OPERATE],
+)
 def edit(
     job: str, body: JobEdit, rigs: AllRigs, response: Response, by: Operator, note: Note
 ) -> Job:

@@ -4,16 +4,21 @@ Plain functions run in a pool of threads, so that neither the store nor a slow p
 holds up the event loop.
 """
 
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from pincette.api.jobs import ActionRequest, Job, StoppedRequest, StopRequest
 from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
-from pincette.api.states import STATES
+from pincette.api.states import STATES, ActionType
 from pincette_supervisor.jobs.claims import ALWAYS
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.kinds.bodies import AnyPlan, Body
@@ -21,6 +26,7 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
+    SHARE,
     AllRigs,
     Asker,
     Asking,
@@ -29,10 +35,15 @@ from pincette_supervisor.rest.dependencies import (
     etag,
     matched_revision,
 )
+from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.rigs.rigs import Rigs
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
+STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
+"""Threads for stops of jobs, which no limit of rate or number refuses and no other request delays.
+"""
 REPLAYED = "Idempotency-Replayed"
 Predict = Annotated[
     bool,
@@ -98,6 +109,7 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 @router.post(
     "",
+    openapi_extra=LARGE,
     status_code=201,
     response_model=Job | AnyPlan,
     responses=CREATED,
@@ -129,12 +141,17 @@ def create(
 
 
 @router.post("/stop", dependencies=[OPERATE], responses=responses(422, 503))
-def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
+async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
     """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
 
     A request that comes with this key later is refused (409), as long as the supervisor runs.
     """
     asker.note(f"stop {body.idempotency_key}")
+    loop = asyncio.get_running_loop()
+    return await loop.run_in_executor(STOP_THREADS, _stopped, body, rigs, asker.by)
+
+
+def _stopped(body: StopRequest, rigs: Rigs, by: str) -> StoppedRequest:
     for manager in rigs.all():
         manager.turns.stop(body.idempotency_key)
     known = rigs.store.created(body.idempotency_key)
@@ -143,7 +160,7 @@ def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
     manager = rigs.of_job(known.job)
     job = manager.index.job(known.job)
     if not STATES[job.state].terminal:
-        job, _ = manager.perform(job.id, "stop", asker.by)
+        job, _ = manager.perform(job.id, "stop", by)
     return StoppedRequest(job=job)
 
 
@@ -211,20 +228,33 @@ async def job_state(
         **responses(404, 409, 422, 503),
     },
 )
-def act(
+async def act(
     job: str,
     body: ActionRequest,
     rigs: AllRigs,
+    request: Request,
     response: Response,
     asker: Asking,
 ) -> Job:
     """Start, pause, resume, stop, abort, release the part, or continue after a wait."""
     asker.note(body.type)
-    manager = rigs.of_job(job)
-    if body.type not in ALWAYS:
-        manager.claims.require(asker.claim)
-    changed, holds = manager.perform(job, body.type, asker.by)
+    perform = partial(_performed, job, body.type, rigs, asker)
+    if body.type in ALWAYS:
+        loop = asyncio.get_running_loop()
+        changed, holds = await loop.run_in_executor(STOP_THREADS, perform)
+    else:
+        limits: Callable[[], AbstractContextManager[None]] = request.scope.get(SHARE, nullcontext)
+        with limits():
+            changed, holds = await run_in_threadpool(perform)
     response.headers["ETag"] = etag(changed.id, changed.revision)
     if holds:
         response.status_code = 200
     return changed
+
+
+def _performed(job: str, action: ActionType, rigs: Rigs, asker: Asker) -> tuple[Job, bool]:
+    """Perform an action; the flag: nothing was left to do."""
+    manager = rigs.of_job(job)
+    if action not in ALWAYS:
+        manager.claims.require(asker.claim)
+    return manager.perform(job, action, asker.by)

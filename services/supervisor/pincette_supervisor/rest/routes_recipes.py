@@ -13,6 +13,7 @@ from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeReposito
 from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Journal, Note
+from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 router = APIRouter(prefix="/recipes", tags=["recipes"], route_class=StrictRoute)
@@ -27,6 +28,7 @@ Repository = Annotated[RecipeRepository, Depends(_repository)]
 
 @router.post(
     "",
+    openapi_extra=LARGE,
     status_code=201,
     dependencies=[OPERATE],
     responses={

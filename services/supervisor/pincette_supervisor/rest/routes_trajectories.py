@@ -38,6 +38,7 @@ from pincette_supervisor.rest.dependencies import (
     IdempotencyKey,
     Note,
 )
+from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.routes_jobs import take
 from pincette_supervisor.rest.strict_route import StrictRoute
@@ -77,6 +78,7 @@ router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=St
 
 @router.post(
     "",
+    openapi_extra=LARGE,
     status_code=201,
     response_model=Trajectory | Plan | MotionPlan,
     dependencies=[OPERATE],
@@ -113,6 +115,7 @@ def create(
 
 @router.post(
     "/plot",
+    openapi_extra=LARGE,
     response_class=Response,
     responses={**PNG, **responses(404, 422, 503)},
     dependencies=[OPERATE],
@@ -199,6 +202,7 @@ def plot(stored: StoredTrajectory) -> Response:
 
 @router.post(
     "/{digest}/jobs",
+    openapi_extra=LARGE,
     dependencies=[OPERATE],
     status_code=201,
     response_model=Job,

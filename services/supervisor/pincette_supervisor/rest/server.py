@@ -2,6 +2,7 @@
 
 import asyncio
 import ssl
+from collections.abc import Callable
 from functools import partial
 from socket import socket
 from typing import Any, cast
@@ -10,8 +11,10 @@ import h11
 import uvicorn
 from anyio.to_thread import current_default_thread_limiter
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
+from pincette_supervisor.rest.dependencies import HELD
 from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path
 from pincette_supervisor.rest.tls import Doorway
 
@@ -21,6 +24,20 @@ HEAD_S = 10.0
 """From the first sign of a request to the end of its head."""
 HEAD_BYTES = 16_384
 """Of a head; a longer one is refused with 400."""
+HEADERS_MAX = 100
+"""Headers of a request; more are refused with 431."""
+SLICE_BYTES = 2048
+"""Bytes of one connection that are processed in one turn of the event loop."""
+REQUEST_BYTES = 1_048_576
+"""Bytes of one request on the wire, of which the framing of tiny chunks may be the most."""
+LINGER_S = 2.0
+"""Time in which a client can read an answer that came before the end of its body."""
+TOO_MANY_HEADERS = (
+    b"HTTP/1.1 431 Request Header Fields Too Large\r\nContent-Type: text/plain\r\n"
+    b"Connection: close\r\n\r\nmore than %d headers: send fewer\n" % HEADERS_MAX
+)
+WAITING, ACCEPTED = 2048, 32
+"""Connections that may wait to be accepted, and how many are accepted in one turn."""
 KEEP_S = 75
 """An idle connection is kept for longer than clients do, or a request crosses with its end."""
 STOP_S = 2
@@ -29,33 +46,62 @@ WORKERS = 6
 thread that reads requests, which waits for all of them each time it has something to do."""
 
 
+class SlicedReading(FlowControl):
+    """Flow control that first processes what the connection has received already."""
+
+    def __init__(self, transport: asyncio.Transport, process: Callable[[], None]) -> None:
+        super().__init__(transport)
+        self._process = process
+
+    def resume_reading(self) -> None:
+        """Go on with the connection's data."""
+        if self.read_paused:
+            self.read_paused = False
+            self._process()
+
+
 class Connection(H11Protocol):
     """One connection. While nothing is asked over it, it makes room for others, the oldest first.
 
     So a flood of connections shuts nobody out: whoever comes in order to stop the rig finds one.
     ``limit_concurrency`` of uvicorn would refuse by number alone, whoever comes.
+
+    Data are processed in slices, one in each turn of the event loop, so that what one client sends
+    at once delays the others by one slice at most.
     """
 
     _head: asyncio.TimerHandle | None = None
     _head_data = b""
     """Data of the request whose head is being read, to recognise a stop that is no valid HTTP."""
+    _turn: asyncio.Handle | None = None
+    _lingers = False
+    _size = _lines = 0
+    _is_stop = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
         """Take a connection, at the cost of another one where there are too many."""
         super().connection_made(transport)
+        self.flow = SlicedReading(transport, self._go_on)
+        self._received = bytearray()
         self._await_head()
         quiet = self._quiet
         quiet[self] = None
         # What was ended a moment ago is one of the connections until the loop comes to it.
-        if len(self.connections) > MOST and quiet:
-            oldest = next(iter(quiet))
-            del quiet[oldest]
-            oldest.transport.abort()
+        if len(self.connections) > MOST:
+            oldest = next(iter(quiet), None) or self._held()
+            if oldest is not None:
+                quiet.pop(oldest, None)
+                oldest.transport.abort()
 
     @property
     def _quiet(self) -> "dict[Connection, None]":
         """Those of this server over which nothing is asked, the longest so first."""
         return vars(self.server_state).setdefault("quiet", {})
+
+    def _held(self) -> "Connection | None":
+        """Return a connection whose request is refused, and whose answer is being held back."""
+        others = cast("set[Connection]", self.connections)
+        return next((one for one in others if HELD in (one.scope or {})), None)
 
     @property
     def idle(self) -> bool:
@@ -64,15 +110,55 @@ class Connection(H11Protocol):
         return cycle is None or cycle.response_complete
 
     def data_received(self, data: bytes) -> None:
-        """Read; what began to ask must come to the point."""
+        """Process data, or keep them for the next turn."""
+        if self._lingers:
+            return
+        self._received += data
+        if self._turn is None and not self.flow.read_paused:
+            self._process()
+        elif self._received:
+            self.transport.pause_reading()
+
+    def _process(self) -> None:
+        """Process one slice; the rest has to wait for the next turn of the event loop."""
+        self._turn = None
+        data = bytes(self._received[:SLICE_BYTES])
+        del self._received[:SLICE_BYTES]
+        self._size += len(data)
+        if self.idle and self._has_too_many_headers(data):
+            self.transport.write(TOO_MANY_HEADERS)
+            self._linger()
+            return
         if self.idle and self.conn.their_state is h11.IDLE:
             self._head_data = (self._head_data + data)[:HEAD_BYTES]
         super().data_received(data)
+        if self.transport.is_closing() or self._lingers:
+            return
         if self.idle:
             self._await_head()
         else:
             self._quiet.pop(self, None)
             self._cancel()
+        if self._size > REQUEST_BYTES:
+            self.transport.abort()
+        elif not self.flow.read_paused:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Process what there is in the next turn, or else read again."""
+        if not self._received:
+            self.transport.resume_reading()
+        elif self._turn is None:
+            self.transport.pause_reading()
+            self._turn = self.loop.call_soon(self._process)
+
+    def _has_too_many_headers(self, data: bytes) -> bool:
+        """Whether a head is too long before its end is seen; a stop is parsed however long."""
+        if self._lines == 0:
+            self._is_stop = b"estop" in data.lstrip().partition(b"\n")[0].lower()
+        ends = b"\n\r\n" in data or b"\n\n" in data
+        self._lines = 0 if ends else self._lines + data.count(b"\n")
+        return self._lines > HEADERS_MAX and not self._is_stop
 
     def send_400_response(self, msg: str) -> None:
         """Refuse what is no valid HTTP, except an emergency stop, for example without ``Host``."""
@@ -85,15 +171,34 @@ class Connection(H11Protocol):
         super().data_received(estop)
 
     def on_response_complete(self) -> None:
-        """Wait for the next request."""
+        """Wait for the next request, or end where the body of this one has not been read."""
         self._head_data = b""
         self._quiet[self] = None
-        super().on_response_complete()
+        self._size = self._lines = 0
+        if self.conn.their_state is h11.SEND_BODY and not self.transport.is_closing():
+            self.server_state.total_requests += 1
+            self._linger()
+        else:
+            super().on_response_complete()
+
+    def _linger(self) -> None:
+        """End the connection; ignore what comes until the client has read its answer."""
+        self._lingers = True
+        self._received.clear()
+        if self.transport.can_write_eof():
+            self.transport.write_eof()
+            self.transport.resume_reading()
+            self.loop.call_later(LINGER_S, self.transport.abort)
+        else:
+            self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it."""
         self._quiet.pop(self, None)
         self._cancel()
+        self._received.clear()
+        if self._turn is not None:
+            self._turn.cancel()
         super().connection_lost(exc)
 
     def _await_head(self) -> None:
@@ -118,22 +223,30 @@ class UnambiguousLength:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer 400 where both lengths are told; else pass the request on."""
+        estop = estop_path(scope["method"], scope["path"]) if scope["type"] == "http" else None
+        if scope["type"] == "http" and len(scope["headers"]) > HEADERS_MAX and estop is None:
+            await self._refuse(send, 431, f"more than {HEADERS_MAX} headers: send fewer\n")
+            return
         names = {name for name, _ in scope.get("headers", ())}
         if scope["type"] != "http" or not names >= {b"content-length", b"transfer-encoding"}:
             await self._app(scope, receive, send)
             return
-        if estop_path(scope["method"], scope["path"]) is not None:
+        if estop is not None:
             # It needs no body, so it is done; what follows on the connection is not read.
             await self._app(scope, receive, partial(_send_and_close, send))
             return
-        text = b"Content-Length and Transfer-Encoding exclude each other\n"
+        await self._refuse(
+            send, 400, "Content-Length and Transfer-Encoding exclude each other: send one\n"
+        )
+
+    async def _refuse(self, send: Send, status: int, text: str) -> None:
         headers = [
             (b"content-type", b"text/plain"),
             (b"content-length", b"%d" % len(text)),
             (b"connection", b"close"),
         ]
-        await send({"type": "http.response.start", "status": 400, "headers": headers})
-        await send({"type": "http.response.body", "body": text})
+        await send({"type": "http.response.start", "status": status, "headers": headers})
+        await send({"type": "http.response.body", "body": text.encode()})
 
 
 async def _send_and_close(send: Send, message: Message) -> None:
@@ -150,6 +263,8 @@ class Server(uvicorn.Server):
         """Begin to serve."""
         current_default_thread_limiter().total_tokens = WORKERS
         await super().startup(sockets)
+        for listener in sockets or ():
+            listener.listen(WAITING)  # asyncio takes one number for both
 
 
 def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) -> Doorway:
@@ -171,6 +286,7 @@ def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server
             lifespan="off",
             proxy_headers=False,
             server_header=False,
+            backlog=ACCEPTED,
             h11_max_incomplete_event_size=HEAD_BYTES,
             timeout_keep_alive=KEEP_S,
             timeout_graceful_shutdown=STOP_S,

@@ -1,13 +1,18 @@
-"""A route that takes no request it does not understand to the last word.
+"""A route that accepts no request that it does not understand completely.
 
-FastAPI passes over a query parameter that no route knows, and of one that comes twice takes the
-last. So ``?dryrun=true`` would move the arm. An emergency stop alone passes over everything: a
-wrong word is no reason not to stop. Who may not ask is told that first, and nothing of the rest.
+FastAPI ignores a query parameter that no route knows, and of one that comes twice takes the last.
+So ``?dryrun=true`` would move the arm. An emergency stop alone ignores everything: a wrong word is
+no reason not to stop. A caller without the needed scope is refused before anything else is read.
+
+The thread that serves the emergency stop does nothing whose cost grows with a body: a few worker
+threads parse and validate it, and bodies with more parts than any request has are refused unparsed.
 """
 
+import asyncio
 import json
 from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from fastapi import Request, Response, params
@@ -15,12 +20,22 @@ from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 
+from pincette_supervisor import problems
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import authorize
-from pincette_supervisor.rest.limits import ESTOP
+from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES, read_body
 from pincette_supervisor.rest.query_numbers import numeric_names, require_numbers
 
 JSON = "application/json"
+SIGNS, SIGNS_MAX = b",:[{", 8_000
+"""Characters that separate the parts of a body, and how many a body may have: a path of 200 points
+has 2000."""
+PARAMETERS_MAX = 50
+"""Query parameters of one request."""
+TINY_BYTES = 512
+"""A body up to this size, as that of a stop, is parsed at once and waits for no thread."""
+PARSERS = ThreadPoolExecutor(2, thread_name_prefix="parse")
+"""Threads that parse and validate all other bodies."""
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
@@ -28,25 +43,65 @@ class RepeatedKeyError(ValueError):
     """An object of a body names a member twice."""
 
 
+class CheckedRequest(Request):
+    """A request whose body has been read and validated.
+
+    Its JSON is the validated instance, which FastAPI accepts at once.
+    """
+
+    def __init__(self, request: Request, body: bytes, value: Any) -> None:
+        super().__init__(request.scope, request.receive)
+        self._read, self._value = body, value
+
+    async def body(self) -> bytes:
+        """Return the body."""
+        return self._read
+
+    async def json(self) -> Any:
+        """Return the value of the body."""
+        return self._value
+
+
 class StrictRoute(APIRoute):
     """Refuses unknown and repeated query parameters, bodies of another type, and broken JSON."""
 
     def get_route_handler(self) -> Handler:
-        """The handler of the route, behind the checks."""
+        """Return the handler of the route, behind the checks."""
         handler = super().get_route_handler()
         if self.path.endswith(ESTOP):
             return handler
-        known, has_body = sorted(set(query_names(self.dependant))), self.body_field is not None
+        known = sorted(set(query_names(self.dependant)))
         numeric = dict(numeric_names(self.dependant))
         secured = [one for one in self.dependencies if isinstance(one, params.Security)]
         needed = [scope for one in secured for scope in one.scopes or ()]
+        field = self.body_field
+        most_bytes = int((self.openapi_extra or {}).get(MOST_BYTES, SMALL_BYTES))
+
+        def validated(body: bytes) -> Any:
+            """Return the value of a body, or the answer that refuses it."""
+            assert field is not None
+            value, errors = field.validate(parsed(body), loc=("body",))
+            return problems.invalid(errors) if errors else value
 
         async def strict(request: Request) -> Response:
             authorize(request, needed)
             require_known(request, known)
             require_numbers(request, numeric)
-            if has_body:
-                require_json(request.headers.get("content-type", ""), await request.body())
+            if field is not None:
+                if has_body(request):
+                    require_json(request)
+                body = await read_body(request, most_bytes)
+                if not body:
+                    return await handler(CheckedRequest(request, body, None))
+                require_json(request)
+                if len(body) <= TINY_BYTES:
+                    value = validated(body)
+                else:
+                    loop = asyncio.get_running_loop()
+                    value = await loop.run_in_executor(PARSERS, validated, body)
+                if isinstance(value, Response):
+                    return value
+                return await handler(CheckedRequest(request, body, value))
             return await handler(request)
 
         return strict
@@ -62,6 +117,14 @@ def query_names(dependant: Dependant) -> Iterator[str]:
 
 def require_known(request: Request, known: list[str]) -> None:
     """Raise RequestValidationError for each query parameter that is unknown or repeated."""
+    count = request.scope["query_string"].count(b"&") + 1
+    if count > PARAMETERS_MAX:
+        raise ProblemError(
+            422,
+            "invalid-request",
+            "The request cannot be used",
+            f"{count} query parameters: the limit is {PARAMETERS_MAX}",
+        )
     errors: list[dict[str, Any]] = []
     for name, count in Counter(name for name, _ in request.query_params.multi_items()).items():
         value = request.query_params[name]
@@ -77,21 +140,41 @@ def require_known(request: Request, known: list[str]) -> None:
         raise RequestValidationError(errors)
 
 
-def require_json(kind: str, body: bytes) -> None:
-    """Raise ProblemError: 415 for a body of another type, 400 for one that is not JSON."""
-    if not body:
-        return
+def has_body(request: Request) -> bool:
+    """Return whether the head of a request announces a body."""
+    headers = request.headers
+    return "transfer-encoding" in headers or headers.get("content-length", "0") != "0"
+
+
+def require_json(request: Request) -> None:
+    """Raise ProblemError (415) for a body that is not declared as plain JSON."""
+    kind = request.headers.get("content-type", "")
     essence = kind.partition(";")[0].strip().lower()
     if essence != JSON and not (essence.startswith("application/") and essence.endswith("+json")):
         said = f"Content-Type = {kind[:100]!r}" if kind else "Content-Type is missing"
+        raise _unsupported(f"{said}: send Content-Type: {JSON}")
+    coding = request.headers.get("content-encoding", "identity")
+    if coding.strip().lower() != "identity":
+        raise _unsupported(f"Content-Encoding = {coding[:100]!r}: send the body without one")
+
+
+def _unsupported(why: str) -> ProblemError:
+    return ProblemError(415, "unsupported-media-type", "The body is not declared as JSON", why)
+
+
+def parsed(body: bytes) -> Any:
+    """Parse a body; raises ProblemError, 400 where it is not JSON and 413 where it has too much."""
+    signs = sum(body.count(sign) for sign in SIGNS)
+    if signs > SIGNS_MAX:
         raise ProblemError(
-            415,
-            "unsupported-media-type",
-            "The body is not declared as JSON",
-            f"{said}: send Content-Type: {JSON}",
+            413,
+            "body-too-large",
+            "The body is too large",
+            f"the body has {signs} commas, colons and brackets; the limit is {SIGNS_MAX}",
+            limit_signs=SIGNS_MAX,
         )
     try:
-        json.loads(body, object_pairs_hook=_object)
+        return json.loads(body, object_pairs_hook=_object)
     except RecursionError as error:
         raise _broken("it is nested too deeply") from error
     except json.JSONDecodeError as error:
