@@ -7,7 +7,10 @@ that a flood of tries from one address delays those from another by one try at m
 import asyncio
 import hashlib
 import hmac
+import os
 import secrets
+import sys
+import threading
 from base64 import b64decode, b64encode
 from collections import Counter
 from collections.abc import Callable
@@ -28,6 +31,8 @@ HELD_S = 5.0
 """A try that has to wait no longer than this is held back and then checked; others get 429."""
 PLACES_MAX = 1000
 """Pairs of a name and an address whose wrong passwords are counted."""
+NICE = 15
+"""Priority of the thread that computes hashes; the higher the number, the lower the priority."""
 WAITING_MAX = 32
 """Tries of one address that wait; beyond, 429."""
 
@@ -84,7 +89,7 @@ class PasswordCheck:
         self.tries = Tries(clock)
         self._waiting: Counter[str] = Counter()
         self._locks: WeakValueDictionary[tuple[str, ...], asyncio.Lock] = WeakValueDictionary()
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="passwords")
+        self._thread = ThreadPoolExecutor(1, "passwords", initializer=_give_way)
 
     async def is_right(
         self, name: str, address: str, password: str, kept: str | None, *, trusted: bool = False
@@ -122,6 +127,12 @@ class PasswordCheck:
         if wait_s > HELD_S:
             raise _too_many(f"wrong passwords for {name!r} from {address}", wait_s)
         await asyncio.sleep(wait_s)
+
+
+def _give_way() -> None:
+    """Let all other threads of the machine run before this one; Linux has a priority per thread."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
 
 
 def _too_many(why: str, wait_s: float) -> ProblemError:

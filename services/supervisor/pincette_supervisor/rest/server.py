@@ -36,8 +36,6 @@ TOO_MANY_HEADERS = (
     b"HTTP/1.1 431 Request Header Fields Too Large\r\nContent-Type: text/plain\r\n"
     b"Connection: close\r\n\r\nmore than %d headers: send fewer\n" % HEADERS_MAX
 )
-WAITING, ACCEPTED = 2048, 32
-"""Connections that may wait to be accepted, and how many are accepted in one turn."""
 KEEP_S = 75
 """An idle connection is kept for longer than clients do, or a request crosses with its end."""
 STOP_S = 2
@@ -122,6 +120,8 @@ class Connection(H11Protocol):
     def _process(self) -> None:
         """Process one slice; the rest has to wait for the next turn of the event loop."""
         self._turn = None
+        if not self._received or self.flow.read_paused:  # empty data mean the end to h11
+            return
         data = bytes(self._received[:SLICE_BYTES])
         del self._received[:SLICE_BYTES]
         self._size += len(data)
@@ -146,7 +146,7 @@ class Connection(H11Protocol):
 
     def _go_on(self) -> None:
         """Process what there is in the next turn, or else read again."""
-        if not self._received:
+        if not self._received or self._lingers:
             self.transport.resume_reading()
         elif self._turn is None:
             self.transport.pause_reading()
@@ -263,8 +263,6 @@ class Server(uvicorn.Server):
         """Begin to serve."""
         current_default_thread_limiter().total_tokens = WORKERS
         await super().startup(sockets)
-        for listener in sockets or ():
-            listener.listen(WAITING)  # asyncio takes one number for both
 
 
 def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) -> Doorway:
@@ -286,7 +284,6 @@ def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server
             lifespan="off",
             proxy_headers=False,
             server_header=False,
-            backlog=ACCEPTED,
             h11_max_incomplete_event_size=HEAD_BYTES,
             timeout_keep_alive=KEEP_S,
             timeout_graceful_shutdown=STOP_S,
