@@ -2,7 +2,7 @@
 
 import asyncio
 import gzip
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
 import httpx
@@ -55,7 +55,7 @@ def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
     assert [harness.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
 
 
-Call = Callable[..., Awaitable[httpx.Response]]
+Call = Callable[..., Coroutine[Any, Any, httpx.Response]]
 ACTIONS = "/api/v1/jobs/job-1/actions"
 
 
@@ -85,7 +85,9 @@ def held(
         transport = httpx.ASGITransport(RateLimit(app, OfKeys()))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
 
-            def call(method: str, path: str, key: str = "ann") -> Awaitable[httpx.Response]:
+            def call(
+                method: str, path: str, key: str = "ann"
+            ) -> Coroutine[Any, Any, httpx.Response]:
                 headers = {"Authorization": f"Bearer {key}"} if key else {}
                 return client.request(method, path, headers=headers)
 
@@ -94,9 +96,11 @@ def held(
     asyncio.run(run())
 
 
-async def under_way(calls: list[Awaitable[httpx.Response]]) -> list[asyncio.Future[httpx.Response]]:
+async def under_way(
+    calls: list[Coroutine[Any, Any, httpx.Response]],
+) -> list[asyncio.Task[httpx.Response]]:
     """Begin requests, and let them reach the application."""
-    begun = [asyncio.ensure_future(one) for one in calls]
+    begun = [asyncio.create_task(one) for one in calls]
     for _ in range(50):
         await asyncio.sleep(0.0)
     return begun

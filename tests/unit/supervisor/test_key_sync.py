@@ -1,5 +1,6 @@
 """Keys that cannot be read or locked, as on a network share: nobody stays let in by accident."""
 
+import asyncio
 import errno
 import fcntl
 import os
@@ -105,7 +106,7 @@ def test_keys_that_cannot_be_read_let_nobody_in_and_come_back(
             authenticator.identify(HERE, key, None),
             authenticator.identify(HERE, None, "cookie"),
             authenticator.identify(HERE, None, None),
-            authenticator.by_password(HERE, "ann", "secret"),
+            asyncio.run(authenticator.by_password(Caller(HERE), "ann", "secret")),
         ):
             assert caller == Caller(HERE, unconfirmed=True)
             with pytest.raises(ProblemError) as refused:
