@@ -49,7 +49,7 @@ def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
     monkeypatch.setattr(limits, "HELD_S", 0.0)
     answers = [harness.call("GET", "/livez") for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
-    assert answers[-1].headers["retry-after"] == "1000"
+    assert 900 < int(answers[-1].headers["retry-after"]) <= 1000
     assert answers[-1].headers["content-type"] == "application/problem+json"
     assert answers[-1].json()["type"] == "urn:pincette:problem:too-many-requests"
     assert [harness.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
