@@ -196,9 +196,11 @@ class Proposal(Model):
 class ProposalList(Model):
     """Proposals, the newest first."""
 
-    model_config = example(calibrations=[])
+    model_config = example(calibrations=[], next=None)
 
     calibrations: list[Proposal]
+    next: str | None = None
+    """Value of ``before`` for the proposals that follow; null where there are no more."""
 
 
 class ProposalAction(Model):

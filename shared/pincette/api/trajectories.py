@@ -62,9 +62,11 @@ class Trajectory(TrajectorySummary):
 class TrajectoryList(Model):
     """Trajectories, the newest first."""
 
-    model_config = example(trajectories=[])
+    model_config = example(trajectories=[], next=None)
 
     trajectories: list[TrajectorySummary]
+    next: str | None = None
+    """Value of ``before`` for the trajectories that follow; null where there are no more."""
 
 
 class TrajectoryStart(Model):

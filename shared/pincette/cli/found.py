@@ -12,6 +12,7 @@ from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.options import MOMENTS, Limit, choice, moment
 from pincette.cli.results import outcome
+from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
 
 if TYPE_CHECKING:
@@ -113,13 +114,18 @@ def export(
     out: Annotated[Path, Option("--out", metavar="FILE", help="jobs.csv or jobs.parquet")] = Path(
         "jobs.csv"
     ),
+    spreadsheet: ForSpreadsheet = None,
 ) -> None:
     """Write many jobs as one table: what was said and asked, and every figure."""
     form = FORMATS.get(out.suffix)
     if form is None:
         raise CliError(f"{out}: give a name that ends in {' or '.join(FORMATS)}", Exit.USAGE)
+    if spreadsheet is not None and form != "csv":
+        raise CliError(f"--spreadsheet writes CSV: give a name that ends in .csv, not {out}")
     with patience("exporting"):
         content = wanted.supervisor().export(form, **wanted.filters)
+    if spreadsheet is not None and form == "csv":
+        content = for_spreadsheet(content, spreadsheet)
     try:
         out.write_bytes(content)
     except OSError as error:

@@ -15,6 +15,7 @@ from pincette.cli.options import Limit
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.rigs import timing_table
+from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
 from pincette.cli.terminal import (
     Json,
     RigOption,
@@ -114,9 +115,11 @@ def get(
 
 
 @command(records_app, "csv")
-def csv(target: Target, name: JobName, out: Out = None) -> None:
+def csv(target: Target, name: JobName, out: Out = None, spreadsheet: ForSpreadsheet = None) -> None:
     """Download the samples of a record as CSV."""
-    _download(target, target.job(name), [SAMPLES], out)
+    for path in _download(target, target.job(name), [SAMPLES], out):
+        if spreadsheet is not None:
+            path.write_bytes(for_spreadsheet(path.read_bytes(), spreadsheet))
 
 
 @command(records_app, "delete")
@@ -126,10 +129,12 @@ def delete(target: Target, name: JobName) -> None:
     target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
 
 
-def _download(target: Target, job: "JobHandle", names: list[str], out: Path | None) -> None:
+def _download(target: Target, job: "JobHandle", names: list[str], out: Path | None) -> list[Path]:
     with patience(f"downloading {len(names)} files"):
-        paths = [str(job.download(name, out or Path(job.id))) for name in names]
-    target.answer(paths, "\n".join(paths))
+        paths = [job.download(name, out or Path(job.id)) for name in names]
+    shown = [str(path) for path in paths]
+    target.answer(shown, "\n".join(shown))
+    return paths
 
 
 RECORD, RIG = "job.mcap", "rig.json"

@@ -123,10 +123,10 @@ def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
 
 
 def clock(stamp: str | None) -> str:
-    """A time stamp in UTC, in local time."""
+    """Return a time stamp in local time with its offset from UTC."""
     if not stamp:
         return ""
-    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    return datetime.fromisoformat(stamp).astimezone().isoformat(sep=" ", timespec="seconds")
 
 
 Function = Callable[..., int | None]

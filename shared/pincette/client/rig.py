@@ -259,10 +259,21 @@ async def stop(transport: Transport, idempotency_key: str) -> Job | None:
     return (await transport.send(call)).job
 
 
+PAGE = 500
+"""Largest number of entries that the supervisor lists at once."""
+
+
 async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
-    """Jobs of one rig or of all, the newest first."""
-    found = await transport.send(get("/jobs", JobList, limit=limit, **filters))
-    return [AsyncJobHandle(transport, job) for job in found.jobs]
+    """Return jobs of one rig or of all, the newest first; page by page where there are many."""
+    found: list[Job] = []
+    while len(found) < limit:
+        size = min(PAGE, limit - len(found))
+        page = await transport.send(get("/jobs", JobList, limit=size, **filters))
+        found += page.jobs
+        if page.next is None:
+            break
+        filters["before"] = page.next
+    return [AsyncJobHandle(transport, job) for job in found]
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:

@@ -17,7 +17,7 @@ from pincette.api.rigs import Rig, RigList, StoppedList
 from pincette.client.call import PATIENCE_S, Call, content, get, post
 from pincette.client.errors import WhichRigError
 from pincette.client.job import AsyncJobHandle
-from pincette.client.rig import AsyncRigHandle, events, jobs, stop
+from pincette.client.rig import PAGE, AsyncRigHandle, events, jobs, stop
 from pincette.client.transport import AsyncConnection, Transport, client_settings
 
 TIMEOUT_S = 10.0
@@ -144,9 +144,17 @@ class AsyncSupervisor:
         return await self.transport.send(post("/estop", StoppedList, repeatable=True))
 
     async def proposals(self, limit: int = 50) -> list[Proposal]:
-        """What calibrations propose, the newest first."""
-        found = await self.transport.send(get("/calibrations", ProposalList, limit=limit))
-        return found.calibrations
+        """Return what calibrations propose, the newest first."""
+        found: list[Proposal] = []
+        before: str | None = None
+        while len(found) < limit:
+            size = min(PAGE, limit - len(found))
+            call = get("/calibrations", ProposalList, limit=size, before=before)
+            page = await self.transport.send(call)
+            found += page.calibrations
+            if (before := page.next) is None:
+                break
+        return found
 
     async def proposal(self, calibration: str) -> Proposal:
         """What one calibration proposes, beside what is in use."""
@@ -178,10 +186,17 @@ class AsyncSupervisor:
         open: bool | None = None,  # noqa: A002 - the name of the query over REST
         before: int | None = None,
     ) -> AlarmList:
-        """Alarms, the newest first; of one rig, open ones, those before a number."""
+        """Return alarms, the newest first; of one rig, open ones, those before a number."""
         only = None if open is None else str(open).lower()
-        call = get("/alarms", AlarmList, rig=rig, open=only, limit=limit, before=before)
-        return await self.transport.send(call)
+        found: list[Alarm] = []
+        while True:
+            size = max(1, min(PAGE, limit - len(found)))
+            call = get("/alarms", AlarmList, rig=rig, open=only, limit=size, before=before)
+            page = await self.transport.send(call)
+            found += page.alarms
+            before = page.next
+            if before is None or len(found) >= limit:
+                return page.model_copy(update={"alarms": found})
 
     async def acknowledge(self, alarm: int) -> Alarm:
         """Say that a person has seen an alarm; a second call changes nothing."""
@@ -193,9 +208,15 @@ class AsyncSupervisor:
         return await self.transport.send(get("/session", Session))
 
     async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
-        """Requests that change something, the newest first; those before a number."""
-        found = await self.transport.send(get("/audit", AuditList, limit=limit, before=before))
-        return found.entries
+        """Return requests that change something, the newest first; those before a number."""
+        found: list[AuditEntry] = []
+        while len(found) < limit:
+            size = min(PAGE, limit - len(found))
+            page = await self.transport.send(get("/audit", AuditList, limit=size, before=before))
+            found += page.entries
+            if (before := page.next) is None:
+                break
+        return found
 
     async def audit_chain(self, link: str | None = None) -> AuditChain:
         """Whether the audit log is whole, and holds a newest link that was noted before."""

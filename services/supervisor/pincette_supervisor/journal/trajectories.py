@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection, delete, func, insert, select
+from sqlalchemy import Connection, and_, delete, func, insert, or_, select
 
 from pincette_supervisor.journal.database import columns, rows
 from pincette_supervisor.journal.store import Store, utc_now
@@ -58,10 +58,13 @@ class TrajectoryRepository:
         with self._store.reading() as connection:
             return _find(connection, digest)
 
-    def newest(self, limit: int) -> list[TrajectoryRow]:
-        """Trajectories, the newest first."""
+    def newest(self, limit: int, before: TrajectoryRow | None = None) -> list[TrajectoryRow]:
+        """Return trajectories, the newest first; those that follow one, where it is named."""
         table = TRAJECTORIES.c
         wanted = select(TRAJECTORIES).order_by(table.created_at.desc(), table.digest)
+        if before is not None:
+            same = and_(table.created_at == before.created_at, table.digest > before.digest)
+            wanted = wanted.where(or_(table.created_at < before.created_at, same))
         return self._store.rows(_row, wanted.limit(limit))
 
 

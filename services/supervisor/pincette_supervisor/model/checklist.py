@@ -63,7 +63,7 @@ def _first(waiting: dict[str, CalibrationFunctions]) -> str:
 
 def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
     """The checklist of a rig, by the model in use and the proposals."""
-    proposals = calibrations.newest(LOOKED_AT)
+    proposals = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
     steps: list[ChecklistStep] = []
     next_step: str | None = None
     for step in ordered():

@@ -37,18 +37,17 @@ class Calibrations:
         self._store, self._model = store, model
         self._rig = model.file.rig.name
 
-    def newest(self, limit: int) -> list[Proposal]:
-        """Proposals, the newest first."""
-        return [self._view(row) for row in self._rows(limit)]
+    def newest(self, limit: int, before: int | None = None) -> list[tuple[int, Proposal]]:
+        """Return proposals with the numbers of their jobs, the newest first."""
+        return [(row.number or 0, self._view(row)) for row in self._rows(limit, before)]
 
     def one(self, name: str) -> Proposal:
         """One proposal; raises ProblemError where there is none of this name."""
         return self._view(self._row(name))
 
-    def _rows(self, limit: int) -> list[JobRow]:
-        return self._store.newest(
-            limit, JobFilter(kind=KIND.name, state="succeeded", rig=self._rig)
-        )
+    def _rows(self, limit: int, before: int | None = None) -> list[JobRow]:
+        wanted = JobFilter(kind=KIND.name, state="succeeded", rig=self._rig, before_number=before)
+        return self._store.newest(limit, wanted)
 
     def _row(self, name: str) -> JobRow:
         row = self._store.get(name)

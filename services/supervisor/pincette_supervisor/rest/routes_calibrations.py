@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 from pincette.api.calibrations import CalibrationPlan, Proposal, ProposalAction, ProposalList
 from pincette.api.jobs import Job
 from pincette.api.problems import responses
+from pincette_supervisor.jobs.refusals import require_job
 from pincette_supervisor.kinds.bodies import CalibrationBody
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
@@ -51,12 +52,18 @@ def proposals(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    before: Annotated[
+        str | None, Query(description="those taken before this calibration", max_length=NAME_LENGTH)
+    ] = None,
 ) -> ProposalList:
     """What calibrations that succeeded propose, of every rig or of one, the newest first."""
     asked = rigs.all() if rig is None else [rigs.get(rig)]
-    found = [proposal for one in asked for proposal in one.calibrations.newest(limit)]
-    found.sort(key=lambda proposal: proposal.made_at, reverse=True)
-    return ProposalList(calibrations=found[:limit])
+    number = None if before is None else require_job(rigs.store, before).number
+    found = [pair for one in asked for pair in one.calibrations.newest(limit + 1, number)]
+    found.sort(key=lambda pair: pair[0], reverse=True)
+    listed = [proposal for _, proposal in found[:limit]]
+    more = len(found) > limit
+    return ProposalList(calibrations=listed, next=listed[-1].id if more else None)
 
 
 @router.get("/{calibration}", responses=responses(404), dependencies=[OBSERVE])

@@ -15,6 +15,7 @@ from pincette.api.trajectories import (
     TrajectoryStart,
     TrajectorySummary,
 )
+from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.refusals import require_feasible
 from pincette_supervisor.journal.trajectories import TrajectoryRow
@@ -40,6 +41,7 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
+from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import take
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
@@ -132,13 +134,21 @@ def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
 def trajectories(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[
+        str | None, Query(description="those that follow this digest", max_length=NAME_LENGTH)
+    ] = None,
 ) -> TrajectoryList:
     """Trajectories, the newest first."""
-    newest = TrajectoryStore(rigs.own.context).book.newest(limit)
+    book = TrajectoryStore(rigs.own.context).book
+    after = None if before is None else book.get(before)
+    if before is not None and after is None:
+        raise problems.not_found("trajectory", before)
+    newest = book.newest(limit + 1, after)
     return TrajectoryList(
         trajectories=[
-            _summary(TrajectoryStore(rigs.of_row(row.rig).context), row) for row in newest
-        ]
+            _summary(TrajectoryStore(rigs.of_row(row.rig).context), row) for row in newest[:limit]
+        ],
+        next=newest[limit - 1].digest if len(newest) > limit else None,
     )
 
 

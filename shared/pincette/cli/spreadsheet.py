@@ -1,0 +1,49 @@
+"""CSV as spreadsheets read it: UTF-8 with its mark, and the separators of a country."""
+
+import csv
+import io
+from collections.abc import Mapping
+from typing import Annotated
+
+from typer import Option
+
+from pincette.cli.readers import choice
+
+SEPARATORS: Mapping[str, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
+"""By their names on the command line."""
+COMMENT = "#"
+ForSpreadsheet = Annotated[
+    str | None,
+    Option(
+        "--spreadsheet",
+        parser=choice(tuple(SEPARATORS)),
+        metavar="|".join(SEPARATORS),
+        help="write UTF-8 with its mark and this separator; semicolon: with decimal commas",
+    ),
+]
+
+
+def for_spreadsheet(content: bytes, separator: str) -> bytes:
+    """Return a CSV with the mark of UTF-8 and another separator between its cells.
+
+    With a semicolon, numbers have a decimal comma, as spreadsheets expect where a semicolon
+    separates. A line of comment becomes one cell.
+    """
+    sign = SEPARATORS[separator]
+    target = io.StringIO()
+    writer = csv.writer(target, delimiter=sign, lineterminator="\r\n")
+    text = content.decode("utf-8-sig")
+    while text.startswith(COMMENT):
+        line, _, text = text.partition("\n")
+        writer.writerow([line])
+    for row in csv.reader(io.StringIO(text, newline="")):
+        writer.writerow([_with_comma(cell) for cell in row] if separator == "semicolon" else row)
+    return target.getvalue().encode("utf-8-sig")
+
+
+def _with_comma(cell: str) -> str:
+    try:
+        float(cell)
+    except ValueError:
+        return cell
+    return cell.replace(".", ",")
