@@ -7,8 +7,11 @@ from typing import Any
 
 import pytest
 
+from pincette.bus.protocol import BusError
 from pincette.config import RigFile
+from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rigs import health, rig_finder
+from pincette_supervisor.rigs.rigs import Rigs
 
 from . import samples
 from .canned import IN_HOLD
@@ -180,6 +183,34 @@ def test_one_that_cannot_be_served_is_named_with_the_reason(
     rigs_harness.come(files.right)
     rigs_harness.served("right")
     assert rigs_harness.rigs.unusable == {}
+
+
+def test_a_rig_that_cannot_be_served_is_stopped_all_the_same(rigs_harness: RigsHarness) -> None:
+    tripped: list[str] = []
+    rigs_harness.rigs = Rigs(rigs_harness.rigs.own, tripped.append)
+    rigs_harness.app = create_app(rigs_harness.rigs)
+    rigs_harness.rigs.set_unusable("right", "its rig file is not understood")
+    answer = rigs_harness.post("/estop")
+    assert answer.status_code == 200
+    assert [one["rig"] for one in answer.json()["rigs"]] == ["left", "right"]
+    assert rigs_harness.post("/rigs/right/estop").json()["acknowledged"] is True
+    assert tripped == ["right", "right"]
+
+
+def test_rigs_that_have_not_confirmed_are_named_beside_those_that_have(
+    rigs_harness: RigsHarness,
+) -> None:
+    def silent(rig: str) -> None:
+        raise BusError(f"nobody answers for {rig}")
+
+    rigs_harness.rigs = Rigs(rigs_harness.rigs.own, silent)
+    rigs_harness.app = create_app(rigs_harness.rigs)
+    rigs_harness.rigs.set_unusable("right", "its rig file is not understood")
+    problem = rigs_harness.post("/estop")
+    assert problem.status_code == 503
+    assert (problem.json()["stopped"], problem.json()["unconfirmed"]) == (["left"], ["right"])
+    assert rigs_harness.post("/rigs/right/estop").status_code == 503
+    assert rigs_harness.post("/rigs/none/estop").status_code == 404
 
 
 def test_an_emergency_stop_is_of_one_rig_or_of_all(both: RigsHarness) -> None:
