@@ -277,3 +277,20 @@ def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
     assert done.returncode == Exit.DONE, done.stderr
     assert len(asked) == 1
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
+
+
+@pytest.mark.parametrize("words", [("rigs",), ("watch",), ("stop",), ("job", "list")], ids=" ".join)
+def test_other_commands_need_no_home_either(words: tuple[str, ...]) -> None:
+    account = ["unshare", "--user", f"--map-user={NOBODY}"] if has_namespaces() else []
+    url = {"PATH": os.environ["PATH"], "PINCETTE_URL": "http://127.0.0.1:1"}
+    done = subprocess.run(
+        [*account, sys.executable, "-m", "pincette", *words],
+        env=url,
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert done.returncode == Exit.NO_ANSWER
+    assert "Traceback" not in done.stderr
+    assert "no supervisor answers" in done.stderr

@@ -30,7 +30,7 @@ class ActuatorTrip:
         self._rig, self._bus, self._direct = rig, bus, direct
         self._free = {way: BoundedSemaphore(UNDER_WAY) for way in (ROUTED, DIRECT)}
 
-    def __call__(self, trip: Trip) -> Ack:
+    def __call__(self, trip: Trip, limit_s: float = TRIP_S) -> Ack:
         """Trip, and return the acknowledgement.
 
         Raises
@@ -38,12 +38,12 @@ class ActuatorTrip:
         RefusalError
             The actuator refuses.
         BusError
-            No way has brought a confirmation within ``TRIP_S``.
+            No way has brought a confirmation within ``limit_s``.
         """
         if self._direct is None:
             return cast(Ack, self._bus.call(TRIP, trip, REPLY_S))
         replies: list[Ack] = []
-        attempts, until_s = StopAttempts(), monotonic() + TRIP_S
+        attempts, until_s = StopAttempts(), monotonic() + limit_s
 
         def start(way: str, call: Callable[[], object]) -> None:
             def attempt() -> None:
@@ -61,7 +61,7 @@ class ActuatorTrip:
             attempts.wait(until_s - monotonic(), lambda: bool(attempts.confirmed))
         if replies:
             return replies[0]
-        raise _unconfirmed(attempts)
+        raise _unconfirmed(attempts, limit_s)
 
 
 @contextmanager
@@ -75,12 +75,12 @@ def _one_of(free: BoundedSemaphore) -> Generator[None]:
         free.release()
 
 
-def _unconfirmed(attempts: StopAttempts) -> BusError:
+def _unconfirmed(attempts: StopAttempts, limit_s: float) -> BusError:
     for _, error in attempts.failed:
         if isinstance(error, RefusalError):
             return error
     why = [f"{way}: {error}" for way, error in attempts.failed]
-    why += [f"{way}: no reply within {TRIP_S:g} s" for way in attempts.running]
+    why += [f"{way}: no reply within {limit_s:.1f} s" for way in attempts.running]
     return BusError("; ".join(why))
 
 
