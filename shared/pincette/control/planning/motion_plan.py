@@ -138,7 +138,7 @@ def plan_hold(
         require_positive("hold_s", hold_s, "s")
     hold = Leg(Segment("hold", "voltage", hold_s), stand.x_um, stand.voltage_V)
     legs = [hold, _unload(release_s, rig, safe_V)]
-    return _plan(legs, _held_guards(rig), rig, stand, pointers, begins_held=True)
+    return _plan(legs, _free_guards(rig), rig, stand, pointers, begins_held=True)
 
 
 def plan_release(
@@ -146,7 +146,7 @@ def plan_release(
 ) -> MotionPlan:
     """Plan to let go what is held; phase ``unload``. Raises as ``plan_hold`` does."""
     legs = [_unload(release_s, rig, safe_V)]
-    return _plan(legs, _held_guards(rig), rig, stand, pointers, begins_held=True)
+    return _plan(legs, _free_guards(rig), rig, stand, pointers, begins_held=True)
 
 
 def _unload(release_s: float, rig: PlannedRig, safe_V: float) -> Leg:
@@ -232,11 +232,6 @@ def _free_guards(rig: PlannedRig) -> Guards:
         position_min_um=limits.position_min_um,
         position_max_um=limits.position_max_um,
     )
-
-
-def _held_guards(rig: PlannedRig) -> Guards:
-    """Guards of a part that is held from the begin; its force is known by the last zero."""
-    return replace(_free_guards(rig), force_max_mN=rig.limits.force_max_mN)
 
 
 def _plan(
