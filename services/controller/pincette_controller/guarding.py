@@ -64,7 +64,7 @@ def _too_much(program: Program, player: Player, estimate: Estimate) -> bool:
     """Whether the force is beyond its limit for certain; within a sweep nothing is known of it."""
     if player.segment.kind == "sweep":
         return False
-    return sure_force_mN(estimate) > program.guards.force_max_mN
+    return sure_force_mN(estimate) - player.begin_mN > program.guards.force_max_mN
 
 
 def sure_force_mN(estimate: Estimate) -> float:

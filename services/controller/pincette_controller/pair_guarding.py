@@ -25,7 +25,9 @@ def pair_guard(
     if segment.open_loop and _beyond(program.guards, now):
         if player.outcome != Outcome.OVERTRAVEL:
             return _give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), now)
-    elif max(now.sure_mN) > program.guards.force_max_mN and segment.kind != "sweep":
+    elif (
+        max(now.sure_mN) - player.begin_mN > program.guards.force_max_mN and segment.kind != "sweep"
+    ):
         if player.outcome != Outcome.OVERFORCE:
             return _give_up(program, replace(player, outcome=Outcome.OVERFORCE), now)
     elif player.zeroing:

@@ -47,6 +47,7 @@ def begin_pair(program: Program, now: Seen) -> Player:
         voltage_V=now.applied_V[0],
         begin_x_um=place_um,
         begin_V=now.applied_V[0],
+        begin_mN=max(now.forces_mN) if program.begins_held else 0.0,
         contact_x_um=place_um if presses else None,
         ends_after=CARRIED if presses else "",
         pair=pair,

@@ -20,8 +20,8 @@ MOVING = ("seek", "sweep")
 """Kinds of segment that are nowhere at rest, not even at their end."""
 
 
-def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
-    """Stand at the first segment, with the arm where it is."""
+def begin(program: Program, x_um: float, applied_V: float = 0.0, force_mN: float = 0.0) -> Player:
+    """Stand at the first segment, with the arm where it is and the force that is read there."""
     first = program.segments[0]
     return Player(
         0,
@@ -38,6 +38,7 @@ def begin(program: Program, x_um: float, applied_V: float = 0.0) -> Player:
         voltage_V=applied_V,
         begin_x_um=x_um,
         begin_V=applied_V,
+        begin_mN=force_mN if program.begins_held else 0.0,
     )
 
 

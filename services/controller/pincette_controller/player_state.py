@@ -57,6 +57,9 @@ class Player(FrozenRecord, frozen=True):
     begin_x_um: float = 0.0
     begin_V: float = 0.0
     """Where the program began."""
+    begin_mN: float = 0.0
+    """Force at the begin of a program that takes a held part over; 0 without a part. What is read
+    there may have no zero, so that the guard of the force counts from it."""
     clear: bool = False
     """Whether the arm has been free on this way: only then a touch is one."""
     touching: int = 0

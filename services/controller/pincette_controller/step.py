@@ -131,7 +131,7 @@ def _silent(state: State, estimate: Estimate) -> Command:
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    before = state.player or begin(program, estimate.x_um, estimate.applied_V)
+    before = state.player or begin(program, estimate.x_um, estimate.applied_V, estimate.force_mN)
     arm_memory = state.arm.for_law
     memory = state.memory or control_law.start(
         state.laws[before.segment.law],
