@@ -27,6 +27,8 @@ COLUMNS = (
     "force_mN",
     "zero_age_s",
 )
+MOST_SAMPLES = 500_000
+"""Samples of a motion that is read; more need too much memory."""
 LOOKED_AT = 100
 """Jobs among which the newest is looked for."""
 
@@ -43,6 +45,12 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
     path = records / row.id / folder.SAMPLES
     try:
         source = parquet.opened(path)
+        if source.metadata.num_rows > MOST_SAMPLES:
+            raise FaultyRequestError(
+                "/of_job",
+                f"job {row.id} has {source.metadata.num_rows} samples, limit {MOST_SAMPLES}: "
+                "name a job with a shorter hold",
+            )
         table: Columns = source.read(columns=list(COLUMNS)).to_pydict()
     except OSError as error:
         raise FaultyRequestError("/of_job", f"the record of job {row.id}: {error}") from error

@@ -30,7 +30,10 @@ NAMES = (
 GRID_S = 1.0
 """Records are kept reduced to this grid of the clock; no stretch is shorter."""
 JOBS_MOST, KEPT_JOBS = 500, 128
-LONGEST_JOB_S = 86400.0
+STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
+"""Stretches to which a record is reduced, beyond which its grid is wider, and those of all records
+that are kept."""
+LONGEST_JOB_S = 35 * 86400.0
 """How long before the time asked for a job that reaches into it may have been taken."""
 Reduced = tuple[Series, Series, Series]
 """Middle of each second, and rows of smallest and largest values by ``NAMES``."""
@@ -76,21 +79,34 @@ class HistoryReader:
         if row.id in self._kept:
             self._kept.move_to_end(row.id)
             return self._kept[row.id]
+        spent_s = seconds(row.ended_at) - seconds(row.started_at)
         try:
-            source = parquet.opened(self.records / row.id / folder.SAMPLES)
-            table = source.read(columns=list(READ))
+            path = self.records / row.id / folder.SAMPLES
+            reduced = _read(path, seconds(row.started_at), spent_s if self.lockstep else None)
         except (OSError, ValueError):  # deleted, not written as yet, or of no use
             return None
-        columns = {
-            name: np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=np.float64)
-            for name in READ
-        }
-        spent_s = seconds(row.ended_at) - seconds(row.started_at)
-        reduced = reduce(columns, seconds(row.started_at), spent_s if self.lockstep else None)
         self._kept[row.id] = reduced
-        if len(self._kept) > KEPT_JOBS:
+        while len(self._kept) > KEPT_JOBS or (
+            len(self._kept) > 1 and sum(one[0].size for one in self._kept.values()) > KEPT_STRETCHES
+        ):
             self._kept.popitem(last=False)
         return reduced
+
+
+def _read(path: Path, begun_s: float, spent_s: float | None) -> Reduced:
+    """Reduce a record part by part; raises as ``parquet.parts`` does."""
+    ends = [part["t_s"][-1] for part in parquet.parts(path, ["t_s"]) if part["t_s"]]
+    if not ends:
+        return NOTHING
+    grid_s = max(GRID_S, ceil(ends[-1] / STRETCHES_OF_A_JOB / GRID_S) * GRID_S)
+    found: list[Reduced] = []
+    for part in parquet.parts(path, READ):
+        columns = {
+            name: np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+            for name, values in part.items()
+        }
+        found.append(reduce(columns, begun_s, spent_s, last_s=ends[-1], grid_s=grid_s))
+    return joined(found, -np.inf, np.inf, grid_s)
 
 
 def seconds(at: str) -> float:
@@ -128,18 +144,26 @@ def _view(row: JobRow, *, recorded: bool) -> HistoryJob:
     )
 
 
-def reduce(columns: dict[str, Series], begun_s: float, spent_s: float | None) -> Reduced:
-    """Smallest and largest values of each second of a record.
+def reduce(
+    columns: dict[str, Series],
+    begun_s: float,
+    spent_s: float | None,
+    *,
+    last_s: float | None = None,
+    grid_s: float = GRID_S,
+) -> Reduced:
+    """Smallest and largest values of each stretch of ``grid_s`` of a record, or of a part of it.
 
     ``spent_s`` stretches the samples over the time that a job took, where its own time is not the
-    clock's.
+    clock's; ``last_s`` is then the time of the record's last sample, by default of the last here.
     """
     t_s = columns["t_s"]
     if not t_s.size:
         return NOTHING
     rate = 1.0
-    if spent_s is not None and t_s[-1] > 0.0:
-        rate = max(0.0, spent_s) / float(t_s[-1])
+    end_s = float(t_s[-1]) if last_s is None else last_s
+    if spent_s is not None and end_s > 0.0:
+        rate = max(0.0, spent_s) / end_s
     # Before the first zero an estimate has no reference.
     force = np.where(np.isnan(columns["zero_age_s"]), np.nan, columns["force_mN"])
     rows = np.vstack(
@@ -154,7 +178,7 @@ def reduce(columns: dict[str, Series], begun_s: float, spent_s: float | None) ->
             force - columns["force_r_mN"],
         ]
     )
-    return _grouped(begun_s + rate * t_s, rows, rows, GRID_S)
+    return _grouped(begun_s + rate * t_s, rows, rows, grid_s)
 
 
 def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
