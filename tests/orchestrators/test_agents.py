@@ -60,7 +60,7 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
             assert "no-plan" in await refused(client, "grip", token="made up")
             released = await said(client, "release")
             assert (released["job"], released["part"]) == (held["job"], "none")
-            assert (await refused(client, "release")).startswith("nothing-held: ")
+            assert "nothing-held: " in await refused(client, "release")
 
     asyncio.run(drive())
     assert any("hold" in (words or "") for _, _, words in told)
@@ -89,7 +89,7 @@ def test_a_stop_in_a_timed_hold_ends_the_call_with_the_part_held(rig: RunningRig
             ended = await grip
             assert ended.is_error
             words = getattr(ended.content[0], "text", "")
-            assert words.startswith("cancelled: ")
+            assert "cancelled: " in words
             assert "held" in words
             assert (await said(client, "status"))["ready"] is True
             assert (await said(client, "release"))["part"] == "none"

@@ -16,6 +16,7 @@ from ophyd_async.core import NotConnectedError
 from pincette.bluesky import Gripper
 from pincette.client import (
     InfeasiblePlanError,
+    InvalidRequestError,
     JobEndedError,
     LimitViolationError,
     PartHeldError,
@@ -178,6 +179,51 @@ def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(
     with pytest.raises(FailedStatus):
         engine(bps.prepare(gripper, {**FLIGHT, "until_released": True}, wait=True))
     assert rig.view()["active_job"] is None
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -1.0, "20", None, True])
+def test_a_force_that_is_none_is_refused_by_name(
+    engine: Any, gripper: Gripper, rig: RunningRig, odd: Any
+) -> None:
+    error = failure(engine, bps.mv(gripper, odd))
+    assert isinstance(error, InvalidRequestError)
+    assert "force_mN" in str(error)
+    assert engine(bps.locate(gripper)) is not None
+    assert rig.view()["active_job"] is None
+
+
+def test_a_release_while_anothers_grip_is_on_its_way_is_an_error(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    job = rig.start_grip(force_mN=FORCE_MN, until_released=True)
+    rig.until_phase(job, "approach")
+    assert isinstance(failure(engine, bps.mv(gripper, 0.0)), RigBusyError)
+    rig.post(f"/jobs/{job}/actions", {"type": "stop"}).raise_for_status()
+    assert rig.ended(job)["state"] == "stopped"
+
+
+def test_an_abort_in_the_hold_of_a_flight_keeps_the_part(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    @bpp.stage_decorator([gripper])
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.prepare(gripper, {**FLIGHT, "hold_s": 60.0}, wait=True)
+        yield from bps.checkpoint()
+        yield from bps.kickoff(gripper, wait=True)
+        while (rig.view()["newest"] or {}).get("phase") != "hold":
+            yield from bps.sleep(0.05)
+        yield from bps.pause()
+        yield from bps.complete(gripper, wait=True)
+
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan())
+    job = rig.get("/jobs", label="bluesky=gripper", limit=1)["jobs"][0]["id"]
+    engine.abort()
+    until(lambda: rig.job(job)["state"] == "stopped", "it goes on")
+    assert rig.view()["part"] == "held"
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"
 
 
 def test_an_abort_on_the_way_comes_to_rest(engine: Any, gripper: Gripper, rig: RunningRig) -> None:
