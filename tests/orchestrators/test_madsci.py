@@ -113,7 +113,6 @@ def test_the_stock_client_grips_and_is_refused(
     assert said["stopped"]["command"] is True
     assert code_of(said["stopped"]) == "rig-latched"
     assert said["ready"] is False
-    assert "estop" in said["description"]
     assert "estop" in said["latched"]["errors"][0][1]
     assert said["latched"]["status"] == "not_ready"
     assert said["errored"] is False

@@ -99,7 +99,6 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
     said["stopped"] = during("safety_stop")
     until(lambda view: view["latch"]["state"] == "latched")
     said["ready"] = client.get_status().ready
-    said["description"] = client.get_status().description
     said["latched"] = act("grip", force_mN=force_mN)
     said["errored"] = client.get_status().errored
     return said
