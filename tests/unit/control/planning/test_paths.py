@@ -165,7 +165,7 @@ def test_impossible_paths_are_refused() -> None:
         waypoints("force", [(1.0, 5.0), (0.0, 6.0)])
     with pytest.raises(ValueError, match="the first at 0 s"):
         waypoints("force", [(1.0, 5.0), (2.0, 6.0)])
-    with pytest.raises(ValueError, match="0 levels, must be 1 to 128"):
+    with pytest.raises(ValueError, match="0 levels, must be 1 to 2048"):
         steps("force", [], 1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="begins and ends at rest"):
         replace(POINTS, knots=(Knot(0.0, 1.0, 0.5), Knot(1.0, 2.0, 0.0)))
