@@ -32,7 +32,14 @@ OPEN = {
     ("delete", "/api/v1/session"): "gives up a cookie, whosever it is",
 }
 """Operations that demand nothing, each with why not."""
-UNDESCRIBED = {"/", "/favicon.ico", "/page/{name:path}", "/openapi.json", "/.well-known/wot"}
+UNDESCRIBED = {
+    "/",
+    "/favicon.ico",
+    "/page/days",
+    "/page/{name:path}",
+    "/openapi.json",
+    "/.well-known/wot",
+}
 """Routes outside the description, which are public: the page's files, and descriptions."""
 DEMANDS: dict[str, set[tuple[str, str]]] = {
     "admin": {
