@@ -10,6 +10,7 @@
   var OTHER_POOL_MS = 250;
   var FOLLOWS_MS = 5000;
   var CHECK_AGAIN_MS = 5000;
+  var AGAIN_MS = 500;
   var START_MS = 10000;
   var OTHERWISE = "Stop it another way now: pincette estop on the rig's computer, or the button of the "
     + "amplifier's supply.";
@@ -303,6 +304,7 @@
   }
 
   // Say in red when the rest of the page does not work; the stop does not need it.
+  var LATE = "it has not started";
   var broken = "";
   function breakDown(why) {
     broken = broken || why;
@@ -329,15 +331,25 @@
   });
   document.addEventListener("pincette:broken", function (event) { breakDown(String(event.detail)); });
 
+  /** A page that starts late, over a slow line, takes the notice back. */
+  function watchStart() {
+    var started = root.getAttribute("data-page") === "live";
+    if (started && broken === LATE) {
+      broken = "";
+      root.removeAttribute("data-broken");
+      byId("broken").hidden = true;
+    }
+    if (started) return;
+    breakDown(LATE);
+    setTimeout(watchStart, AGAIN_MS);
+  }
+
   function begin() {
     byId("estop-form").action = RIG_PATH + "/estop";
     byId("estop-rig").textContent = rig;
     byId("estop-rig").hidden = !asked;
     if (broken) breakDown(broken);
-    setTimeout(function () {
-      var waits = byId("connection").textContent === "connecting";
-      if (waits || root.getAttribute("data-page") !== "live") breakDown("it has not started");
-    }, START_MS);
+    setTimeout(watchStart, START_MS);
     if (said) say(said[0], said[1]);
     else if (kept()) {
       since = kept();
@@ -349,8 +361,12 @@
     }
     if (supervisor) check();
   }
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin);
-  else begin();
+  // The event DOMContentLoaded waits for the other scripts, which may never come.
+  function whenParsed() {
+    if (byId("latch")) begin();
+    else setTimeout(whenParsed, 10);
+  }
+  whenParsed();
   window.addEventListener("online", function () {
     send();
     if (supervisor) check();
