@@ -6,6 +6,8 @@ from time import monotonic
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, Route, ViewportSize
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.support.browser import DESK
 from tests.support.rigs import demo_rig
@@ -30,7 +32,7 @@ STOPS_WITHOUT = [
     "delete window.fetch",
     "delete Crypto.prototype.getRandomValues",
     "delete Array.prototype.at",
-    "delete Object.fromEntries",
+    "delete String.prototype.replaceAll",
     "delete Element.prototype.replaceChildren",
     "delete window.ResizeObserver",
     "delete window.URLSearchParams",
@@ -207,3 +209,62 @@ def test_only_two_plain_presses_of_escape_stop_the_rig(
     page.evaluate(KEYS, [{}, {}])  # an aid for access sends keys that are not trusted
     page.wait_for_timeout(500)
     assert len(desk.bus.trips) > stops
+
+
+def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:
+    """A reverse proxy that removes a prefix and may replace ``Host``."""
+
+    async def call(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await app(scope, receive, send)
+            return
+        path = str(scope["path"])
+        if path != prefix and not path.startswith(f"{prefix}/"):
+            await PlainTextResponse("another program")(scope, receive, send)
+            return
+        headers = [
+            (b"host", host.encode()) if host and k == b"host" else (k, v)
+            for k, v in scope["headers"]
+        ]
+        path = path.removeprefix(prefix) or "/"
+        changed = {"path": path, "raw_path": path.encode(), "headers": headers}
+        await app({**scope, **changed}, receive, send)
+
+    return call
+
+
+@pytest.mark.parametrize("place", ["/gripper/", "/gripper", "/gripper?rig=demo"])
+def test_the_page_works_below_a_prefix(context: BrowserContext, desk: Harness, place: str) -> None:
+    with served(proxy(desk.app, prefix="/gripper")) as address:
+        page = context.new_page()
+        page.goto(address + place)
+        until(page, "#connection", "connected")
+        page.wait_for_selector("#fact-start")
+        assert page.locator("#stop-check").is_hidden()
+        stop(desk, page)
+        page.goto("about:blank")
+
+
+def test_a_proxy_that_drops_host_is_named_with_its_remedy_when_the_page_loads(
+    context: BrowserContext, desk: Harness
+) -> None:
+    with served(proxy(desk.app, host="127.0.0.1:9")) as address:
+        page = context.new_page()
+        page.goto(address)
+        until(page, "#stop-check", "proxy_set_header Host")
+        assert "WOULD NOT REACH demo" in text(page, "#stop-check")
+        page.goto("about:blank")
+
+
+@pytest.mark.parametrize(
+    "answer", ["another program", '{"rig": "demo", "supervisor": "0", "stop": {"accepted": true}}']
+)
+def test_an_answer_of_another_program_is_named_when_the_page_loads(
+    context: BrowserContext, address: str, answer: str
+) -> None:
+    page = context.new_page()
+    page.route("**/page-check", lambda route: route.fulfill(body=answer))
+    page.goto(address)
+    until(page, "#stop-check", "WOULD NOT REACH demo")
+    page.unroute_all()
+    page.locator("#stop-check").wait_for(state="hidden", timeout=15_000)

@@ -36,6 +36,7 @@ let rig = null;
 let job = null;
 let busy = false;
 let again = false;
+let started = false; // whether the kinds of jobs are known
 let timer = 0;
 let listed = "";
 
@@ -115,6 +116,7 @@ async function insist(ask) {
 /** One refresh at a time; what is asked for meanwhile comes after it. */
 async function run() {
   clearTimeout(timer);
+  if (!started) return;
   if (busy) {
     again = true;
     return;
@@ -167,6 +169,7 @@ document.addEventListener("pincette:estop", soon);
 document.addEventListener("visibilitychange", () => document.hidden || soon());
 await admitted();
 await insist(loadKinds);
+started = true;
 form.offer();
 followStreams();
 run();
