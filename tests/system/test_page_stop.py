@@ -81,8 +81,9 @@ def until(page: Page, place: str, words: str, timeout_s: float = 20.0) -> None:
 def stop(desk: Harness, page: Page) -> None:
     """Press, and wait for the confirmation; the rig is reset then."""
     before = len(desk.bus.trips)
-    page.locator("#estop").dispatch_event("pointerdown")
-    page.locator("#estop").dispatch_event("mousedown")
+    page.hover("#estop")
+    page.mouse.down()
+    page.mouse.up()
     until(page, "#estop-words", "confirmed by the actuator")
     assert len(desk.bus.trips) > before
     desk.manager.latch.reset("test")
@@ -211,6 +212,10 @@ def test_only_two_plain_presses_of_escape_stop_the_rig(
     assert len(desk.bus.trips) > stops
 
 
+REPLACED = (b"host", b"sec-fetch-site")
+"""Browsers send the second to secure addresses and loopback alone."""
+
+
 def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:
     """A reverse proxy that removes a prefix and may replace ``Host``."""
 
@@ -222,10 +227,9 @@ def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:
         if path != prefix and not path.startswith(f"{prefix}/"):
             await PlainTextResponse("another program")(scope, receive, send)
             return
-        headers = [
-            (b"host", host.encode()) if host and k == b"host" else (k, v)
-            for k, v in scope["headers"]
-        ]
+        headers = [(k, v) for k, v in scope["headers"] if not host or k not in REPLACED]
+        if host:
+            headers.append((b"host", host.encode()))
         path = path.removeprefix(prefix) or "/"
         changed = {"path": path, "raw_path": path.encode(), "headers": headers}
         await app({**scope, **changed}, receive, send)
