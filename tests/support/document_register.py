@@ -97,6 +97,10 @@ SITTINGS: dict[str, Sitting] = {
             Told("import pyarrow", "tests/system/test_readme.py reads the same file"),
             Told("from mcap.reader", "tests/contract/test_record_in_other_tools.py reads it so"),
             Told(
+                "pincette job export --out jobs.csv --spreadsheet",
+                "it needs a job that has ended: the tests of the command line write such files",
+            ),
+            Told(
                 "pincette job describe last --pin yes",
                 "it needs a job that has ended: test_jobs_found_again.py pins one",
             ),

@@ -16,6 +16,8 @@ API = "/api/v1"
 MOST_BYTES = 1_000_000
 """Limit of an answer's length."""
 UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
+ESTOP_CAUSE = "estop"
+"""Cause of a trip that an emergency stop has made, as ``Cause.ESTOP`` is written over REST."""
 KEY = "Authorization"
 
 
@@ -142,5 +144,5 @@ def _names(found: object) -> tuple[str, ...]:
 def _name(entry: object) -> str:
     """Return the rig that an entry confirms, or an empty text."""
     one = cast("dict[str, Any]", entry) if isinstance(entry, dict) else {}
-    confirmed = one.get("cause") == "estop" and one.get("acknowledged") is True
+    confirmed = one.get("cause") == ESTOP_CAUSE and one.get("acknowledged") is True
     return one["rig"] if confirmed and isinstance(one.get("rig"), str) else ""

@@ -321,7 +321,7 @@
     if (element && element.tagName === "SCRIPT" && element.src.indexOf(location.origin) === 0) {
       breakDown("a script could not be loaded");
     }
-    if (!event.message || /ResizeObserver loop/.test(event.message)) return;
+    if (!event.error) return; // not thrown by a script, as the notice of a ResizeObserver
     if ((event.filename || "").indexOf(location.origin) === 0) breakDown(event.message);
   }, true);
   window.addEventListener("unhandledrejection", function (event) {
