@@ -261,7 +261,7 @@ def test_a_proxy_that_drops_host_is_named_with_its_remedy_when_the_page_loads(
 
 
 @pytest.mark.parametrize(
-    "answer", ["another program", '{"rig": "demo", "supervisor": "0", "stop": {"accepted": true}}']
+    "answer", ["another program", '{"rig": "other", "supervisor": "", "stop": {"accepted": true}}']
 )
 def test_an_answer_of_another_program_is_named_when_the_page_loads(
     context: BrowserContext, address: str, answer: str

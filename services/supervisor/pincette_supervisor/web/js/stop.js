@@ -359,7 +359,7 @@
         + OTHERWISE, "bad");
       send();
     }
-    if (supervisor) check();
+    check();
   }
   // The event DOMContentLoaded waits for the other scripts, which may never come.
   function whenParsed() {
@@ -369,9 +369,9 @@
   whenParsed();
   window.addEventListener("online", function () {
     send();
-    if (supervisor) check();
+    check();
   });
-  document.addEventListener("pincette:answers", function () { if (supervisor) check(); });
+  document.addEventListener("pincette:answers", check);
   window.addEventListener("pagehide", function () {
     try {
       if (pressed) navigator.sendBeacon(RIG_PATH + "/estop");
