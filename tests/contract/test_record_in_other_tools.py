@@ -12,8 +12,7 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.core.messages import Estimate, Message
-from pincette.records import mcap_reading
-from pincette.records.tables import write_tables
+from pincette.records.tables import write_tables_of_file
 from tests.support.recorded import asked, loop, write
 
 pandas: Any = untyped_pandas
@@ -81,7 +80,7 @@ def test_rerun_finds_nothing_wrong_with_the_file(record: Path, tmp_path: Path) -
 
 
 def test_pandas_reads_the_samples_with_their_units(record: Path) -> None:
-    assert write_tables(record, mcap_reading.read(record / "job.mcap")) == []
+    assert write_tables_of_file(record).wrong == []
     frame = pandas.read_parquet(record / "samples.parquet")
     assert frame["force_mN"].tolist() == [FORCE_MN] * 20
     schema = parquet.read_schema(record / "samples.parquet")

@@ -19,6 +19,7 @@ from pincette.core.messages import (
     Message,
     Position,
     RequestLog,
+    Sample,
     Telemetry,
     Timing,
 )
@@ -31,6 +32,8 @@ EPOCH = 0x5A5A_1234_5678
 PERIOD_S = 0.02
 START_NS = 1_763_740_800_000_000_000
 SWEEP = Sweep(1.0, 20.0, 5.0, 0.1, 200.0)
+BEGUN = {"begin_at": "2025-11-21T16:00:00.000000Z"}
+"""Begin of the record, as its files state it."""
 ABOUT = {"job": "j-1", "rig": "demo", "epoch": str(EPOCH), "period_s": repr(PERIOD_S)}
 
 
@@ -156,6 +159,13 @@ def write(path: FilePath, messages: list[Message], *, finish: bool = True) -> Mc
         file.flush()
         file.abandon()
     return file
+
+
+def sample_0_ns(messages: list[Message]) -> int:
+    """Return the arrival of sample 0 in a record that ``write`` makes of these messages."""
+    return START_NS + next(
+        place for place, message in enumerate(messages) if isinstance(message, Sample)
+    )
 
 
 def name_of(message: Message) -> str:

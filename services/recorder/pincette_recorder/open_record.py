@@ -18,6 +18,8 @@ from pincette.core.messages import (
 )
 from pincette.core.topics import TIMING
 from pincette.records.mcap_file import NAME, McapFile
+from pincette.records.record_times import BEGIN, utc_text
+from pincette.records.record_times import NAMES as TIMES
 from pincette.records.tables import Tables, write_tables_of_file
 
 log = logging.getLogger(__name__)
@@ -43,7 +45,9 @@ class OpenRecord:
         now_s: float,
     ) -> None:
         """``every_tick``: see ``RowBlocks``."""
-        self.job, self.epoch, self.folder, self.about = folder.name, epoch, folder, dict(about)
+        self.job, self.epoch, self.folder = folder.name, epoch, folder
+        self.about = {**about, BEGIN: utc_text(start_ns)}
+        """Metadata of the record; the times of its samples are added with the tables."""
         folder.mkdir(parents=True, exist_ok=True)
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
         self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
@@ -92,7 +96,7 @@ class OpenRecord:
             return
         try:
             self.file.add(message, arrival_ns)
-            self._tables.add(message)
+            self._tables.add(message, arrival_ns)
         except ValueError as error:  # a number that no file has room for
             self.refused[topic] += 1
             self._log_error(f"a message of {topic} cannot be kept: {error}")
@@ -124,14 +128,22 @@ class OpenRecord:
             if not self.trouble:
                 self.file.flush()
                 wrong, missing = self._tables.write(), self._tables.missing
+                times = self._tables.times
             else:  # the file may lack messages that the tables have
                 self._tables.close()
-                wrong, missing = write_tables_of_file(self.folder)
+                written = write_tables_of_file(self.folder)
+                wrong, missing, times = written.wrong, written.missing, written.times
         except (OSError, ValueError) as error:
             return [f"no table: {error}"]
+        self.about |= times
         wrong += [f"{count} of {topic} never came" for topic, count in missing.items()]
         self.missing = sum(missing.values())
         return wrong
+
+    @property
+    def times(self) -> dict[str, str]:
+        """UTC times of the record, as of the last time that its tables were written."""
+        return {name: self.about[name] for name in TIMES if name in self.about}
 
     def finish(self, closing: Mapping[str, str]) -> str:
         """Close the file; returns why that was not possible."""

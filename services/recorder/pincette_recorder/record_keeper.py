@@ -209,6 +209,7 @@ class Keeper:
             "dropped": str(recorded.dropped),
             "complete": "false" if wrong else "true",
             "detail": recorded.detail,
+            **record.times,
             **{f"messages_{topic}": str(n) for topic, n in sorted(record.file.counts.items())},
             **{f"dropped_{topic}": str(count) for topic, count in sorted(dropped.items())},
         }

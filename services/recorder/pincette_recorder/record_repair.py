@@ -10,9 +10,9 @@ from typing import Any, cast
 import mcap.records as mcap
 
 from pincette.records import folder as files
-from pincette.records import mcap_reading
+from pincette.records import mcap_reading, record_times
 from pincette.records.mcap_file import CLOSING, NAME, Chunks, Unbuffered
-from pincette.records.tables import write_tables_of_file
+from pincette.records.tables import Written, write_tables_of_file
 
 log = logging.getLogger(__name__)
 BOUNDED = 10_000
@@ -31,18 +31,19 @@ def mend(folder: Path, why: str) -> dict[str, str]:
     """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
     path = folder / NAME
     try:
-        wrong, never_came = write_tables_of_file(folder)
-        missing = sum(never_came.values())
+        written = write_tables_of_file(folder)
     except ValueError as error:  # of another version; the file itself can be closed all the same
-        wrong, missing = [f"no table: {error}"], 0
+        written = Written([f"no table: {error}"], {}, {})
     why = _manifest(folder).get("detail") or why
     closing = {
-        "dropped": str(missing),
+        "dropped": str(sum(written.missing.values())),
         "complete": "false",
-        "detail": "; ".join([why, *wrong]),
+        "detail": "; ".join([why, *written.wrong]),
+        **written.times,
     }
     closing["messages"] = str(repair(path, closing))
-    write_manifest(folder, mcap_reading.read_closing(path)[0], closing)
+    about = mcap_reading.read_closing(path)[0] | written.times
+    write_manifest(folder, about, closing)
     log.info("%s: closed with %s messages: %s", folder.name, closing["messages"], why)
     return closing
 
@@ -51,6 +52,7 @@ def write_manifest(folder: Path, about: Mapping[str, str], closing: Mapping[str,
     """Write a manifest that keeps what the supervisor has written in its own; raises OSError."""
     kept: dict[str, Any] = {name: text for name, text in about.items() if name != "request"}
     kept |= _manifest(folder)
+    kept |= {name: about[name] for name in record_times.NAMES if name in about}
     kept.pop("files", None)
     complete = closing["complete"] == "true"
     files.write_manifest(folder, {**kept, "complete": complete, "detail": closing["detail"]})

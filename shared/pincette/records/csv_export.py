@@ -23,10 +23,10 @@ def _lines(source: Any) -> Iterator[str]:
     # A value that never came is empty, and numbers read back bit for bit.
     schema = source.schema_arrow
     try:
-        for name, value in _texts(schema.metadata).items():
+        for name, value in parquet.texts(schema.metadata).items():
             yield _comment(f"{name}: {value}")
         for field in schema:
-            metadata = _texts(field.metadata)
+            metadata = parquet.texts(field.metadata)
             unit = f" [{metadata['unit']}]" if metadata.get("unit") else ""
             yield _comment(f"{field.name}{unit}: {metadata.get('meaning', '')}")
         yield _line([field.name for field in schema])
@@ -36,10 +36,6 @@ def _lines(source: Any) -> Iterator[str]:
                 yield _line([_cell(value) for value in row])
     finally:
         source.close()
-
-
-def _texts(metadata: dict[bytes, bytes] | None) -> dict[str, str]:
-    return {key.decode(): value.decode() for key, value in (metadata or {}).items()}
 
 
 def _comment(text: str) -> str:

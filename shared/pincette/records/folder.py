@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pincette.records import mcap_file, parquet
+from pincette.records import mcap_file, parquet, record_times
 from pincette.records.columns import COLUMNS, SECOND_COLUMNS, Columns
 from pincette.records.parquet import Field
 
@@ -40,7 +40,7 @@ MEDIA_TYPES = {
 
 OF_SAMPLES = (
     Field("seq", "", "number of the sample", "int"),
-    Field("t_s", "s", "number of the sample times the control period", "float"),
+    Field("t_s", "s", "time since sample 0: number of the sample times the period", "float"),
     *COLUMNS,
 )
 OF_A_BURST = (
@@ -80,13 +80,15 @@ class SamplesDraft:
                 self._writer.copy(self._path, self._rows)
         return self._writer
 
-    def publish(self, rest: Columns) -> None:
+    def publish(self, rest: Columns, about: Mapping[str, str]) -> None:
         """Let the rows so far, and those of ``rest``, take the place of the table at once.
 
-        More rows may be added later, those of ``rest`` among them. Raises OSError.
+        ``about`` is the metadata of the table. More rows may be added later, those of ``rest``
+        among them. Raises OSError.
         """
         writer = self._opened()
         writer.add(rest)
+        writer.describe(about)
         writer.close()
         self._writer = None
         self._draft.replace(self._path)
@@ -98,6 +100,15 @@ class SamplesDraft:
                 self._writer.close()
             self._writer = None
         self._draft.unlink(missing_ok=True)
+
+
+def times(folder: Path) -> dict[str, str]:
+    """Return the UTC times that the table of samples states; empty where there is no table."""
+    try:
+        about = parquet.read_about(folder / SAMPLES)
+    except (OSError, ValueError):
+        return {}
+    return {name: about[name] for name in record_times.NAMES if name in about}
 
 
 def write_burst(

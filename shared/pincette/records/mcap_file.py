@@ -16,18 +16,19 @@ from pincette import __version__
 from pincette.core.messages import GroundTruth, JobNotice, Message
 from pincette.core.topics import TOPIC_OF, TOPICS, Topic, key
 from pincette.core.units import unit_of
+from pincette.records import record_times
+from pincette.records.record_times import LAST_NS, sample_0_ns, utc_text
 from pincette.records.schemas import SCHEMAS
 
 NAME = "job.mcap"
 PROFILE = "pincette"
-ABOUT, CLOSING = "record", "closing"
-"""Names of the metadata at the file's begin and at its end."""
+ABOUT, TIMES, CLOSING = "record", "times", "closing"
+"""Names of the metadata at the file's begin, at its first sample and at its end."""
 CHUNK_BYTES = 65_536
 CHUNK_NS = 250_000_000
 INDEXED_CHUNKS = 20_000
 """Chunks of a file with an index; at four chunks a second they are an hour and twenty minutes."""
 SEQUENCE_LIMIT = 2**32
-LAST_NS = 2**63 - 1
 
 
 class Unbuffered:
@@ -92,9 +93,10 @@ class Chunks:
 class McapFile:
     """Writes one record."""
 
-    # A sample's log time is the record's start plus its number times the control period, so that
-    # samples are evenly spaced in whichever time the rig runs; its publish time is its arrival. A
-    # message without a number of its own is logged at the newest sample's time.
+    # A sample's log time is the arrival of sample 0 plus its number times the control period, so
+    # that samples are evenly spaced in whichever time the rig runs; its publish time is its
+    # arrival. A message without a number of its own is logged at the newest sample's time. Before
+    # the first sample, the begin of the record takes the place of the arrival of sample 0.
 
     def __init__(
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float
@@ -104,6 +106,8 @@ class McapFile:
         self._writer = self._chunks.writer
         self._start_ns, self._period_ns = start_ns, round(period_s * 1e9)
         self._channels = {topic.name: self._register(rig, topic) for topic in TOPICS}
+        self._sampled = False
+        """Whether a sample has arrived."""
         self._newest_ns = start_ns
         self._first_truth: int | None = None
         self._oldest_ns: int | None = None
@@ -111,7 +115,8 @@ class McapFile:
         self._bytes = 0
         self.counts: Counter[str] = Counter()
         """Messages written, by topic."""
-        self._writer.add_metadata(ABOUT, dict(about))
+        self._begin = {record_times.BEGIN: utc_text(start_ns)}
+        self._writer.add_metadata(ABOUT, {**about, **self._begin})
 
     def _register(self, rig: str, topic: Topic) -> int:
         schema = SCHEMAS[topic.name]
@@ -134,6 +139,8 @@ class McapFile:
         name = TOPIC_OF[type(message)].name
         number = getattr(message, "seq", 0)
         payload = SCHEMAS[name].pack(message)
+        if not self._sampled:
+            self._place_sample_0(message, arrival_ns)
         self._writer.add_message(
             self._channels[name],
             log_time=self._log_ns(message),
@@ -147,6 +154,15 @@ class McapFile:
             self._oldest_ns = arrival_ns
         if self._bytes >= CHUNK_BYTES:
             self.flush()
+
+    def _place_sample_0(self, message: Message, arrival_ns: int) -> None:
+        """Count log times from sample 0, and state its time, if the message is a sample."""
+        found_ns = sample_0_ns(message, arrival_ns, self._period_ns)
+        if found_ns is None:
+            return
+        self._sampled, self._start_ns = True, found_ns
+        times = {**self._begin, record_times.SAMPLE_0: utc_text(found_ns)}
+        self._writer.add_metadata(TIMES, times)
 
     def _log_ns(self, message: Message) -> int:
         if isinstance(message, JobNotice):

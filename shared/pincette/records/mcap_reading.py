@@ -80,9 +80,18 @@ def read(path: Path) -> Recording:
 
 def messages_of(path: Path, topics: Collection[str] = SCHEMAS.keys()) -> Iterator[Message]:
     """Read the messages of some topics one by one; raises as ``read`` does."""
+    return (message for message, _ in arrivals_of(path, topics))
+
+
+def arrivals_of(
+    path: Path, topics: Collection[str] = SCHEMAS.keys()
+) -> Iterator[tuple[Message, int]]:
+    """Read the messages of some topics, each with its arrival in ns of UTC; raises as ``read``."""
     decoder = Decoder(topics)
     for entry in entries(path):
-        yield from decoder.decode(entry)
+        arrival_ns = entry.publish_time if isinstance(entry, mcap.Message) else 0
+        for message in decoder.decode(entry):
+            yield message, arrival_ns
 
 
 class Decoder:

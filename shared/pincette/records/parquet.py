@@ -1,5 +1,6 @@
 """Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
 
+import base64
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -59,6 +60,13 @@ class Writer:
         if self._parts:
             parts, self._parts = self._parts, []
             self._writer.write_table(_pyarrow()[0].concat_tables(parts))
+
+    def describe(self, about: Mapping[str, str]) -> None:
+        """Replace the metadata with which the table was begun; called before it is closed."""
+        # Readers take the schema's metadata from the copy of the schema in "ARROW:schema".
+        schema = self._schema.with_metadata(dict(about))
+        copy = base64.b64encode(schema.serialize().to_pybytes()).decode("ascii")
+        self._writer.add_key_value_metadata({**about, "ARROW:schema": copy})
 
     def close(self) -> None:
         """Write the end of the file, without which nothing of it can be read; raises OSError."""
@@ -123,6 +131,20 @@ def write(
 def opened(path: Path) -> Any:
     """A table, to be read by parts; raises OSError where it cannot be."""
     return _pyarrow()[1].ParquetFile(path)
+
+
+def read_about(path: Path) -> dict[str, str]:
+    """Read the metadata of a table; raises as ``parts`` does."""
+    source = opened(path)
+    try:
+        return texts(source.schema_arrow.metadata)
+    finally:
+        source.close()
+
+
+def texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Decode metadata of a table or of one of its columns."""
+    return {key.decode(): value.decode() for key, value in (metadata or {}).items()}
 
 
 def parts(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str, list[Any]]]:

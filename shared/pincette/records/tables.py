@@ -10,7 +10,7 @@ from pincette.records import folder as files
 from pincette.records import mcap_reading
 from pincette.records.columns import numbers_every_tick
 from pincette.records.mcap_file import NAME
-from pincette.records.mcap_reading import Recording
+from pincette.records.record_times import RecordTimes
 from pincette.records.row_blocks import RowBlocks
 from pincette.records.timings import loop_timing
 
@@ -28,14 +28,16 @@ class Tables:
     ) -> None:
         """``every_tick``: see ``RowBlocks``."""
         self._folder, self._about = folder, about
+        self._times = RecordTimes(about, period_s)
         self._rows = RowBlocks(period_s, every_tick=every_tick)
         self._samples: files.SamplesDraft | None = None
         self._timings: dict[str, Timing] = {}
         self._bursts: dict[int, Burst] = {}
         self._trouble: OSError | None = None
 
-    def add(self, message: Message) -> None:
-        """Take a message, in order of arrival."""
+    def add(self, message: Message, arrival_ns: int) -> None:
+        """Take a message, in order of arrival, with its arrival in ns of UTC."""
+        self._times.add(message, arrival_ns)
         if isinstance(message, Timing):
             self._timings[message.service] = message
         elif isinstance(message, Burst):
@@ -60,10 +62,11 @@ class Tables:
         """Write the tables of what has come so far; returns what is wrong; raises OSError."""
         if self._trouble is not None:
             raise self._trouble
+        about = {**self._about, **self.times}
         if self._samples is None:
-            files.write_samples(self._folder / files.SAMPLES, self._rows.rest(), self._about)
+            files.write_samples(self._folder / files.SAMPLES, self._rows.rest(), about)
         else:
-            self._samples.publish(self._rows.rest())
+            self._samples.publish(self._rows.rest(), about)
         timing = loop_timing(self._timings.values())
         if timing is not None:
             files.write_json(self._folder / files.TIMING, timing.model_dump(exclude={"silent"}))
@@ -72,10 +75,15 @@ class Tables:
         except ValueError as error:
             return [str(error)]
         if acquired is not None:
-            about = {**self._about, "rate_hz": repr(acquired.rate_hz)}
+            about["rate_hz"] = repr(acquired.rate_hz)
             path = self._folder / files.BURST
             files.write_burst(path, acquired.x_um, acquired.drive_V, about)
         return []
+
+    @property
+    def times(self) -> dict[str, str]:
+        """UTC times of the record so far; see ``RecordTimes.texts``."""
+        return self._times.texts()
 
     @property
     def missing(self) -> dict[str, int]:
@@ -89,15 +97,21 @@ class Tables:
             self._samples = None
 
 
-def write_tables(folder: Path, recording: Recording) -> list[str]:
-    """Write the tables of a recording; returns what is wrong with them; raises OSError."""
-    return _written(folder, recording.about, recording.messages, every_tick=True)[0]
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Findings about the tables of a record that was read from its file."""
+
+    wrong: list[str]
+    """Errors of the tables."""
+    missing: dict[str, int]
+    """Number of samples that never came, by topic."""
+    times: dict[str, str]
+    """UTC times of the record."""
 
 
-def write_tables_of_file(folder: Path) -> tuple[list[str], dict[str, int]]:
+def write_tables_of_file(folder: Path) -> Written:
     """Write the tables of the record in a folder, which is read part by part.
 
-    Returns what is wrong with them, and what never came, by topic.
     Raises OSError, or ValueError for messages of another version.
     """
     path = folder / NAME
@@ -107,21 +121,15 @@ def write_tables_of_file(folder: Path) -> tuple[list[str], dict[str, int]]:
         if isinstance(one, Applied | GroundTruth)
     )
     about = mcap_reading.read_about(path)
-    return _written(folder, about, mcap_reading.messages_of(path), every_tick=every_tick)
-
-
-def _written(
-    folder: Path, about: Mapping[str, str], messages: Iterable[Message], *, every_tick: bool
-) -> tuple[list[str], dict[str, int]]:
     try:
         period_s = float(about["period_s"])
     except (KeyError, ValueError):
-        return [NO_PERIOD], lost(messages)
+        return Written([NO_PERIOD], lost(mcap_reading.messages_of(path)), {})
     tables = Tables(folder, about, period_s, every_tick=every_tick)
     try:
-        for message in messages:
-            tables.add(message)
-        return tables.write(), tables.missing
+        for message, arrival_ns in mcap_reading.arrivals_of(path):
+            tables.add(message, arrival_ns)
+        return Written(tables.write(), tables.missing, tables.times)
     finally:
         tables.close()
 

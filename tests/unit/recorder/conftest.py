@@ -39,8 +39,10 @@ class Bench:
         self.now_s = 100.0
         self.jobs = folder / "jobs"
         self.config = replace(CONFIG, records=self.jobs, models=folder / "models")
-        self.intake = Intake(self.clock_ns, room)
-        self.wall = WallClock(self.clock_ns, self.clock_ns)
+        self.wall_step_s = 0.0
+        """Time by which the machine's clock was set."""
+        self.wall = WallClock(self.wall_ns, self.clock_ns)
+        self.intake = Intake(self.wall.now_ns, room)
         self.mender = Mender(self.config)
         self.keeper = self.new_keeper()
         self.begun: list[Message | str] = []
@@ -52,6 +54,9 @@ class Bench:
 
     def clock_ns(self) -> int:
         return START_NS + round((self.now_s - 100.0) * 1e9)
+
+    def wall_ns(self) -> int:
+        return self.clock_ns() + round(self.wall_step_s * 1e9)
 
     def begin(self, job: str = "j-1", epoch: int = EPOCH, **about: str) -> Ack | str | None:
         """Ask for a record; None where the answer is still to come."""

@@ -280,3 +280,31 @@ def test_ending_closes_what_is_open(bench: Bench) -> None:
     bench.keeper.close()
     assert mcap_reading.read(_folder(bench) / "job.mcap").messages == messages
     assert "the recorder was ended" in _manifest(bench)["detail"]
+
+
+def test_files_state_when_the_samples_came_and_not_when_the_job_was_asked_for(
+    bench: Bench,
+) -> None:
+    messages = loop(30)
+    asked_at = "2025-11-21T15:00:00.000Z"
+    assert bench.begin(created_at=asked_at) == Ack(0)
+    bench.wait(3.0)
+    bench.wall_step_s = 3600.0  # the machine's clock is set: the times of the record go on
+    bench.feed(messages[:90])
+    bench.wait(0.5)
+    bench.feed([*messages[90:], notice("succeeded")])
+    bench.finish(29)
+    times = {
+        "begin_at": "2025-11-21T16:00:00.000000Z",
+        "sample_0_at": "2025-11-21T16:00:03.000000Z",
+        "end_at": "2025-11-21T16:00:03.500000Z",
+    }
+    stated = parquet.read_schema(_folder(bench) / "samples.parquet").metadata
+    assert {name: stated[name.encode()].decode() for name in times} == times
+    assert stated[b"created_at"].decode() == asked_at
+    closing = mcap_reading.read(_folder(bench) / "job.mcap").closing
+    assert closing is not None
+    assert {name: closing[name] for name in times} == times
+    manifest = _manifest(bench)
+    assert {name: manifest[name] for name in times} == times
+    assert "the wall clock was set by +3600.0 s" in manifest["detail"]

@@ -15,7 +15,16 @@ from pincette.records.columns import columns
 from pincette.records.mcap_file import CHUNK_NS, McapFile
 from pincette_recorder.record_repair import repair
 from tests.support import recorded
-from tests.support.recorded import ABOUT, PERIOD_S, START_NS, loop, notice, write
+from tests.support.recorded import (
+    ABOUT,
+    BEGUN,
+    PERIOD_S,
+    START_NS,
+    loop,
+    notice,
+    sample_0_ns,
+    write,
+)
 
 
 def test_a_record_comes_back(tmp_path: Path) -> None:
@@ -23,7 +32,7 @@ def test_a_record_comes_back(tmp_path: Path) -> None:
     write(tmp_path / "job.mcap", messages)
     recording = mcap_reading.read(tmp_path / "job.mcap")
     assert recording.messages == messages
-    assert recording.about == ABOUT
+    assert recording.about == {**ABOUT, **BEGUN}
     assert recording.closing is not None
     assert recording.closing["complete"] == "true"
     assert mcap_reading.is_closed(tmp_path / "job.mcap")
@@ -49,7 +58,7 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
     decoded = [proto for _, _, _, proto in found]
     assert [proto.force_mN for proto in decoded] == [cast(Any, item).force_mN for item in wanted]
     assert not decoded[0].HasField("zero_age_s")
-    assert [entry.log_time - START_NS for _, _, entry, _ in found] == [
+    assert [entry.log_time - sample_0_ns(messages) for _, _, entry, _ in found] == [
         seq * 20_000_000 for seq in range(20)
     ]
     assert summary is not None
@@ -62,12 +71,13 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
 
 
 def test_truths_are_logged_beside_their_samples(tmp_path: Path) -> None:
-    write(tmp_path / "job.mcap", loop(5))
+    messages = loop(5)
+    write(tmp_path / "job.mcap", messages)
     with (tmp_path / "job.mcap").open("rb") as file:
         times = [
             entry.log_time for _, _, entry in make_reader(file).iter_messages(["ground_truth"])
         ]
-    assert times == [START_NS + seq * 20_000_000 for seq in range(5)]
+    assert times == [sample_0_ns(messages) + seq * 20_000_000 for seq in range(5)]
 
 
 def test_a_file_without_its_end_is_read_by_the_public_reader(tmp_path: Path) -> None:
@@ -103,7 +113,7 @@ def test_what_is_left_of_a_file_that_breaks_off_anywhere_is_read(tmp_path: Path,
     assert again.closing is not None
     assert again.closing["messages"] == str(kept)
     if left:
-        assert again.about == ABOUT
+        assert again.about == {**ABOUT, **BEGUN}
         with path.open("rb") as file:
             assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == kept
 

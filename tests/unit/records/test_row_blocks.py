@@ -13,7 +13,7 @@ from pincette.records import folder, mcap_reading, parquet
 from pincette.records.columns import columns
 from pincette.records.row_blocks import RowBlocks
 from pincette.records.tables import Tables, lost, write_tables_of_file
-from tests.support.recorded import ABOUT, PERIOD_S, loop, write
+from tests.support.recorded import ABOUT, PERIOD_S, START_NS, loop, write
 
 ROWS = 16
 TICKS = 10 * ROWS
@@ -104,7 +104,7 @@ def written(path: Path) -> dict[str, list[Any]]:
 def test_a_table_that_is_published_early_goes_on(tmp_path: Path) -> None:
     messages, tables = loop(TICKS), Tables(tmp_path, ABOUT, PERIOD_S)
     for place, message in enumerate(messages):
-        tables.add(message)
+        tables.add(message, START_NS + place)
         if place in (400, 401, 700):
             assert tables.write() == []
             assert written(tmp_path) == columns(messages[: place + 1], PERIOD_S)
@@ -120,5 +120,6 @@ def test_the_table_of_a_file_is_made_in_parts(tmp_path: Path) -> None:
     messages = unanswered(loop(TICKS), lockstep=False)
     write(tmp_path / "job.mcap", messages, finish=False)
     kept = mcap_reading.read(tmp_path / "job.mcap").messages
-    assert write_tables_of_file(tmp_path) == ([], lost(kept))
+    found = write_tables_of_file(tmp_path)
+    assert (found.wrong, found.missing) == ([], lost(kept))
     assert written(tmp_path) == columns(kept, PERIOD_S)

@@ -153,3 +153,21 @@ def test_a_picture_leaves_nothing_of_what_it_was_drawn_on(
             assert surfaces.count("made") == surfaces.count("freed")
     finally:
         gc.enable()
+
+
+def test_report_and_manifest_state_when_the_samples_were_recorded(
+    tmp_path: Path, rig_file: RigFile
+) -> None:
+    made = write(tmp_path, rig_file)
+    times = {
+        "begin_at": "2026-03-01T14:00:00.000000Z",
+        "sample_0_at": "2026-03-01T14:00:01.000000Z",
+        "end_at": "2026-03-01T14:00:20.000000Z",
+    }
+    folder.write_samples(tmp_path / folder.SAMPLES, made.run.table, times)
+    made.write(tmp_path)
+    manifest = json.loads((tmp_path / folder.MANIFEST).read_text(encoding="utf-8"))
+    assert {name: manifest[name] for name in times} == times
+    page = (tmp_path / folder.REPORT).read_text(encoding="utf-8")
+    assert f"recorded from {times['sample_0_at']} to {times['end_at']}" in page
+    assert f"asked for at {JOB.created_at}" in page

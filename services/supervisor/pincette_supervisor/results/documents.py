@@ -41,6 +41,7 @@ def write_documents(
     """Write everything but the samples, which are the recorder's; raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     kind, state = job_kinds()[planned.plan.kind], completeness(recorded)
+    whose = {**whose, **files.times(folder)}
     files.write_bytes(folder / kind.plot, picture.png)
     for end, content in picture.vector.items():
         files.write_bytes((folder / kind.plot).with_suffix(end), content)

@@ -12,6 +12,7 @@ import numpy as np
 
 from pincette.api.history import History, HistoryJob
 from pincette.records import folder, parquet
+from pincette.records.record_times import SAMPLE_0
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.results.figures import Series
@@ -79,10 +80,14 @@ class HistoryReader:
         if row.id in self._kept:
             self._kept.move_to_end(row.id)
             return self._kept[row.id]
-        spent_s = seconds(row.ended_at) - seconds(row.started_at)
         try:
             path = self.records / row.id / folder.SAMPLES
-            reduced = _read(path, seconds(row.started_at), spent_s if self.lockstep else None)
+            if self.lockstep:
+                begun_s = seconds(row.started_at)
+                reduced = _read(path, begun_s, seconds(row.ended_at) - begun_s)
+            else:
+                sample_0_at = folder.times(path.parent).get(SAMPLE_0, row.started_at)
+                reduced = _read(path, seconds(sample_0_at), None)
         except (OSError, ValueError):  # deleted, not written as yet, or of no use
             return None
         self._kept[row.id] = reduced

@@ -13,6 +13,7 @@ from pincette.api.job_kinds import JobKind
 from pincette.api.live import LoopTiming
 from pincette.api.states import OUTCOMES
 from pincette.core.units import bare, unit_of
+from pincette.records.record_times import END, SAMPLE_0
 from pincette.records.timings import rows
 
 ABSENT = "–"
@@ -133,9 +134,18 @@ def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
             *parts,
             f"job {job} on rig {rig}",
             *([f"asked for by {by}"] if by else []),
-            whose.get("created_at", ""),
+            *_times(whose),
         ]
     )
+
+
+def _times(whose: Mapping[str, str]) -> list[str]:
+    """When the samples were recorded, and when the job was asked for."""
+    asked, begin, end = (whose.get(name) for name in ("created_at", SAMPLE_0, END))
+    return [
+        *([f"recorded from {begin} to {end}"] if begin and end else []),
+        *([f"asked for at {asked}"] if asked else []),
+    ]
 
 
 def _missing(state: Mapping[str, bool | str]) -> str:

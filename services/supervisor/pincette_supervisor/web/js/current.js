@@ -93,7 +93,8 @@ export class Current {
       h("p", { class: "muted small" },
         h("button", { type: "button", id: "current-open", class: "link",
           onclick: () => this.choose(job.id) }, job.id),
-        ` · ${ended ? `ended ${clock(job.ended_at)}` : `taken ${clock(job.created_at)}`}`),
+        ` · ${ended ? `ended ${clock(job.ended_at)}`
+          : job.started_at ? `began ${clock(job.started_at)}` : `asked for ${clock(job.created_at)}`}`),
     ];
   }
 

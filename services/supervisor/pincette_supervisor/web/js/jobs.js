@@ -107,7 +107,7 @@ export class Jobs {
 
   render() {
     const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), mainFigure(job)[1],
-      clock(job.created_at), job.position ?? null, saidOf(job)]);
+      clock(begunAt(job)), job.position ?? null, saidOf(job)]);
     show(byId("job-list"), [rows, this.chosen, this.more, this.narrowed], () => this.table());
     const job = this.jobs.find((each) => each.id === this.chosen)
       ?? (this.shown?.id === this.chosen ? this.shown : null);
@@ -136,9 +136,9 @@ export class Jobs {
     const place = job.position ? ` ${job.position}` : "";
     return h("tr", { class: job.id === this.chosen ? "chosen" : "" },
       h("td", { class: "time" }, h("button", { type: "button", class: "link", id: `open-${job.id}`,
-        "aria-label": `Show ${plain(job.kind)} of ${clock(job.created_at)}`,
+        "aria-label": `Show ${plain(job.kind)} of ${clock(begunAt(job))}`,
         "aria-pressed": String(job.id === this.chosen),
-        onclick: () => this.choose(job.id) }, clock(job.created_at))),
+        onclick: () => this.choose(job.id) }, clock(begunAt(job)))),
       h("td", {}, plain(job.values?.[kindOf(job.kind).variant_field] ?? job.kind),
         saidOf(job) ? h("span", { class: "muted block" }, ...saidIn(job)) : null),
       h("td", {}, chip(plain(job.state) + place, toneOfState(job.state)),
@@ -158,6 +158,7 @@ export class Jobs {
       h("h3", { id: "job-title", tabindex: "-1" }, `${plain(job.kind)} ${job.id}`),
       h("p", {}, chip(plain(job.state), toneOfState(job.state)), " ", outcomeOf(job)),
       label ? h("p", { class: "sum" }, `${label} ${main}`) : null,
+      h("p", { class: "muted", id: "job-times" }, timesOf(job)),
       job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
@@ -186,6 +187,19 @@ export class Jobs {
 function select(id, name, options, onchange) {
   return h("select", { id, "aria-label": name, onchange },
     ...options.map(([value, label]) => h("option", { value }, label)));
+}
+
+/** Time at which a job began to move, or at which it was asked for while it waits. */
+function begunAt(job) {
+  return job.started_at ?? job.created_at;
+}
+
+/** When a job was asked for, began and ended. */
+function timesOf(job) {
+  return [["asked for", job.created_at], ["began", job.started_at], ["ended", job.ended_at]]
+    .filter(([, at]) => at)
+    .map(([text, at]) => `${text} ${clock(at)}`)
+    .join(" · ");
 }
 
 /** Samples and messages that a result lacks. */

@@ -1,0 +1,60 @@
+"""UTC times of a record: its begin, its sample 0 and its end."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+
+from pincette.core.messages import Message, Sample
+
+BEGIN, SAMPLE_0, END = NAMES = ("begin_at", "sample_0_at", "end_at")
+"""Names under which the metadata of a record's files state the times."""
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+LAST_NS = 2**63 - 1
+
+
+def utc_text(time_ns: int) -> str:
+    """Return a time in ns since 1970 as ISO 8601 in UTC, to a microsecond."""
+    time = EPOCH + timedelta(microseconds=time_ns // 1000)
+    return time.isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def sample_0_ns(message: Message, arrival_ns: int, period_ns: int) -> int | None:
+    """Return when sample 0 arrived, in ns of UTC, by the first sample that has arrived.
+
+    None for a message that has no number of a sample.
+    """
+    if not isinstance(message, Sample) or message.seq < 0:
+        return None
+    return min(max(0, arrival_ns - message.seq * period_ns), LAST_NS)
+
+
+class RecordTimes:
+    """Times of one record, from the arrivals of its messages.
+
+    All arrivals are of one clock that never steps: the time of day at the begin of the record, and
+    the monotonic clock from there.
+    """
+
+    def __init__(self, about: Mapping[str, str], period_s: float) -> None:
+        """``about``: metadata of the record, which states its begin."""
+        self._begin_at, self._period_ns = about.get(BEGIN), round(period_s * 1e9)
+        self._sample_0_ns: int | None = None
+        self._end_ns: int | None = None
+
+    def add(self, message: Message, arrival_ns: int) -> None:
+        """Take a message of the record, in order of arrival."""
+        if self._sample_0_ns is None:
+            self._sample_0_ns = sample_0_ns(message, arrival_ns, self._period_ns)
+        if self._end_ns is None or arrival_ns > self._end_ns:
+            self._end_ns = arrival_ns
+
+    def texts(self) -> dict[str, str]:
+        """Return the known times by their names: a record without samples has no sample 0.
+
+        ``end_at`` is the arrival of the last message so far.
+        """
+        found = {} if self._begin_at is None else {BEGIN: self._begin_at}
+        if self._sample_0_ns is not None:
+            found[SAMPLE_0] = utc_text(self._sample_0_ns)
+        if self._end_ns is not None:
+            found[END] = utc_text(self._end_ns)
+        return found
