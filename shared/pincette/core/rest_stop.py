@@ -42,14 +42,15 @@ def stop_over_rest(
 ) -> RestStop:
     """Stop one rig of a supervisor, or all of them.
 
-    Where the supervisor's certificate is not believed the stop is sent without the headers, and
-    nothing counts as confirmed.
+    The address may be any that a person copies: see ``root_of``. Where the supervisor's certificate
+    is not believed the stop is sent without the headers, and nothing counts as confirmed.
 
     Raises
     ------
     RestStopError
         Nothing is confirmed.
     """
+    url = root_of(url)
     path = f"{API}/estop" if only is None else f"{API}/rigs/{quote(only, safe='')}/estop"
     notes: list[str] = []
     context: ssl.SSLContext | None = None
@@ -79,6 +80,23 @@ def stop_over_rest(
             )
         ) from error
     return replace(_confirmed(url, only, status, tree), notes=tuple(notes))
+
+
+def root_of(url: str) -> str:
+    """Return the address of a supervisor from any address that a person copies.
+
+    It may lack the scheme, be that of the interface or of one of its resources, or be that of the
+    page as a browser shows it, with a query or a fragment.
+    """
+    text = url.strip()
+    text = text if "://" in text else f"http://{text}"
+    text = text.partition("#")[0].partition("?")[0]
+    base, found, rest = text.rpartition(API)
+    if found and (not rest or rest.startswith("/")):
+        text = base
+    folder, _, page = text.rpartition("/")
+    is_page = page.endswith((".html", ".htm")) and not folder.endswith("/")
+    return (folder if is_page else text).rstrip("/")
 
 
 def _posted(
