@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -28,6 +28,7 @@ from pincette.engine import logs
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
     from pincette.config import RigFile
     from pincette.engine.fleet import Child, Fleet
@@ -104,7 +105,16 @@ def _print_status(console: "Console", member: "Child", colour: str, line: str) -
     )
     if console.is_terminal:
         text.truncate(console.width, overflow="ellipsis")
-    console.print(text, soft_wrap=True)
+    _print(console, text)
+
+
+def _print(console: "Console", text: "str | Text", *, markup: bool = True) -> None:
+    """Print a line about a rig, which stays up where the line cannot be written.
+
+    To end it would let a held part go. Rich raises SystemExit where a pipe is closed.
+    """
+    with suppress(OSError, SystemExit):
+        console.print(text, markup=markup, soft_wrap=True)
 
 
 @command(app, "up")
@@ -154,7 +164,7 @@ def up(
 
         pki = security.made_certificates(file, data)
         file = file.secured(pki)
-        console.print(f"certificates in {pki}; for tools: {PKI}={pki.resolve()}", soft_wrap=True)
+        _print(console, f"certificates in {pki}; for tools: {PKI}={pki.resolve()}")
     if measure:
         # A process of its own: what it loads is not for a program that stays.
         grid = ["--seconds", MEASURE_S, "--period-s", f"{file.rig.period_s:g}"]
@@ -162,7 +172,7 @@ def up(
         subprocess.run([sys.executable, "-m", "pincette", *task], check=False)
     if not file.lockstep and not server:
         for line in machine_words(file, data):
-            console.print(line, markup=False, soft_wrap=True)
+            _print(console, line, markup=False)
     try:
         with (
             _meeting(console) if sockets else nullcontext(),
@@ -170,7 +180,7 @@ def up(
         ):
             _watch(file, fleet, console)
     except KeyboardInterrupt:
-        console.print("every program has ended")
+        _print(console, "every program has ended")
 
 
 @contextmanager
@@ -179,9 +189,9 @@ def _meeting(console: "Console") -> Generator[None]:
     from pincette.bus.local_sockets import VARIABLE, named_to_programs
 
     with named_to_programs() as folder:
-        console.print(
+        _print(
+            console,
             f"local sockets in {folder}; for programs started by hand: {VARIABLE}={folder}",
-            soft_wrap=True,
         )
         yield
 
@@ -190,8 +200,9 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
     from pincette.engine.revival import Revival
 
     served = ", served" if rig.joins else ""
-    console.print(
-        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {rig.supervisor.url}; Ctrl-C ends it"
+    _print(
+        console,
+        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {rig.supervisor.url}; Ctrl-C ends it",
     )
     revival = Revival(fleet)
     serving = {name: member.process.pid for name, member in fleet.members.items()}

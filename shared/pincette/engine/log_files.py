@@ -24,7 +24,11 @@ def make_folder(folder: Path) -> None:
 
 
 def open_to_append(log: Path) -> TextIO:
-    """Open a log file, which only this account may read; what it holds is kept."""
+    """Open a log file, which only this account may read; what it holds is kept.
+
+    Its folder is made again where it was removed. Raises OSError.
+    """
+    make_folder(log.parent)
     rotate_if_full(log)
     number = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
     os.fchmod(number, 0o600)

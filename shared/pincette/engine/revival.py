@@ -38,9 +38,22 @@ class Revival:
                 self._told.add(member.process.pid)
                 say(member, self._ended(member))
             elif self._clock() >= self._due_s.get(member.name, float("inf")):
-                del self._due_s[member.name]
-                self._begun_s[member.name] = self._clock()
-                self._fleet.revive(member.name)
+                self._revive(member, say)
+
+    def _revive(self, member: Child, say: Callable[[Child, str], None]) -> None:
+        name, now_s = member.name, self._clock()
+        try:
+            self._fleet.revive(name)
+        except OSError as error:  # no room for its log, no memory, no process to be had
+            self._due_s[name] = now_s + LONGEST_S
+            say(
+                member,
+                f"cannot be started again: {error}; the next attempt is in {LONGEST_S:g} s, the "
+                "loop and a held part go on",
+            )
+            return
+        del self._due_s[name]
+        self._begun_s[name] = now_s
 
     def _ended(self, member: Child) -> str:
         status, name = member.process.returncode, member.name

@@ -1,5 +1,7 @@
 """A program beside the loop that dies is started again, at once and then less often."""
 
+import errno
+import os
 import subprocess
 from pathlib import Path
 from typing import cast
@@ -23,6 +25,8 @@ class Programs:
     def __init__(self, *names: str) -> None:
         self.members = {name: self._child(name, 100 + n) for n, name in enumerate(names)}
         self.revived: list[str] = []
+        self.error: OSError | None = None
+        """Error that starts of programs fail with."""
 
     def _child(self, name: str, pid: int) -> Child:
         process = cast("subprocess.Popen[str]", Process(pid))
@@ -32,6 +36,8 @@ class Programs:
         return [one for one in self.members.values() if one.process.returncode is not None]
 
     def revive(self, name: str) -> Child:
+        if self.error is not None:
+            raise self.error
         self.revived.append(name)
         self.members[name] = self._child(name, 200 + len(self.revived))
         return self.members[name]
@@ -108,3 +114,20 @@ def test_one_that_dies_again_and_again_is_waited_for_longer(programs: Programs) 
     programs.members["supervisor"].process.returncode = 1
     watched.after(0.1)
     assert "started again in 0.5 s" in watched.said[-1]
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.ENOMEM, errno.EAGAIN, errno.ENOENT])
+def test_a_start_that_the_system_refuses_is_tried_again_and_ends_nothing(
+    programs: Programs, number: int
+) -> None:
+    watched = Watched(programs)
+    programs.members["supervisor"].process.returncode = -9
+    programs.error = OSError(number, os.strerror(number))
+    watched.after(0.1)
+    watched.after(FIRST_S)
+    watched.after(LONGEST_S - 0.1)
+    assert len(watched.said) == 2
+    assert os.strerror(number) in watched.said[1]
+    programs.error = None
+    watched.after(0.1)
+    assert programs.revived == ["supervisor"]

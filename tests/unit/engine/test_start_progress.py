@@ -142,3 +142,14 @@ def test_logs_are_rotated_with_a_bound_while_a_program_writes(tmp_path: Path) ->
     assert older == [f"sensor.log.{number}" for number in range(1, log_files.KEPT + 1)]
     assert log.with_name("sensor.log.1").read_text(encoding="utf-8").startswith("9")
     assert {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()} == {0o600}
+
+
+def test_a_folder_of_logs_that_was_removed_is_made_again(tmp_path: Path) -> None:
+    log = tmp_path / "logs" / "supervisor.log"
+    with log_files.open_to_append(log) as stream:
+        stream.write("first\n")
+    log.unlink()
+    log.parent.rmdir()
+    log_files.open_to_append(log).close()
+    assert log.stat().st_mode & 0o077 == 0
+    assert log.parent.stat().st_mode & 0o077 == 0

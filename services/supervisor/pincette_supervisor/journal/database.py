@@ -191,7 +191,10 @@ def _remedy_of(cause: BaseException | None) -> str:
     if primary in DAMAGE or isinstance(cause, ValueError):
         return MOVE_AWAY
     if primary == "SQLITE_BUSY":
-        return "another program keeps it locked: end that one"
+        # SQLite also reports a file system without locks (ENOLCK) so.
+        return (
+            f"another program keeps it locked: end that one. Where there is none, {USE_OTHER_PLACE}"
+        )
     unfit = isinstance(cause, OSError) and cause.errno in NO_LOCKS
     return USE_OTHER_PLACE if unfit or primary in UNFIT else SEE_DISK
 
