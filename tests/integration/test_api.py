@@ -13,7 +13,11 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
-from schemathesis.specs.openapi.checks import ignored_auth, positive_data_acceptance
+from schemathesis.specs.openapi.checks import (
+    ignored_auth,
+    negative_data_rejection,
+    positive_data_acceptance,
+)
 
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.rest.api import create_app
@@ -84,6 +88,9 @@ def known(desk: Harness) -> Known:
     }
 
 
+TOO_LARGE = 413
+
+
 def excluded(method: str, path: str, *, keys: bool) -> list[Any]:
     """Checks that cannot hold: every other one of the library must."""
     # Without keys whatever is shown opens everything.
@@ -131,7 +138,11 @@ def test_every_answer_is_documented(
     @given(case=cases, data=st.data())
     def answers(case: Any, data: st.DataObject) -> None:
         aim(case, data, known)
-        case.call_and_validate(excluded_checks=excluded(method, path, keys=False), timeout=ANSWER_S)
+        response = case.call(timeout=ANSWER_S)
+        without = excluded(method, path, keys=False)
+        if response.status_code == TOO_LARGE:  # refused before it was judged
+            without.append(negative_data_rejection)
+        case.validate_response(response, excluded_checks=without)
 
     try:
         answers()

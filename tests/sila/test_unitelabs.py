@@ -143,7 +143,7 @@ def test_a_killed_server_and_a_killed_supervisor_are_told_and_the_part_stays_hel
             gripper = client.Microgripper
             await until_read(gripper.Part, "held")
             rig.fleet.signal("supervisor", signal.SIGKILL)
-            await until_read(gripper.RigState, "unreachable")
+            await until_read(gripper.RigState, "unknown")
             assert "no answer" in (await gripper.Reasons.read())[0]
             gone = await refused(gripper.Release())
             await asyncio.to_thread(restart, rig, "supervisor")

@@ -8,7 +8,7 @@ from time import sleep
 import pytest
 
 from pincette.core.topics import LOOP
-from pincette.engine.fleet import NEEDED_FIRST, START_S, FleetError
+from pincette.engine.fleet import NEEDED_FIRST, FleetError
 from tests.support.grips import (
     FREEZE_S,
     approach,
@@ -55,8 +55,7 @@ def start_again(rig: RunningRig, names: Collection[str]) -> None:
     try:
         restart(rig, *names)
     except FleetError:
-        late = [name for name in names if not rig.fleet.members[name].ready.wait(START_S)]
-        if late:
+        if any(not rig.fleet.members[name].ready.wait(READY_S) for name in names):
             raise
 
 

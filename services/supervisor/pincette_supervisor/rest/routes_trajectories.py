@@ -130,7 +130,7 @@ def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
     return _png(manager, planned, "not kept")
 
 
-@router.get("", responses=responses(422), dependencies=[OBSERVE])
+@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
 def trajectories(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
