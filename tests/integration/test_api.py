@@ -177,7 +177,10 @@ def test_every_answer_is_documented_where_keys_are_wanted(
         }
         more = {} if key is None else {"Authorization": f"Bearer {key}"}
         without = excluded(method, path, keys=True)
-        response = case.call_and_validate(excluded_checks=without, headers=more, timeout=ANSWER_S)
+        response = case.call(headers=more, timeout=ANSWER_S)
+        if response.status_code == TOO_LARGE:  # refused before it was judged
+            without.append(negative_data_rejection)
+        case.validate_response(response, excluded_checks=without, headers=more)
         # Who signs in shows a key or a password in the body.
         signs_in = (method, path) == ("post", "/api/v1/session")
         assert (response.status_code == 401) <= (key in (None, "wrong") or signs_in)
