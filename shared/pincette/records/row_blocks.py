@@ -63,7 +63,8 @@ class RowBlocks:
     def add(self, message: Message) -> None:
         """Take a message of the epoch, in order of arrival."""
         if isinstance(message, GroundTruth):
-            self._truths[message.seq] = message
+            if not self._tripped:  # later ones belong to no row
+                self._truths[message.seq] = message
             return
         if not isinstance(message, Sample):
             return

@@ -85,6 +85,10 @@ class CannedRig:
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> messages.Message | None:  # noqa: ARG002
         return self._latest.get(topic)
 
+    def sinks(self, topic: Topic) -> list[Sink]:
+        """Return who takes the messages of a topic."""
+        return self._sinks.get(topic, [])
+
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         self._sinks.setdefault(topic, []).append(sink)
 

@@ -71,7 +71,7 @@ def test_a_run_without_a_long_hold_is_kept_in_full() -> None:
     ]
     tables = RunSamples.of(messages, PERIOD_S).tables()
     assert tables.even == tables.extreme == columns(messages, PERIOD_S)
-    whole = RunSamples.of(long_grip(4000), PERIOD_S, thins=False).tables()
+    whole = RunSamples.of(long_grip(4000), PERIOD_S, thinned=frozenset()).tables()
     assert whole.even == columns(long_grip(4000), PERIOD_S)
 
 
@@ -81,7 +81,7 @@ def test_the_result_of_a_long_hold_is_that_of_all_its_samples() -> None:
     tables = RunSamples.of(messages, PERIOD_S).tables()
     assert tables.left_out.rows > 0.8 * HOLD_TICKS
     assert len(tables.extreme["seq"]) < 6000
-    whole = RunSamples.of(messages, PERIOD_S, thins=False).tables()
+    whole = RunSamples.of(messages, PERIOD_S, thinned=frozenset()).tables()
     found, expected = result_of(tables), result_of(whole)
     exact = (
         "outcome",

@@ -53,7 +53,7 @@ class JobMonitor:
             planned.planned_s,
             lockstep=self._rig.lockstep,
             hold_at_s=planned.hold_at_s,
-            thins=archive.thins(planned),
+            thinned=archive.thinned(planned),
         )
         lease_s = policies.lease_s(job.request, self._rig)
         self._silence = Silence(context, self._tracker, job.epoch, lease_s)

@@ -12,6 +12,9 @@ from pincette.core.messages import Message, Position, Telemetry
 from pincette_supervisor.calibration.samples import MOST_MISSING
 from pincette_supervisor.planning.planned import Planned
 
+WAITING_ROWS = 10_000
+"""Positions that are remembered at most while the calibration waits for a person."""
+
 
 class MissingSamples:
     """Of one epoch, phase by phase; a job other than a calibration may lack what it will."""
@@ -42,6 +45,8 @@ class MissingSamples:
             self._newest = message.seq
             if message.valid:
                 self._valid.add(message.seq)
+            if not self._planned[self._phase] and len(self._valid) > WAITING_ROWS:
+                self._valid = {one for one in self._valid if one > message.seq - WAITING_ROWS // 2}
 
     def _begin(self, phase: str, seq: int) -> None:
         """Count anew, unless it is the same phase."""

@@ -21,7 +21,7 @@ from pincette.core.messages import (
 from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette_supervisor.alarms.trips import TripReason, reason_of
 from pincette_supervisor.planning.planned import Wait
-from pincette_supervisor.results.run_samples import RunSamples
+from pincette_supervisor.results.run_samples import THINNED, RunSamples
 from pincette_supervisor.rigs.rig_context import RigContext
 
 EVERY_TICK = [topic for topic in TOPICS if topic.per_tick and topic.producer in LOOP]
@@ -47,13 +47,13 @@ class Tracker:
         *,
         lockstep: bool,
         hold_at_s: float | None = None,
-        thins: bool = True,
+        thinned: frozenset[str] = THINNED,
     ) -> None:
         """``hold_at_s``: when the hold is to begin; None where none is planned.
 
-        ``thins``: see ``RunSamples``.
+        ``thinned``: see ``RunSamples``.
         """
-        self.samples = RunSamples(period_s, every_tick=lockstep, thins=thins)
+        self.samples = RunSamples(period_s, every_tick=lockstep, thinned=thinned)
         self.messages = 0
         """Messages of the epoch so far."""
         self.trip: TripReason | None = None

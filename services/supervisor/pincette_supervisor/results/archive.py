@@ -22,7 +22,7 @@ from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_d
 from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.goal import goal_of
 from pincette_supervisor.results.long_hold import completed
-from pincette_supervisor.results.run_samples import RunSamples
+from pincette_supervisor.results.run_samples import THINNED, RunSamples
 
 
 def trim_memory() -> None:
@@ -114,13 +114,18 @@ def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
 
 def gather(rig: RigFile, job: JobRow, planned: Planned, take: Take) -> Record:
     """Join the samples and work out the result."""
-    samples = RunSamples.of(take.messages, rig.rig.period_s, thins=thins(planned))
+    samples = RunSamples.of(take.messages, rig.rig.period_s, thinned=thinned(planned))
     return gathered(rig, job, planned, take.epoch, samples, take.dropped)
 
 
-def thins(planned: Planned) -> bool:
-    """Whether the result of a job can do without most rows of a hold; calibrations need all."""
-    return planned.plan.kind != "calibrate"
+def thinned(planned: Planned) -> frozenset[str]:
+    """Return the phases of which evenly spaced rows are enough for the result of a job.
+
+    A calibration needs all rows but those in which it waits for a person.
+    """
+    if planned.plan.kind != "calibrate":
+        return THINNED
+    return frozenset(phase.phase for phase in planned.plan.phases if phase.duration_s is None)
 
 
 def gathered(

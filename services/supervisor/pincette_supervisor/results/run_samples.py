@@ -15,6 +15,10 @@ from pincette.records.row_blocks import RowBlocks
 
 HELD_ROWS = 32_768
 """Rows of holds that are kept at most; eleven minutes at 50 Hz are kept in full."""
+PART_ROWS = 8192
+"""Rows that are kept in one piece at most."""
+THINNED = frozenset({"hold"})
+"""Phases without an end, of which evenly spaced rows are enough."""
 EXTREME_ROWS, EXTREMES_OF = 4096, 32
 """Rows of extremes that are kept at most, and rows of which the extremes are kept beyond that."""
 EXTREMES = ("x_um", "force_mN")
@@ -172,20 +176,24 @@ class RunSamples:
     # Rows of a hold whose number is a multiple of the stride stay. The stride doubles whenever they
     # are too many, so that all stretches of all holds are kept alike.
 
-    def __init__(self, period_s: float, *, every_tick: bool = True, thins: bool = True) -> None:
-        """``every_tick``: see ``RowBlocks``; ``thins``: whether rows of a hold may be left out."""
+    def __init__(
+        self, period_s: float, *, every_tick: bool = True, thinned: frozenset[str] = THINNED
+    ) -> None:
+        """``every_tick``: see ``RowBlocks``; ``thinned``: phases of which rows may be left out."""
         self._blocks = RowBlocks(period_s, every_tick=every_tick)
-        self._thins = thins
+        self._thinned = thinned
         self._last = min(LAST_ROWS, ceil(LAST_S / period_s))
         self._others: list[Rows] = []
         self._held: list[Rows] = []
         self._extremes: list[Rows] = []
         self._stride = 1
+        self._course: tuple[str | None, str | None] = None, None
+        """Phase and outcome of the newest row that was added."""
         self._left_out = LeftOut()
         self._bursts: list[Message] = []
 
     @classmethod
-    def of(cls, messages: Iterable[Message], period_s: float, **wishes: bool) -> "RunSamples":
+    def of(cls, messages: Iterable[Message], period_s: float, **wishes: Any) -> "RunSamples":
         """Take all messages of a run."""
         samples = cls(period_s, **wishes)
         for message in messages:
@@ -204,34 +212,41 @@ class RunSamples:
         """Take rows that are joined already, in order."""
         rows = Rows.of(table)
         held, others = rows.split(self._may_go(rows))
-        self._others.append(others)
+        if len(rows):
+            self._course = rows.texts["phase"][-1], rows.texts["outcome"][-1]
+        _extend(self._others, others)
         kept, gone = held.split(self._even(held))
-        self._held.append(kept)
+        _extend(self._held, kept)
         self._leave_out(gone)
         while sum(map(len, self._held)) > HELD_ROWS:
             self._stride *= 2
-            for place, part in enumerate(self._held):
-                self._held[place], gone = part.split(self._even(part))
-                self._leave_out(gone)
+            held = _one(self._held)
+            kept, gone = held.split(self._even(held))
+            self._held = [kept]
+            self._leave_out(gone)
 
     def _may_go(self, rows: Rows) -> NDArray[np.bool_]:
-        """Rows of a hold, or of a pause, in which nothing happened."""
-        numbers, texts = rows.numbers, rows.texts
-        paused = numbers["paused"] == 1.0
+        """Find the rows of long phases, and of pauses, in which nothing changes."""
+        texts = rows.texts
+        course = [*zip(texts["phase"], texts["outcome"], strict=True)]
+        # A part that is held after a stop carries the outcome "stopped" in each row.
         quiet = np.array(
             [
-                self._thins and not acted and not outcome and state == "armed" and name is not None
-                for acted, outcome, state, name in zip(
+                not acted and now == before and state == "armed"
+                for acted, now, before, state in zip(
                     texts["acted"],
-                    texts["outcome"],
+                    course,
+                    [self._course, *course][: len(course)],
                     texts["actuator_state"],
-                    texts["phase"],
                     strict=True,
                 )
             ],
             dtype=np.bool_,
         )
-        return quiet & (paused | np.array([name == "hold" for name in texts["phase"]], np.bool_))
+        long = np.array([name in self._thinned for name in texts["phase"]], np.bool_)
+        if "hold" in self._thinned:
+            long |= rows.numbers["paused"] == 1.0
+        return quiet & long
 
     def _even(self, rows: Rows) -> NDArray[np.bool_]:
         return rows.numbers["seq"] % self._stride == 0.0
@@ -264,6 +279,14 @@ class RunSamples:
             return RunTables(even, even, left_out, self._bursts)
         extreme = joined([*parts, *self._extremes, newest])
         return RunTables(even, extreme, left_out, self._bursts)
+
+
+def _extend(parts: list[Rows], rows: Rows) -> None:
+    """Add rows to the last of some parts as long as it is small, so that there are few parts."""
+    if parts and len(parts[-1]) + len(rows) <= PART_ROWS:
+        parts[-1] = _one([parts[-1], rows])
+    else:
+        parts.append(rows)
 
 
 def _one(parts: Sequence[Rows]) -> Rows:
