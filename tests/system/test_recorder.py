@@ -20,7 +20,15 @@ from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.control.quantities import Document
-from pincette.core.messages import Finish, Record, Recorded, Status, StatusRequest
+from pincette.core.messages import (
+    Finish,
+    Message,
+    Position,
+    Record,
+    Recorded,
+    Status,
+    StatusRequest,
+)
 from pincette.core.topics import FINISH, RECORD, STATUS
 from pincette.core.wording import status_text
 from pincette.engine.fleet import Fleet
@@ -127,6 +135,8 @@ def test_the_next_start_closes_what_was_left(bench: Bench) -> None:
     recorded = bench.finish()
     assert (recorded.complete, recorded.messages) == (False, len(left))
     assert "the recorder ended" in recorded.detail
+    last = max(one.seq for one in left if isinstance(one, Position))
+    assert f"samples 0 to {last} are recorded" in recorded.detail
 
 
 def test_a_record_from_begin_to_end(bench: Bench) -> None:
@@ -183,6 +193,33 @@ def test_a_grip_is_recorded(rig: RunningRig) -> None:
     assert table["true_force_mN"][len(table["seq"]) // 2] is not None
     assert json.loads(recording.attachments["request.json"])["kind"] == "grip"
     assert "rig.json" in recording.attachments
+
+
+def test_a_record_tells_what_it_lacks_after_a_restart_of_the_recorder(rig: RunningRig) -> None:
+    job = rig.start_grip(until_released=True)
+    rig.until_phase(job, "hold")
+    kill(rig, "recorder")
+    restart(rig, "recorder")
+    rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+    ended = rig.ended(job)
+    assert ended["state"] == "succeeded", ended["cause"]
+    assert ended["record_complete"] is False
+    path = rig.data / "jobs" / job / "job.mcap"
+    kept = [one.seq for one in mcap_reading.messages_of(path, ("position",)) if has_seq(one)]
+    assert kept == list(range(len(kept)))
+    played = ended["result"]["samples"]
+    assert len(kept) < played
+    detail = ended["record_detail"]
+    assert f"samples 0 to {len(kept) - 1} are recorded" in detail
+    assert f"samples {len(kept)} to {played - 1} are missing" in detail
+    table = parquet.read_table(path.with_name("samples.parquet"))
+    assert table.num_rows == len(kept)
+    again = rig.ended(rig.start_grip())
+    assert again["record_complete"] is True, again["record_detail"]
+
+
+def has_seq(message: Message) -> bool:
+    return isinstance(message, Position)
 
 
 def test_a_recorder_that_dies_leaves_the_job_alone(rig: RunningRig) -> None:

@@ -95,10 +95,15 @@ def _end_of(path: Path, request: Finish) -> Recorded | str:
         return f"the record of job {request.job} does not say how it has ended"
     if about.get("epoch", str(request.epoch)) != str(request.epoch):
         return f"the record of job {request.job} is of epoch {about['epoch']}"
+    detail = closing["detail"]
+    last = int(closing.get("last_seq", "-1"))
+    if request.last_seq is not None and "last_seq" in closing and last < request.last_seq:
+        missing = f"; samples {last + 1} to {request.last_seq} are missing"
+        detail = detail[: MOST_TEXT - len(missing)] + missing
     return Recorded(
         job=request.job,
         messages=int(closing["messages"]),
         dropped=int(closing["dropped"]),
         complete=closing["complete"] == "true",
-        detail=closing["detail"][:MOST_TEXT],
+        detail=detail[:MOST_TEXT],
     )

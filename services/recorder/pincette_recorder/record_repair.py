@@ -9,9 +9,10 @@ from typing import Any, cast
 
 import mcap.records as mcap
 
+from pincette.core.topics import POSITION
 from pincette.records import folder as files
 from pincette.records import mcap_reading, record_times
-from pincette.records.mcap_file import CLOSING, NAME, Chunks, Unbuffered
+from pincette.records.mcap_file import CLOSING, NAME, SEQUENCE_LIMIT, Chunks, Unbuffered
 from pincette.records.tables import Written, write_tables_of_file
 
 log = logging.getLogger(__name__)
@@ -35,15 +36,15 @@ def mend(folder: Path, why: str) -> dict[str, str]:
     except ValueError as error:  # of another version; the file itself can be closed all the same
         written = Written([f"no table: {error}"], {}, {})
     why = _manifest(folder).get("detail") or why
-    closing = {
-        "dropped": str(sum(written.missing.values())),
-        "complete": "false",
-        "detail": "; ".join([why, *written.wrong]),
-        **written.times,
-    }
-    closing["messages"] = str(repair(path, closing))
-    about = mcap_reading.read_closing(path)[0] | written.times
-    write_manifest(folder, about, closing)
+    closing = repair(
+        path,
+        {
+            "dropped": str(sum(written.missing.values())),
+            "complete": "false",
+            "detail": "; ".join([why, *written.wrong]),
+            **written.times,
+        },
+    )
     log.info("%s: closed with %s messages: %s", folder.name, closing["messages"], why)
     return closing
 
@@ -67,13 +68,16 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return {}
 
 
-def repair(path: Path, closing: Mapping[str, str]) -> int:
-    """Close a record that broke off; returns how many messages were kept; raises OSError."""
+def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
+    """Close a record that broke off, and return its closing; raises OSError.
+
+    The closing also has the number of messages, and the numbers of the first and the last sample.
+    """
     # The file is replaced only once the copy of it is complete and on the disk.
     draft = path.with_name(path.name + ".part")
     stream = Unbuffered(draft, "wb")
     try:
-        kept = _copy(path, stream, closing)
+        written = _copy(path, stream, closing)
         stream.sync()
     except BaseException:
         stream.close()
@@ -81,21 +85,25 @@ def repair(path: Path, closing: Mapping[str, str]) -> int:
         raise
     stream.close()
     draft.replace(path)
-    return kept
+    return written
 
 
-def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
+def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> dict[str, str]:
     chunks = Chunks(stream)
     writer = chunks.writer
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
-    kept = 0
+    samples: set[int] = set()
+    """Channels of the topic of which each sample has one."""
+    kept, first, last = 0, SEQUENCE_LIMIT, -1
     for entry in mcap_reading.entries(path):
         match entry:
             case mcap.Schema() if entry.id not in schemas:
                 number = writer.register_schema(entry.name, entry.encoding, entry.data)
                 schemas[entry.id] = number
             case mcap.Channel() if entry.id not in channels:
+                if entry.topic == POSITION.name:
+                    samples.add(entry.id)
                 channels[entry.id] = writer.register_channel(
                     entry.topic, entry.message_encoding, schemas[entry.schema_id], entry.metadata
                 )
@@ -108,6 +116,8 @@ def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
                     entry.sequence,
                 )
                 kept += 1
+                if entry.channel_id in samples:
+                    first, last = min(first, entry.sequence), max(last, entry.sequence)
                 if kept % BOUNDED == 0:
                     chunks.bound()
             case mcap.Metadata() if entry.name != CLOSING:
@@ -119,6 +129,10 @@ def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> int:
             case _:
                 pass
     chunks.flush()
-    writer.add_metadata(CLOSING, {**closing, "messages": str(kept)})
+    written = {**closing, "messages": str(kept)}
+    if last >= 0:
+        detail = f"{closing.get('detail', '')}; samples {first} to {last} are recorded"
+        written |= {"first_seq": str(first), "last_seq": str(last), "detail": detail}
+    writer.add_metadata(CLOSING, written)
     writer.finish()
-    return kept
+    return written

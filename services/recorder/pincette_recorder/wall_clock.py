@@ -19,6 +19,9 @@ class WallClock:
     ) -> None:
         self._wall_ns, self._steady_ns = wall_ns, steady_ns
         self._steps: list[tuple[float, float]] = []
+        """Time since the begin and size of each of the first steps."""
+        self._more = 0
+        """Steps beyond those."""
         self._begun_ns = self._offset_ns = self._seen_ns = 0
         self.begin()
 
@@ -27,6 +30,7 @@ class WallClock:
         self._begun_ns = self._steady_ns()
         self._offset_ns = self._seen_ns = self._wall_ns() - self._begun_ns
         self._steps.clear()
+        self._more = 0
 
     def now_ns(self) -> int:
         """Time in ns of UTC."""
@@ -38,14 +42,17 @@ class WallClock:
         offset_ns = self._wall_ns() - steady_ns
         step_s = 1e-9 * (offset_ns - self._seen_ns)
         if abs(step_s) >= STEP_S:
-            self._steps.append((1e-9 * (steady_ns - self._begun_ns), step_s))
+            if len(self._steps) < MOST:
+                self._steps.append((1e-9 * (steady_ns - self._begun_ns), step_s))
+            else:
+                self._more += 1
             self._seen_ns = offset_ns
 
     def words(self) -> str:
         """What was noticed since the begin; empty where nothing was."""
         listed = [
             f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the begin"
-            for at_s, step_s in self._steps[:MOST]
+            for at_s, step_s in self._steps
         ]
-        more = len(self._steps) - len(listed)
-        return "; ".join([*listed, f"and {more} times more"] if more > 0 else listed)
+        more = self._more
+        return "; ".join([*listed, f"and {more} times more"] if more else listed)

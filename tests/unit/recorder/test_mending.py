@@ -13,7 +13,7 @@ import pytest
 from pincette.bus.memory import MemoryBus
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.control.quantities import Document
-from pincette.core.messages import Ack, Finish, Message, Record, Recorded
+from pincette.core.messages import Ack, Finish, Message, Position, Record, Recorded
 from pincette.core.topics import FINISH, RECORD, Request
 from pincette.records import mcap_reading
 from pincette_recorder import record_repair
@@ -50,6 +50,9 @@ def test_an_orphan_is_closed(tmp_path: Path) -> None:
     manifest = _manifest(folder)
     assert manifest["complete"] is False
     assert manifest["detail"].startswith(record_repair.KILLED)
+    seqs = [one.seq for one in loop(20)[:70] if isinstance(one, Position)]
+    assert (closing["first_seq"], closing["last_seq"]) == ("0", str(max(seqs)))
+    assert f"samples 0 to {max(seqs)} are recorded" in manifest["detail"]
     assert manifest["job"] == "j-1"
     assert [entry["name"] for entry in manifest["files"]] == [
         "job.mcap",

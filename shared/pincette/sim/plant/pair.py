@@ -32,7 +32,7 @@ from pincette.sim.plant.pair_state import (
     pair_numbers,
     part_gone,
 )
-from pincette.sim.plant.state import Event
+from pincette.sim.plant.state import Event, newest_events
 
 
 def advance_pair(p: PairParameters, state: PairState, dt_s: float) -> PairState:
@@ -229,7 +229,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
     if event is not None and event.what == "lost" and p.lands:
         return _landed(state, now_s)
     if event is not None:
-        state = replace(state, events=(*state.events, event))
+        state = replace(state, events=newest_events(state.events, event))
         return part_gone(state, "broken" if event.what == "broken" else "lost")
     if both and contact.ground != Ground.AWAY and held_s >= p.part.lift_after_s:
         contact = Contact(first=True, second=True, ground=Ground.AWAY)
@@ -241,4 +241,5 @@ def _landed(state: PairState, now_s: float) -> PairState:
     z = state.part_um
     event = Event(now_s, "landed", f"the part lies on the ground again, touched at {z:.3f} µm")
     contact = Contact(state.contact.first, state.contact.second, Ground.HOLDS)
-    return replace(state, contact=contact, anchor_um=z, held_s=0.0, events=(*state.events, event))
+    events = newest_events(state.events, event)
+    return replace(state, contact=contact, anchor_um=z, held_s=0.0, events=events)

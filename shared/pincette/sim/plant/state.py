@@ -9,6 +9,9 @@ from pincette.sim.plant.relays import Turns
 
 CreepStates = tuple[float, float, float, float, float]
 
+MOST_EVENTS = 1000
+"""Events that a simulated rig remembers; older ones are left out."""
+
 
 class Event(NamedTuple):
     """Something that happened to the rig."""
@@ -18,6 +21,11 @@ class Event(NamedTuple):
     """lost, landed, broken, placed, removed, hung, stiffness, hysteresis."""
     text: str
     """The same with its numbers, for a person."""
+
+
+def newest_events(events: tuple[Event, ...], event: Event) -> tuple[Event, ...]:
+    """Return the events with one more; of too many the oldest are left out."""
+    return (*events, event)[-MOST_EVENTS:]
 
 
 class PlantState(FrozenRecord, frozen=True):

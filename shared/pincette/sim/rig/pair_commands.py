@@ -7,7 +7,7 @@ from typing import Literal
 from pincette.control.record import replace
 from pincette.sim.plant.pair import advance_pair
 from pincette.sim.plant.pair_state import APART, PairParameters, PairState, part_gone
-from pincette.sim.plant.state import Event
+from pincette.sim.plant.state import Event, newest_events
 from pincette.sim.rig.commands import Orders, finite, positive
 
 
@@ -88,4 +88,4 @@ class PairOrders(Orders):
 
 def _tell(timeline: PairTimeline, what: str, text: str) -> None:
     event = Event(timeline.time_ns * 1e-9, what, text)
-    timeline.state = replace(timeline.state, events=(*timeline.state.events, event))
+    timeline.state = replace(timeline.state, events=newest_events(timeline.state.events, event))

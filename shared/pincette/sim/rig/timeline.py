@@ -1,5 +1,6 @@
 """A plant on its way through time, while waves play, captures run and the sensor averages."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
@@ -7,7 +8,7 @@ from msgspec.structs import replace
 from pincette.config import Simulation
 from pincette.sim.plant import plant
 from pincette.sim.plant.noise import GaussianNoise
-from pincette.sim.plant.state import Event
+from pincette.sim.plant.state import MOST_EVENTS, Event
 from pincette.sim.rig.capture import Capture
 from pincette.sim.rig.sensor_view import Average, reading_um
 from pincette.sim.rig.wave import Wave
@@ -32,7 +33,7 @@ class Timeline:
         self.time_ns = 0
         self.wave: Wave | None = None
         self.capture: Capture | None = None
-        self.events: list[Event] = []
+        self.events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._simulation = simulation
         self._average: Average | None = None
         self._noise = GaussianNoise(simulation.seed, CAPTURED)
