@@ -22,7 +22,6 @@ from pincette.config import RigFile
 from pincette.control.quantities import Document
 from pincette.core.messages import (
     Finish,
-    Message,
     Position,
     Record,
     Recorded,
@@ -205,7 +204,11 @@ def test_a_record_tells_what_it_lacks_after_a_restart_of_the_recorder(rig: Runni
     assert ended["state"] == "succeeded", ended["cause"]
     assert ended["record_complete"] is False
     path = rig.data / "jobs" / job / "job.mcap"
-    kept = [one.seq for one in mcap_reading.messages_of(path, ("position",)) if has_seq(one)]
+    kept = [
+        one.seq
+        for one in mcap_reading.messages_of(path, ("position",))
+        if isinstance(one, Position)
+    ]
     assert kept == list(range(len(kept)))
     played = ended["result"]["samples"]
     assert len(kept) < played
@@ -216,10 +219,6 @@ def test_a_record_tells_what_it_lacks_after_a_restart_of_the_recorder(rig: Runni
     assert table.num_rows == len(kept)
     again = rig.ended(rig.start_grip())
     assert again["record_complete"] is True, again["record_detail"]
-
-
-def has_seq(message: Message) -> bool:
-    return isinstance(message, Position)
 
 
 def test_a_recorder_that_dies_leaves_the_job_alone(rig: RunningRig) -> None:

@@ -79,7 +79,11 @@ def check(bench: Bench, warm_up: int, ticks: int, growth_MB: float) -> None:
     assert recorded.complete, recorded.detail
     assert recorded.messages == record.counts.total()
     path = bench.jobs / "j-1" / NAME
-    seqs = [one.seq for one in mcap_reading.messages_of(path, ("position",)) if has_seq(one)]
+    seqs = [
+        one.seq
+        for one in mcap_reading.messages_of(path, ("position",))
+        if isinstance(one, Position)
+    ]
     assert seqs == list(range(record.ticks))
     assert Counter(map(type, mcap_reading.messages_of(path))) == record.counts
     with path.open("rb") as stream:
@@ -96,10 +100,6 @@ def check(bench: Bench, warm_up: int, ticks: int, growth_MB: float) -> None:
     assert rows == list(range(record.ticks))
     assert grown_MB < growth_MB
     assert closing_MB < 2.0 * growth_MB
-
-
-def has_seq(message: Message) -> bool:
-    return isinstance(message, Position)
 
 
 @pytest.mark.usefixtures("small")
