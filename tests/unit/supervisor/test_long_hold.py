@@ -62,7 +62,7 @@ class LongHold:
 
     def catch_up(self, behind: int = 0) -> None:
         """Wait until the progress of the job is that of the newest ticks."""
-        until_s = monotonic() + 30.0
+        until_s = monotonic() + 300.0
         while self.live.progress is None or self.live.progress.seq < self.seq - behind:
             assert monotonic() < until_s, self.live.progress
             sleep(0.001)
