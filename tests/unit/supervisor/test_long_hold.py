@@ -105,7 +105,7 @@ def check(harness: Harness, warm_up: int, ticks: int, growth_MB: float) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_long_hold_ends_after_its_release_and_memory_stays_bounded(harness: Harness) -> None:
-    check(harness, 6000, 15_000, 3.0)
+    check(harness, 6000, 15_000, 8.0)
 
 
 def test_a_hold_of_20_million_messages(harness: Harness) -> None:
