@@ -45,6 +45,8 @@ def mend(folder: Path, why: str) -> dict[str, str]:
             **written.times,
         },
     )
+    about = mcap_reading.read_closing(path)[0] | written.times
+    write_manifest(folder, about, closing)
     log.info("%s: closed with %s messages: %s", folder.name, closing["messages"], why)
     return closing
 
