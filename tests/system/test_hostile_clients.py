@@ -24,7 +24,7 @@ from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
 from tests.support.stalls import StallRecorder
 
-pytestmark = pytest.mark.usefixtures("stalls")
+pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
 
 ESTOP_S, STOP_S, READ_S = 0.3, 1.0, 2.0
 """Limits: an emergency stop at p99, the stop of a job, and an honest client's list of jobs."""
@@ -94,7 +94,7 @@ def grip(rig: RunningRig, hold_s: float) -> int:
     [
         pytest.param((False, True), 4, 3.0, 20, id="keys-4"),
         *(
-            pytest.param((secure, keys), 16, 10.0, 100, id=name, marks=pytest.mark.slow)
+            pytest.param((secure, keys), 16, 10.0, 100, id=name)
             for secure, keys, name in (
                 (False, False, "plain-16"),
                 (False, True, "keys-16"),

@@ -107,6 +107,7 @@ def test_a_record_beyond_every_bound_is_complete(bench: Bench) -> None:
     check(bench, 1300, 1500, 4.0)
 
 
+@pytest.mark.slow
 def test_a_record_of_two_million_messages(bench: Bench) -> None:
     check(bench, 30_000, 270_000, 40.0)
 

@@ -108,6 +108,7 @@ def test_a_long_hold_ends_after_its_release_and_memory_stays_bounded(harness: Ha
     check(harness, 6000, 15_000, 8.0)
 
 
+@pytest.mark.slow
 def test_a_hold_of_20_million_messages(harness: Harness) -> None:
     check(harness, 100_000, 20_000_000 // PER_TICK, 20.0)
 
