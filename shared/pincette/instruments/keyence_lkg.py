@@ -9,8 +9,9 @@ skipped.
 The unit is not transmitted: it is the display's, and so is the place of the decimal point, which a
 display of whole units leaves out. One step of the last digit, in the unit of the rig file, must be
 within ``FINEST_UM`` and ``COARSEST_UM``, and must not change while the sensor is open. So a display
-in mm that is read as µm, or the reverse, is refused at the first reading, as is one too coarse.
-Not transmitted either, and to be compared by a person: zero, scaling, direction, averaging.
+that is too coarse is refused at the first reading, and so is one of the usual resolution in mm that
+is read as µm, or the reverse. A display in mm with one to three decimals cannot be told from one in
+µm by its values. To be compared by a person, too: zero, scaling, direction, averaging.
 
 Assumed: a change of mode takes one second, and the error codes of the LK-G5000, whose numbers alone
 are known, mean what those of the LK-G3000 mean, in the same order.
