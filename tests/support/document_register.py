@@ -96,6 +96,7 @@ SITTINGS: dict[str, Sitting] = {
             Told("API=http", "README.md's blocks fetch the same; it needs a job that has ended"),
             Told("import pyarrow", "tests/system/test_readme.py reads the same file"),
             Told("from mcap.reader", "tests/contract/test_record_in_other_tools.py reads it so"),
+            Told("from datetime import", "tests/unit/records/test_record_times.py reads the times"),
             Told(
                 "pincette job export --out jobs.csv --spreadsheet",
                 "it needs a job that has ended: the tests of the command line write such files",
