@@ -4,6 +4,7 @@
 packages of the loop are installed.
 """
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -33,7 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return Exit.DONE
         sys.stderr.write(INCOMPLETE.format(missing=error.name.partition(".")[0]))
         return Exit.USAGE
-    return every_command(given)
+    status = every_command(given)
+    if arguments is None and given[:1] == ["estop"]:
+        # A thread that is still inside the bus would abort the end of the interpreter, and the exit
+        # status would no longer say what the actuator has confirmed. All output has been flushed.
+        os._exit(status)
+    return status
 
 
 if __name__ == "__main__":
