@@ -250,8 +250,9 @@ def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
     told = json.loads(done.stdout)
     assert told["stopped"] == {"demo": "at the actuator"}
     assert len(asked) == 1
-    # The time is counted from the start of the process, not from the end of its imports.
-    assert 0.5 * took_s < told["elapsed_ms"] / 1e3 < took_s
+    # The time is counted from the start of the process, which the system states in ticks of 10 ms,
+    # and not from the end of its imports.
+    assert 0.4 * took_s < told["elapsed_ms"] / 1e3 < took_s + 0.02
 
 
 def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(
