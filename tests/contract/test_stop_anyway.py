@@ -60,7 +60,7 @@ def supervisor() -> Generator[Answering]:
 
 
 def has_namespaces() -> bool:
-    """Whether a process may have another account in a namespace of its own."""
+    """Return whether this process can change its account within a user namespace."""
     words = ["unshare", "--user", f"--map-user={NOBODY}", "true"]
     return subprocess.run(words, capture_output=True, check=False).returncode == 0
 

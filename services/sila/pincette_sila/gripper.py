@@ -237,7 +237,7 @@ class Gripper(FeatureImplementationBase):
         try:
             yield
         finally:
-            # Whoever has the end of a command reads a state that is not older than it.
+            # A client that sees the end of a command must read a state at least as new.
             self._background.call(self._refresh())
             del self.jobs[execution]
             self.keys.pop(execution, None)

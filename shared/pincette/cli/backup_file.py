@@ -34,7 +34,7 @@ MOST_MANIFEST = 128 * 2**20
 RATIO, ALWAYS = 200, 64 * 2**20
 """A backup unpacks to at most ``RATIO`` times its own size and ``ALWAYS`` bytes: more is a bomb."""
 DAMAGED = (OSError, EOFError, tarfile.TarError, ZlibError, ValueError, KeyError, RecursionError)
-"""What reading a damaged or a crafted file raises."""
+"""Errors that a damaged or crafted file raises when it is read."""
 
 
 class _Hashed(io.RawIOBase):

@@ -27,7 +27,7 @@ class RestStopError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class RestStop:
-    """What a supervisor has confirmed."""
+    """Rigs whose stop a supervisor has confirmed."""
 
     stopped: tuple[str, ...]
     """Names of the rigs that are stopped."""

@@ -23,7 +23,7 @@ TIMES = {
     "sample_0_at": "2025-11-21T16:00:01.250000Z",
     "end_at": "2025-11-21T16:00:02.030000Z",
 }
-"""Of a record of 40 samples."""
+"""Times of a record of 40 samples."""
 
 
 def arrivals(messages: list[Message]) -> list[tuple[Message, int]]:
