@@ -1,6 +1,7 @@
 """``pincette demo``: one grip, from nothing to its record."""
 
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
@@ -10,7 +11,7 @@ from pincette.cli.access import authority_of, key_of, refusals
 from pincette.cli.options import DATA, DataFolder
 from pincette.cli.results import show_result
 from pincette.cli.safety import cleared
-from pincette.cli.terminal import Json, RigOption, command, emit, group, screen
+from pincette.cli.terminal import Json, RigOption, command, emit, group, lasting_screen
 from pincette.cli.up import running
 from pincette.cli.watch import follow_recorded, status_of
 from pincette.core.faults import Cause, FaultCode
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from pincette.api.jobs import Job
     from pincette.client import RigHandle
+    from pincette.config import RigFile
 
 app = group()
 
@@ -34,11 +36,23 @@ def demo(
     ] = False,
 ) -> int:
     """Grip the part of a rig once, from start to end."""
-    from pincette.client import Supervisor
-
-    console = screen(machine=form.json)
     path = rig.path
     file = opened(path)
+    with lasting_screen(machine=form.json) as console:
+        job = _gripped(file, path, data, console, form, secure=secure)
+        if not form.json:
+            show_result(job, console)
+    if form.json:
+        emit(job)
+    return status_of(job)
+
+
+def _gripped(
+    file: "RigFile", path: Path, data: Path, console: "Console", form: Json, *, secure: bool
+) -> "Job":
+    """Start the rig, grip its part, end the rig, and return the job."""
+    from pincette.client import Supervisor
+
     with ExitStack() as stack:
         if secure:
             from pincette.cli import security
@@ -56,11 +70,7 @@ def demo(
             job = follow_recorded(handle.start(kind), console)
         else:
             job = grip_simulated(handle, kind, console)
-    if form.json:
-        emit(job)
-    else:
-        show_result(job, console)
-    return status_of(job)
+    return job
 
 
 def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":

@@ -14,7 +14,7 @@ from pincette import __version__
 from pincette.cli import IN_A_CHECKOUT, MEANINGS, RIG_VARIABLE, CliError, Exit
 from pincette.cli.terminal import Command, Group
 from pincette.core import plugins
-from pincette.core.streams import flushed, open_missing_streams
+from pincette.core.streams import flushed, prepare_streams
 
 HELP_WIDTH = 100
 ABOUT = "Control position and contact force of a piezoelectric microgripper."
@@ -161,11 +161,7 @@ def application() -> TyperGroup:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
-    open_missing_streams()
-    reconfigure = getattr(sys.stdout, "reconfigure", None)
-    if reconfigure is not None:
-        # A terminal that cannot show µ is no reason to fail.
-        reconfigure(errors="replace")
+    prepare_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
     return flushed(_run(given), Exit.FAILED)
 
@@ -195,6 +191,6 @@ def _misused(error: TyperException) -> int:
 
 
 def _failed(place: str, text: str, status: int) -> int:
-    with suppress(OSError):
+    with suppress(OSError, ValueError):
         sys.stderr.write(f"{place}: {text}\n")
     return status

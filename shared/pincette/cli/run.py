@@ -11,6 +11,7 @@ from typing import NamedTuple
 from pincette.cli import PKI, CliError, Exit, chosen
 from pincette.core import numerals
 from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name, programs
+from pincette.core.streams import prepare_streams
 from pincette.engine import logs
 
 ABOUT = "run one program of a rig in the foreground"
@@ -61,6 +62,7 @@ def main(arguments: Sequence[str]) -> int:
     """Run a program until it is told to stop; returns the exit status."""
     from pincette.engine.process import Options, run_program
 
+    prepare_streams()
     given = _read(arguments)
     try:
         options = Options(

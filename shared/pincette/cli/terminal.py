@@ -4,19 +4,20 @@ import inspect
 import json
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields
 from datetime import datetime
 from functools import wraps
 from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+from typing import IO, TYPE_CHECKING, Annotated, Any, TypeVar, cast, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from pincette.cli import Exit, chosen
+from pincette.cli import CliError, Exit, chosen
+from pincette.core.streams import LossyWriter
 from pincette.core.units import unit_of
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 1.0
 """After so long a command says what it waits for."""
+LAST_OUTPUT_S = 1.0
+"""Limit of the wait for output at the end of a command that keeps a rig up."""
 LABEL_WIDTH = 19
 """Least width of the names of figures."""
 STATE_COLOURS: Mapping[str, str] = {
@@ -47,6 +50,32 @@ def screen(*, machine: bool = False) -> "Console":
 
 
 @contextmanager
+def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
+    """Console of a command that keeps a rig up, where output must neither fail nor block.
+
+    Raises
+    ------
+    CliError
+        At the end, where lines could not be written.
+    Exit
+        At the end, where the reader of the output has paused: an error message could block too.
+    """
+    from rich.console import Console
+
+    output = LossyWriter(sys.stderr if machine else sys.stdout)
+    console = Console(highlight=False, file=cast("IO[str]", output))
+    try:
+        yield console
+    except BaseException:
+        output.drain(LAST_OUTPUT_S)
+        raise
+    if not output.drain(LAST_OUTPUT_S):
+        raise typer.Exit(Exit.FAILED)
+    if output.lost:
+        raise CliError(f"{output.lost} lines of output could not be written")
+
+
+@contextmanager
 def patience(what: str) -> Generator[None]:
     """Say on standard error what is waited for, from the second second on.
 
@@ -54,15 +83,19 @@ def patience(what: str) -> Generator[None]:
     """
     done, begun_s, lively = Event(), monotonic(), sys.stderr.isatty()
 
+    def show(text: str) -> None:
+        with suppress(OSError, ValueError):
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
     def tell() -> None:
         wait_s = PATIENCE_S
         while not done.wait(wait_s):
             spent = f"{what}, {monotonic() - begun_s:.0f} s"
-            sys.stderr.write(f"\r{spent} " if lively else f"{spent}\n")
-            sys.stderr.flush()
+            show(f"\r{spent} " if lively else f"{spent}\n")
             wait_s = PATIENCE_S if lively else None
         if lively and monotonic() - begun_s > PATIENCE_S:
-            sys.stderr.write("\r\x1b[K")
+            show("\r\x1b[K")
 
     teller = Thread(target=tell, daemon=True)
     teller.start()

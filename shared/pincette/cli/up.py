@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import sleep
 from types import FrameType
@@ -20,8 +20,8 @@ from pincette.cli.terminal import (
     RigOption,
     command,
     group,
+    lasting_screen,
     named,
-    screen,
     with_parameters,
 )
 from pincette.engine import logs
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pincette.config import RigFile
     from pincette.engine.fleet import Child, Fleet
     from pincette.engine.logs import Form
+    from pincette.engine.revival import Revival
 
 
 LogFormat = Annotated[
@@ -47,7 +48,10 @@ WATCH_S = 0.3
 MEASURE_S = "3"
 """Starting the programs that measure takes the rest of five seconds."""
 BENCH = Path("tests/bench/loop/__main__.py")
-ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDINGS = (signal.SIGINT, signal.SIGTERM)
+IGNORED = (signal.SIGHUP, signal.SIGTTOU)
+"""Signals of a lost terminal and of output from the background. The rig stays up: to end it would
+let a held part go."""
 
 
 app = group()
@@ -83,6 +87,7 @@ def running(
             f"folder {data} cannot be made or written ({error.strerror}): name another with --data"
         ) from error
     before = {number: signal.signal(number, _end) for number in ENDINGS}
+    before |= {number: signal.signal(number, signal.SIG_IGN) for number in IGNORED}
     try:
         fleet.up()
         yield fleet
@@ -108,13 +113,9 @@ def _print_status(console: "Console", member: "Child", colour: str, line: str) -
     _print(console, text)
 
 
-def _print(console: "Console", text: "str | Text", *, markup: bool = True) -> None:
-    """Print a line about a rig, which stays up where the line cannot be written.
-
-    To end it would let a held part go. Rich raises SystemExit where a pipe is closed.
-    """
-    with suppress(OSError, SystemExit):
-        console.print(text, markup=markup, soft_wrap=True)
+def _print(console: "Console", text: "str | Text") -> None:
+    """Print a line as it is, without markup: names and paths may contain brackets."""
+    console.print(text, markup=False, soft_wrap=True)
 
 
 @command(app, "up")
@@ -149,7 +150,6 @@ def up(
     ] = False,
 ) -> None:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
-    console = screen()
     path = rig.path
     file = opened(path)
     if server and file.bus.upstream is None:
@@ -159,28 +159,29 @@ def up(
             "--sockets: with certificates every link stays on TLS; leave out --sockets, or "
             "--secure and [bus] pki"
         )
-    if secure:
-        from pincette.cli import security
+    with lasting_screen() as console:
+        if secure:
+            from pincette.cli import security
 
-        pki = security.made_certificates(file, data)
-        file = file.secured(pki)
-        _print(console, f"certificates in {pki}; for tools: {PKI}={pki.resolve()}")
-    if measure:
-        # A process of its own: what it loads is not for a program that stays.
-        grid = ["--seconds", MEASURE_S, "--period-s", f"{file.rig.period_s:g}"]
-        task = ["latency", *grid, "--rig", str(path), "--data", str(data)]
-        subprocess.run([sys.executable, "-m", "pincette", *task], check=False)
-    if not file.lockstep and not server:
-        for line in machine_words(file, data):
-            _print(console, line, markup=False)
-    try:
-        with (
-            _meeting(console) if sockets else nullcontext(),
-            running(file, path, data, console, server=server, log_format=log_format) as fleet,
-        ):
-            _watch(file, fleet, console)
-    except KeyboardInterrupt:
-        _print(console, "every program has ended")
+            pki = security.made_certificates(file, data)
+            file = file.secured(pki)
+            _print(console, f"certificates in {pki}; for tools: {PKI}={pki.resolve()}")
+        if measure:
+            # A process of its own: what it loads is not for a program that stays.
+            grid = ["--seconds", MEASURE_S, "--period-s", f"{file.rig.period_s:g}"]
+            task = ["latency", *grid, "--rig", str(path), "--data", str(data)]
+            subprocess.run([sys.executable, "-m", "pincette", *task], check=False)
+        if not file.lockstep and not server:
+            for line in machine_words(file, data):
+                _print(console, line)
+        try:
+            with (
+                _meeting(console) if sockets else nullcontext(),
+                running(file, path, data, console, server=server, log_format=log_format) as fleet,
+            ):
+                _watch(file, fleet, console)
+        except KeyboardInterrupt:
+            _print(console, "every program has ended")
 
 
 @contextmanager
@@ -197,23 +198,48 @@ def _meeting(console: "Console") -> Generator[None]:
 
 
 def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
+    """Restart programs and rotate log files until a signal ends the rig.
+
+    An error of this work is shown and ends nothing, since the end of the rig would let a held part
+    go.
+    """
+    from rich.text import Text
+
     from pincette.engine.revival import Revival
 
     served = ", served" if rig.joins else ""
+    name = Text(rig.rig.name, "bold")
     _print(
         console,
-        f"rig [bold]{rig.rig.name}[/bold] is up{served} at {rig.supervisor.url}; Ctrl-C ends it",
+        Text.assemble("rig ", name, f" is up{served} at {rig.supervisor.url}; Ctrl-C ends it"),
     )
     revival = Revival(fleet)
     serving = {name: member.process.pid for name, member in fleet.members.items()}
+    trouble = ""
     while True:
         sleep(WATCH_S)
-        fleet.bound_logs()
-        revival.look(lambda member, line: _print_status(console, member, "red", line))
-        for name, member in fleet.members.items():
-            if member.process.pid != serving[name] and member.ready.is_set():
-                serving[name] = member.process.pid
-                _print_status(console, member, "green", member.line)
+        try:
+            _look(fleet, revival, serving, console)
+        except Exception as error:  # noqa: BLE001  an error of any kind ends no rig
+            text = f"{type(error).__name__}: {error}"
+            if text != trouble:
+                _print(console, f"pincette up: {text}; the rig stays up")
+            trouble = text
+        else:
+            trouble = ""
+
+
+def _look(fleet: "Fleet", revival: "Revival", serving: dict[str, int], console: "Console") -> None:
+    """Rotate full log files, restart what has ended, and show restarted programs that serve.
+
+    ``serving``: process of each program whose line has been shown.
+    """
+    fleet.bound_logs()
+    revival.look(lambda member, line: _print_status(console, member, "red", line))
+    for name, member in fleet.members.items():
+        if member.process.pid != serving[name] and member.ready.is_set():
+            serving[name] = member.process.pid
+            _print_status(console, member, "green", member.line)
 
 
 def machine_words(rig: "RigFile", data: Path) -> list[str]:

@@ -1,13 +1,26 @@
 """Standard streams that are closed, full, or that nobody reads."""
 
+import io
 import os
 import sys
 from contextlib import suppress
+from queue import Full, Queue
+from threading import Thread
+from time import monotonic, sleep
 from typing import TextIO
 
+MOST_PENDING = 1000
+"""Upper bound of the texts that wait to be written."""
+LOOK_S = 0.01
+"""Time between two looks whether all texts have been written."""
 
-def open_missing_streams() -> None:
-    """Let output that has no place go nowhere: a socket must not get the number of a closed one."""
+
+def prepare_streams() -> None:
+    """Make output possible whatever the standard streams are.
+
+    Closed streams are opened to go nowhere, since a socket must not get the number of one. In
+    standard output, characters that its encoding lacks are replaced.
+    """
     for number in range(3):
         try:
             os.fstat(number)
@@ -15,6 +28,9 @@ def open_missing_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="replace")
 
 
 def flushed(status: int, failed: int) -> int:
@@ -39,3 +55,77 @@ def drop(stream: TextIO) -> None:
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
         stream.flush()
+
+
+class LossyWriter(io.TextIOBase):
+    """Text stream for programs that have to go on whether or not their output can be written.
+
+    ``write`` neither waits nor raises. A thread writes to the stream behind. Texts that cannot be
+    written (full disk, ended reader, lost terminal, closed stream) are counted and dropped, and so
+    are texts that do not fit into the queue because the reader has paused.
+    """
+
+    def __init__(self, behind: TextIO) -> None:
+        self.lost = 0
+        """Number of texts that were dropped."""
+        self._behind = behind
+        self._encoding = getattr(behind, "encoding", None) or "utf-8"
+        try:
+            self._terminal = behind.isatty()
+        except ValueError:  # closed
+            self._terminal = False
+        self._pending: Queue[str] = Queue(MOST_PENDING)
+        Thread(target=self._run, name="output", daemon=True).start()
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Encoding of the stream behind."""
+        return self._encoding
+
+    def isatty(self) -> bool:
+        """Return whether the stream behind was a terminal at the beginning."""
+        return self._terminal
+
+    def writable(self) -> bool:
+        """Return True: texts are always accepted."""
+        return True
+
+    def write(self, text: str, /) -> int:
+        """Enqueue a text, or drop and count it where the queue is full."""
+        try:
+            self._pending.put_nowait(text)
+        except Full:
+            self.lost += 1
+        return len(text)
+
+    def drain(self, timeout_s: float) -> bool:
+        """Wait until no text waits to be written; return False where that takes too long."""
+        until_s = monotonic() + timeout_s
+        while self._pending.unfinished_tasks:
+            if monotonic() > until_s:
+                return False
+            sleep(LOOK_S)
+        return True
+
+    def _run(self) -> None:
+        while True:
+            text = self._pending.get()
+            try:
+                self._put(text)
+            except (OSError, ValueError):
+                self.lost += 1
+            self._pending.task_done()
+
+    def _put(self, text: str) -> None:
+        """Write past the buffers of Python, which would keep what could not be written.
+
+        Their locks could also block the end of the interpreter while this thread waits.
+        """
+        try:
+            number = self._behind.fileno()
+        except io.UnsupportedOperation:  # a stream in memory
+            self._behind.write(text)
+            return
+        rest = text.encode(self._encoding, "replace")
+        while rest:
+            rest = rest[os.write(number, rest) :]

@@ -19,6 +19,7 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.core import plugins
 from pincette.core.service import AnyService, CompositeService, Participant, member_services
+from pincette.core.streams import drop
 from pincette.core.topics import LOOP, REQUEST_LOG, TIMING
 from pincette.engine import logs
 from pincette.engine.boot_note import FIRST, BootNote, boot_note
@@ -126,6 +127,8 @@ def _on_stop(stop: Callable[[], None], options: Options) -> None:
     FAILED.end_program(stop)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop())
+    for number in (signal.SIGHUP, signal.SIGTTOU):  # a lost terminal lets no held part go
+        signal.signal(number, signal.SIG_IGN)
     if options.exit_with_parent:
         threading.Thread(target=_wait_for_parent, args=(stop,), daemon=True).start()
 
@@ -137,8 +140,12 @@ def _wait_for_parent(stop: Callable[[], None]) -> None:
 
 
 def _say_ready(text: str) -> None:
-    sys.stdout.write(f"{READY}{text}\n")
-    sys.stdout.flush()
+    """Print that the program serves, where standard output can be written."""
+    try:
+        sys.stdout.write(f"{READY}{text}\n")
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        drop(sys.stdout)
 
 
 def loop_services() -> dict[str, AnyService]:

@@ -1,4 +1,4 @@
-"""Output of ``pincette up`` that cannot be written does not end the rig."""
+"""The screen of ``up`` and ``demo``: output that cannot be written ends no rig."""
 
 import os
 import subprocess
@@ -8,19 +8,22 @@ from collections.abc import Callable
 import pytest
 
 PROGRAM = """
-import os, sys
-from pincette.cli import up
-from pincette.cli.terminal import screen
-console = screen()
-for _ in range(3):
-    up._print(console, "rig demo is up", markup=False)
-sys.stderr.write("still up")
-sys.stderr.flush()
-os._exit(0)
+import sys
+from pincette.cli import CliError, up
+from pincette.cli.terminal import lasting_screen
+from pincette.core.streams import prepare_streams
+prepare_streams()
+try:
+    with lasting_screen() as console:
+        for _ in range(3):
+            up._print(console, "● rig [/demo] is up")
+        sys.stderr.write("still up\\n")
+except CliError as error:
+    sys.stderr.write(str(error))
 """
 
 
-def _closed_pipe() -> int:
+def _ended_pipe() -> int:
     reader, writer = os.pipe()
     os.close(reader)
     return writer
@@ -30,18 +33,30 @@ def _full_disk() -> int:
     return os.open("/dev/full", os.O_WRONLY)
 
 
-@pytest.mark.parametrize("made", [_closed_pipe, _full_disk])
-def test_a_rig_stays_up_where_its_output_cannot_be_written(made: Callable[[], int]) -> None:
-    output = made()
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            stdout=output,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-            timeout=60,
-        )
-    finally:
-        os.close(output)
-    assert done.stderr == "still up"
+def _said(output: int, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        stdout=output,
+        stderr=subprocess.PIPE,
+        env={**os.environ, **environment},
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    os.close(output)
+    return done.stderr
+
+
+@pytest.mark.parametrize("made", [_ended_pipe, _full_disk])
+def test_lines_that_cannot_be_written_are_counted_at_the_end(made: Callable[[], int]) -> None:
+    assert _said(made()).splitlines()[0] == "still up"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_every_encoding_will_do(encoding: str) -> None:
+    reader, writer = os.pipe()
+    said = _said(writer, PYTHONIOENCODING=f"{encoding}:strict", LC_ALL="C")
+    assert said == "still up\n"
+    shown = os.read(reader, 4096).decode(encoding)
+    assert shown.count("rig [/demo] is up\n") == 3
+    os.close(reader)

@@ -1,0 +1,131 @@
+"""``pincette up`` keeps a held part where its output cannot be written or its terminal is lost."""
+
+import fcntl
+import os
+import pty
+import signal
+import subprocess
+import termios
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.client import Supervisor
+from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
+from tests.support.grips import SHORT
+from tests.support.rigs import paced_rig, rig_toml
+
+START_S = 120.0
+
+
+@dataclass
+class Output:
+    """Standard output of a command, and what ends it while the command runs."""
+
+    number: int
+    """Descriptor that the command gets; -1 for a closed one."""
+    end: Callable[[], None]
+    terminal: bool = False
+    """Whether it is the controlling terminal of the command."""
+
+
+@contextmanager
+def _full_disk() -> Generator[Output]:
+    number = os.open("/dev/full", os.O_WRONLY)
+    yield Output(number, lambda: None)
+    os.close(number)
+
+
+@contextmanager
+def _ended_reader() -> Generator[Output]:
+    reader, writer = os.pipe()
+    yield Output(writer, lambda: os.close(reader))
+    os.close(writer)
+
+
+@contextmanager
+def _paused_reader() -> Generator[Output]:
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))
+    os.set_blocking(writer, True)
+    yield Output(writer, lambda: None)
+    os.close(writer)
+    os.close(reader)
+
+
+@contextmanager
+def _closed() -> Generator[Output]:
+    yield Output(-1, lambda: None)
+
+
+@contextmanager
+def _lost_terminal() -> Generator[Output]:
+    master, slave = pty.openpty()
+    yield Output(slave, lambda: os.close(master), terminal=True)
+
+
+def _started(output: Output, command: list[str]) -> "subprocess.Popen[bytes]":
+    def prepare() -> None:
+        if output.number < 0:
+            os.close(1)
+            os.close(2)
+        if output.terminal:
+            fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+    null = subprocess.DEVNULL
+    stream = output.number if output.number >= 0 else null
+    return subprocess.Popen(
+        command,
+        stdin=stream if output.terminal else null,
+        stdout=stream,
+        stderr=stream,
+        start_new_session=True,
+        preexec_fn=prepare,
+    )
+
+
+def _supervisor_of(path: Path) -> list[int]:
+    return [pid for pid, words in processes_of(path).items() if "run supervisor" in words]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [_lost_terminal, _full_disk, _ended_reader, _paused_reader, _closed],
+    ids=["lost-terminal", "full-disk", "ended-reader", "paused-reader", "closed"],
+)
+def test_a_killed_supervisor_is_restarted_and_the_part_stays_held(
+    kind: Callable[[], AbstractContextManager[Output]], tmp_path: Path
+) -> None:
+    rig, path = paced_rig(SHORT), tmp_path / "rig.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
+    with kind() as output:
+        process = _started(output, command)
+        if output.terminal:
+            os.close(output.number)
+        try:
+            with Supervisor(rig.supervisor.url, timeout_s=60.0, patience_s=START_S) as supervisor:
+                desk = supervisor.rig("demo")
+                job = desk.start("grip", until_released=True)
+                while "release" not in job.refresh(0.2).allowed_actions:
+                    assert not job.ended
+                output.end()
+                (before,) = _supervisor_of(path)
+                os.kill(before, signal.SIGKILL)
+                until_s = monotonic() + START_S
+                while _supervisor_of(path) in ([], [before]) and monotonic() < until_s:
+                    sleep(0.05)
+                view = desk.state()
+                assert (view.part, str(view.latch.state)) == ("held", "armed")
+                assert process.poll() is None
+        finally:
+            process.terminate()
+            process.wait(30.0)
+    assert_nothing_is_left(rig, path, timeout_s=10.0)
