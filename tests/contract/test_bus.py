@@ -250,8 +250,8 @@ class TestZenohBus(BusContract):
         first.publish(SAMPLE)
         self.settle(buses, lambda: bool(got))
         assert got == [SAMPLE]
-        assert second.refused == 1
-        assert "x_um" in second.refusal
+        assert second.refused.count == 1
+        assert "x_um" in second.refused.reason
 
     def test_programs_of_every_rig_are_seen_and_tell_their_rig_file(
         self, ends: SessionConfig, buses: tuple[LatestBus, LatestBus]

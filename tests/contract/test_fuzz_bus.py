@@ -59,7 +59,7 @@ def test_garbage_on_a_topic_is_counted_and_goes_no_further(
     bus.announce("ready")
     publisher = stranger.declare_publisher(place, congestion_control=zenoh.CongestionControl.BLOCK)
     until(lambda: cast(Any, publisher.matching_status).matching)
-    before = bus.refused
+    before = bus.refused.count
     for payload in (spoilt(chance, Command) for _ in range(FRAMES)):
         publisher.put(payload, encoding=zenoh.Encoding(chance.choice(ENCODINGS)))
         bad += not is_sound(Command, payload)
@@ -70,9 +70,9 @@ def test_garbage_on_a_topic_is_counted_and_goes_no_further(
     bad += 1
     publisher.put(encode(LAST), encoding=zenoh.Encoding(ENCODING))
     until(lambda: bool(heard) and heard[-1] == LAST, 4 * WAIT_S)
-    assert bus.refused - before == bad
+    assert bus.refused.count - before == bad
     assert len(heard) == FRAMES + 5 - bad
-    assert bus.refusal.isprintable()
+    assert bus.refused.reason.isprintable()
     assert capfd.readouterr().err == ""
 
 

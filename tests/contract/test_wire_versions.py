@@ -75,7 +75,12 @@ def test_an_answer_of_another_version_says_which_side_to_update(
 
     def answer(query: zenoh.Query) -> None:
         with query:
-            query.reply(query.key_expr, encode(Ack(1)), encoding=zenoh.Encoding(NEWER))
+            query.reply(
+                query.key_expr,
+                encode(Ack(1)),
+                encoding=zenoh.Encoding(NEWER),
+                attachment=query.attachment,
+            )
 
     served = other.declare_queryable(request_key("demo", STATUS["controller"]), answer)
     said = ""
@@ -103,7 +108,7 @@ def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
     def told(encoding: str, words: str) -> None:
         def heard() -> bool:
             other.put("pincette/v1/demo/position", payload, encoding=zenoh.Encoding(encoding))
-            return words in bus.refusal
+            return words in bus.refused.reason
 
         until(heard)
 

@@ -64,6 +64,8 @@ class Recorder:
             findings.append(fault(FaultCode.RECORD_TROUBLE, record.trouble))
         if (step_s := self._mender.counted.step_s) is not None:
             findings.append(fault(FaultCode.CLOCK_STEPPED, step_s=step_s))
+        if (refused := self._bus.refused.finding()) is not None:
+            findings.append(refused)
         return Status(
             service="recorder",
             version=__version__,
@@ -72,7 +74,7 @@ class Recorder:
             epoch=0 if record is None else record.epoch,
             steps=keeper.written,
             missed=lost,
-            refused=self._bus.refused,
+            refused=self._bus.refused.count,
             findings=tuple(findings),
         )
 

@@ -5,20 +5,22 @@
 
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from math import inf
 from time import monotonic
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import zenoh
 
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
+from pincette.bus.query import MESSAGE, Query, mark_of, refuse, respond
+from pincette.bus.refused import RefusedMessages
 from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig
 from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
-from pincette.core.codec.wire import ENCODING, explained, of_other_wires, update_which
+from pincette.core.codec.wire import explained, of_other_wires, update_which
 from pincette.core.messages import Message
 from pincette.core.topics import (
     TOPIC_OF,
@@ -32,6 +34,7 @@ from pincette.core.topics import (
 )
 
 M = TypeVar("M", bound=Message)
+T = TypeVar("T")
 Way = Callable[["zenoh.Session"], Any]
 """How something is declared at a session; what it returns is kept."""
 log = logging.getLogger("pincette")
@@ -39,9 +42,9 @@ UNANSWERED_S = 3.0
 """From a request without answer on, until the session is opened anew."""
 REOPENED_S = 30.0
 """Between two times: a program that hangs is seen too, and no session helps against that."""
-MESSAGE = zenoh.Encoding(ENCODING)
-REFUSED = zenoh.Encoding.TEXT_PLAIN
-"""Of a refusal by a program; Zenoh's own errors have another."""
+NOTHING_YET = "nothing has been published here yet"
+EMPTY = "a request needs a payload: its message as a MessagePack map"
+"""Reply to a query without a payload, as tools send it that list keys."""
 
 
 class ZenohBus:
@@ -64,8 +67,8 @@ class ZenohBus:
         self._unanswered_s: dict[str, float] = {}
         """Since when each program owes an answer."""
         self._reopened_s = -inf
-        self.refused = 0
-        self.refusal = ""
+        self.refused = RefusedMessages(self._name)
+        """Messages and requests that were no valid ones."""
 
     def announce(self, program: str) -> None:
         """Hold a liveliness token while this program runs; safety never rests on it."""
@@ -77,11 +80,11 @@ class ZenohBus:
             self._ways.append(way)
             self._declared.append(way(self._session))
 
-    def _asked(self, ask: Way) -> Iterable[Any]:
-        """Replies; where another thread has just opened the session anew, the new one is asked."""
+    def _asked(self, ask: Callable[["zenoh.Session"], T]) -> T:
+        """Return what ``ask`` returns, with the new session if another thread just replaced it."""
         session = self._session
         try:
-            return cast("Iterable[Any]", ask(session))
+            return ask(session)
         except zenoh.ZError as error:
             if session is self._session:
                 raise BusError(f"{self._name}: {error}") from error
@@ -100,6 +103,7 @@ class ZenohBus:
         return of_other_wires(self._tokens(live_key_of_any_wire(self._rig), 0.3))
 
     def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
+        # Tokens are known to the routers, which answer; no queryable is asked.
         replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
@@ -141,20 +145,29 @@ class ZenohBus:
         self._outlets[kind].send(encode(message))
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
-        """Ask the producer for its newest message; see LatestBus."""
-        place = key(self._rig, topic)
-        for reply in self._asked(lambda session: session.get(place, timeout=timeout_s)):
-            if reply.ok is None:
-                raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:.3g} s")
-            try:
-                return _decode(topic.message, reply.ok.payload)
-            except CodecError as error:
-                why = explained(error, str(reply.ok.encoding), topic.producer)
-                raise BusError(f"{place}: {why}") from error
-        return None
+        """Return the newest message of the topic's producer; see LatestBus."""
+        place, trouble = key(self._rig, topic), ""
+        with self._query(place, timeout_s) as query:
+            for reply in query:
+                if reply.refused:
+                    return None
+                try:
+                    return _decode(topic.message, reply.payload)
+                except CodecError as error:
+                    trouble = explained(error, reply.encoding, topic.producer)
+                    self.refused.note(place, trouble)
+        if trouble:
+            raise BusError(f"{place}: {trouble}")
+        if query.finished:
+            return None
+        raise BusError(f"{place}: {topic.producer} did not answer within {timeout_s:.3g} s")
+
+    def _query(self, place: str, timeout_s: float, payload: bytes | None = None) -> Query:
+        return self._asked(lambda session: Query(session, place, timeout_s, payload))
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        """Deliver; see Bus. What is not such a message is counted and goes no further."""
+        """Deliver every valid message to ``sink``, and refuse the others; see Bus."""
+        place = key(self._rig, topic)
 
         def way(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
@@ -163,58 +176,69 @@ class ZenohBus:
                 try:
                     message = _decode(topic.message, sample.payload)
                 except CodecError as error:
-                    self.refused += 1
-                    self.refusal = explained(error, str(sample.encoding), topic.producer)
+                    why = explained(error, str(sample.encoding), topic.producer)
+                    self.refused.note(place, why)
                     return
                 sink(topic, message)
 
-            return session.declare_subscriber(key(self._rig, topic), deliver)
+            return session.declare_subscriber(place, deliver)
 
         self._declare(way)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question; see Bus."""
 
+        place = request_key(self._rig, question)
+
         def deliver(query: zenoh.Query) -> None:
-            reply = partial(_reply, query)
+            if query.payload is None or len(query.payload) == 0:
+                with query:
+                    refuse(query, EMPTY)
+                return
+            reply = partial(_reply, query, place)
             try:
                 request = _decode(question.request, query.payload)
             except CodecError as error:
-                self.refused += 1
-                self.refusal = explained(error, str(query.encoding), "who asks")
-                reply(self.refusal)
+                why = explained(error, str(query.encoding), "the asking program")
+                self.refused.note(place, why)
+                reply(why)
                 return
             answerer(question, request, reply)
 
-        self._declare(lambda one: one.declare_queryable(request_key(self._rig, question), deliver))
+        self._declare(lambda one: one.declare_queryable(place, deliver))
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Ask and wait; see Bus."""
-        place, asked_s = f"{question.service}/{question.name}", monotonic()
-        at, payload = request_key(self._rig, question), encode(request)
-        replies = self._asked(
-            lambda one: one.get(at, payload=payload, encoding=MESSAGE, timeout=timeout_s)
-        )
-        # A question that an access list refuses is one that nobody answers.
-        allowed = f", and may {self._identity} ask it" if self._identity else ""
-        trouble = f"is it running{allowed}?"
-        for reply in replies:
-            if reply.ok is not None:
-                self._unanswered_s.pop(question.service, None)
+        """Send a request and return the reply; see Bus."""
+        program, asked_s = question.service, monotonic()
+        place, trouble = f"{program}/{question.name}", ""
+        at = request_key(self._rig, question)
+        with self._query(at, timeout_s, encode(request)) as query:
+            for reply in query:
+                self._unanswered_s.pop(program, None)
+                if reply.refused:
+                    raise RefusalError(reply.payload.to_bytes().decode(errors="replace"))
                 try:
-                    return _decode(question.reply, reply.ok.payload)
+                    return _decode(question.reply, reply.payload)
                 except CodecError as error:
-                    why = explained(error, str(reply.ok.encoding), question.service)
-                    raise BusError(f"{self._rig}: {place}: {why}") from error
-            if reply.err.encoding == REFUSED:
-                self._unanswered_s.pop(question.service, None)
-                raise RefusalError(reply.err.payload.to_bytes().decode(errors="replace"))
-            trouble = f"no answer within {timeout_s:.3g} s; it may hang"
-        self._unanswered(question.service, asked_s)
-        wire = self.other_wires().get(question.service)
+                    trouble = explained(error, reply.encoding, program)
+                    self.refused.note(at, trouble)
+        if trouble:
+            raise BusError(f"{self._rig}: {place}: {trouble}")
+        self._unanswered(program, asked_s)
+        raise BusError(
+            f"{self._rig}: nobody answers {place}: {self._why(query, program, timeout_s)}"
+        )
+
+    def _why(self, query: Query, program: str, timeout_s: float) -> str:
+        """Return a probable reason why a program did not reply, and the remedy."""
+        wire = self.other_wires().get(program)
         if wire is not None:
-            trouble = update_which(question.service, wire)
-        raise BusError(f"{self._rig}: nobody answers {place}: {trouble}")
+            return update_which(program, wire)
+        if not query.finished:
+            return f"no answer within {timeout_s:.3g} s; it may hang"
+        # A request that an access list refuses is one that nobody answers.
+        allowed = f", and may {self._identity} ask it" if self._identity else ""
+        return f"is it running{allowed}?{_foreign(query.ignored)}"
 
     def _unanswered(self, program: str, asked_s: float) -> None:
         """Open the session anew where a program that is alive has owed an answer for too long.
@@ -277,11 +301,17 @@ class _Publisher:
             self.send(payload)  # the session was opened anew meanwhile
 
     def reply(self, query: zenoh.Query) -> None:
-        """Answer with the newest payload, or with nothing before the first."""
+        """Reply with the newest payload.
+
+        Before the first, a program that marks its queries is told so, so that it need not wait for
+        other queryables; others get no reply.
+        """
         newest = self._newest
         with query:
             if newest is not None:
-                query.reply(self._place, newest, encoding=MESSAGE)
+                respond(query, self._place, newest)
+            elif mark_of(query) is not None:
+                refuse(query, NOTHING_YET)
 
 
 def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
@@ -292,9 +322,13 @@ def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
     return decode(kind, b"" if payload is None else payload.to_bytes())
 
 
-def _reply(query: zenoh.Query, answer: Message | str) -> None:
+def _reply(query: zenoh.Query, place: str, answer: Message | str) -> None:
     with query:
         if isinstance(answer, str):
-            query.reply_err(answer.encode(), encoding=REFUSED)
+            refuse(query, answer)
         else:
-            query.reply(query.key_expr, encode(answer), encoding=MESSAGE)
+            respond(query, place, encode(answer))
+
+
+def _foreign(replies: int) -> str:
+    return f" {replies} replies of other programs were ignored" if replies else ""

@@ -112,3 +112,5 @@ class FaultCode(StrEnum):
     RECORDER_STATE = auto()
     RECORD_TROUBLE = auto()
     CLOCK_STEPPED = auto()
+    # Any program.
+    MESSAGES_REFUSED = auto()

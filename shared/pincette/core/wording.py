@@ -108,6 +108,10 @@ TEXTS: Mapping[FaultCode, str] = {
         "the time of day has stepped by {step_s:+.0f} s against what the recorder has counted; "
         "records stay until a person has set the clock right, or acknowledges the alarm"
     ),
+    FaultCode.MESSAGES_REFUSED: (
+        "refused {messages:.0f} messages, the last {age_s:.0f} s ago; another program sends on "
+        "this rig's keys"
+    ),
 }
 """By code; those of an instrument come in its driver's words."""
 IN_A_ROW = frozenset(

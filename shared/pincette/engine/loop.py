@@ -5,8 +5,11 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from math import inf
 from time import monotonic, sleep, thread_time
 
+from msgspec.structs import replace
+
 from pincette.bus.protocol import Bus
-from pincette.core.messages import Message
+from pincette.bus.refused import RefusedMessages
+from pincette.core.messages import Message, Status
 from pincette.core.service import Slept
 from pincette.core.topics import Request, Topic
 from pincette.engine.inbox import Inbox
@@ -38,11 +41,13 @@ class Loop:
         delay_s: float = 0.0,
         delay_seed: int = 0,
         sleep_watch: SleepWatch | None = None,
+        refused: RefusedMessages | None = None,
     ) -> None:
         """Join the bus; ``inline`` handles deliveries in the caller, who calls ``step`` in a loop.
 
         ``urgent`` topics, which another program waits for, are published at once (None: all are),
         the others when no step is ready. ``delay_s`` is the longest random delay, for tests.
+        ``refused`` counts what the bus refuses; the status of each service includes it.
         """
         self.scheduler = Scheduler(nodes)
         self._bus = bus
@@ -72,6 +77,7 @@ class Loop:
         self._backlog_s = backlog_s
         self._came_s: dict[type[Message], float] = {}
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
+        self._refused = refused
         for topic in self.scheduler.inputs:
             bus.subscribe(topic, self._on_message)
         for task in tasks:
@@ -191,7 +197,19 @@ class Loop:
         answer, outputs = self.scheduler.task(service).call(request, self._now())
         self._emit(outputs)
         self._flush()
-        reply(answer)
+        reply(self._with_refused(answer) if isinstance(answer, Status) else answer)
+
+    def _with_refused(self, status: Status) -> Status:
+        """Add to a status what the program's bus has refused."""
+        refused = self._refused
+        if refused is None:
+            return status
+        found = refused.finding()
+        return replace(
+            status,
+            refused=status.refused + refused.count,
+            findings=status.findings if found is None else (*status.findings, found),
+        )
 
     def _emit(self, outputs: Outputs) -> None:
         """Share with the other nodes; publish what is urgent, and keep the rest for later."""

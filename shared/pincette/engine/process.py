@@ -182,7 +182,12 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
         stack.callback(bus.close)
         urgent = awaited(name, participants, lockstep=rig.lockstep) if len(nodes) > 1 else None
         loop = Loop(
-            nodes, bus, urgent=urgent, delay_s=options.delay_s, delay_seed=options.delay_seed
+            nodes,
+            bus,
+            urgent=urgent,
+            delay_s=options.delay_s,
+            delay_seed=options.delay_seed,
+            refused=bus.refused,
         )
         for topic in (
             *(topic for node in nodes for topic in node.service.outputs),
