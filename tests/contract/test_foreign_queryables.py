@@ -1,0 +1,275 @@
+"""Requests and queries reach the programs of a rig beside the stores and tools of others."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+from collections.abc import Callable, Generator, Iterable
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from time import monotonic, sleep
+from typing import cast
+
+import pytest
+import zenoh
+from msgspec.structs import replace
+
+from pincette.bus.endpoints import direct_endpoint, program_endpoint, router_endpoint
+from pincette.bus.endpoints import service_endpoint as loop_endpoint
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.bus.query import Query
+from pincette.bus.session import open_session
+from pincette.bus.stopping import trip_at
+from pincette.bus.zenoh_bus import EMPTY, ZenohBus
+from pincette.config import RigFile
+from pincette.core.codec import encode
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Applied, Message, Reset, Trip
+from pincette.core.topics import APPLIED, RESET, TRIP, Request, request_key
+from pincette.engine.process import loop_services
+from pincette.security.folder import Folder
+from pincette.security.identity import program
+from tests.bench.shape import EXAMPLES
+from tests.support.certificates import Intruder, folder_for
+from tests.support.foreign import EVERYTHING, KINDS, Store, declared, outsider
+from tests.support.rigs import demo_rig, free_ports
+from tests.support.routed import until
+
+ANSWER_S = 1.0
+"""Longest time of a call beside a queryable that never replies; its own limit is far longer."""
+PATIENCE_S = 20.0
+PLACES = ("client", "peer", "router", "in the router", "at the actuator")
+NEWEST = cast(Applied, EXAMPLES["actuator"])
+EARLIER = replace(NEWEST, seq=0)
+REFUSED = "not while the part is held"
+Reply = Callable[[Message | str], None]
+
+
+@dataclass
+class Site:
+    """A rig's router, its actuator, and the supervisor that asks it."""
+
+    rig: RigFile
+    router: zenoh.Session
+    actuator: ZenohBus
+    supervisor: ZenohBus
+    asked: list[Message]
+
+    def trip(self) -> Message:
+        return self.supervisor.call(TRIP, Trip(Cause.ESTOP), PATIENCE_S)
+
+
+@contextmanager
+def running(rig: RigFile) -> Generator[Site]:
+    asked: list[Message] = []
+    with ExitStack() as stack:
+        router = stack.enter_context(open_session(router_endpoint(rig), "router"))
+        actuator = ZenohBus(loop_endpoint(rig, "actuator", loop_services()), "demo", "actuator")
+        stack.callback(actuator.close)
+        supervisor = ZenohBus(
+            program_endpoint(rig, "supervisor", lockstep=False), "demo", "supervisor"
+        )
+        stack.callback(supervisor.close)
+
+        def take(_: Request, request: Message, reply: Reply) -> None:
+            asked.append(request)
+            reply(Ack(len(asked)) if isinstance(request, Trip) else REFUSED)
+
+        for question in (TRIP, RESET):
+            actuator.serve(question, take)
+        actuator.declare(APPLIED)
+        actuator.announce("actuator")
+        until(lambda: "actuator" in supervisor.alive())
+        yield Site(rig, router, actuator, supervisor, asked)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Generator[Site]:
+    with running(demo_rig()) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
+
+
+@pytest.fixture(scope="module")
+def secure(folder: Folder) -> Generator[Site]:
+    with running(demo_rig().secured(folder.path)) as site:
+        yield site
+
+
+@contextmanager
+def beside(site: Site, kind: str, where: str) -> Generator[Store]:
+    """Declare a foreign complete queryable at one of the places where a tool can be."""
+    bus, stamps = site.rig.bus, kind == "stamping store"
+    port = bus.port + (4 if where == "at the actuator" else 0)
+    mode = {"at the actuator": "peer"}.get(where, where)
+    with ExitStack() as stack:
+        if where == "in the router":
+            session = site.router
+        else:
+            place = f"tcp/{bus.host}:{port}"
+            session = stack.enter_context(outsider(mode, place, stamps=stamps))
+        store = stack.enter_context(declared(session, kind))
+        probe = stack.enter_context(outsider("client", f"tcp/{bus.host}:{bus.port}"))
+        if where != "at the actuator":  # a link of peers only; the router does not learn of it
+            until(lambda: _reaches(probe, store))
+        yield store
+
+
+def _reaches(probe: zenoh.Session, store: Store) -> bool:
+    before = store.queries
+    with Query(probe, "pincette/probe", 0.1) as query:
+        list(query)
+    return store.queries > before
+
+
+@pytest.mark.parametrize("where", PLACES)
+@pytest.mark.parametrize("kind", KINDS)
+class TestBesideAForeignQueryable:
+    def test_a_stop_and_a_refusal_come_from_the_actuator(
+        self, plain: Site, kind: str, where: str
+    ) -> None:
+        with beside(plain, kind, where):
+            plain.asked.clear()
+            begun_s = monotonic()
+            assert plain.trip() == Ack(1)
+            with pytest.raises(RefusalError, match=REFUSED):
+                plain.supervisor.call(RESET, Reset(), PATIENCE_S)
+            direct = direct_endpoint(plain.rig, "actuator")
+            assert trip_at(direct, "demo", Trip(Cause.ESTOP)) == Ack(3)
+            assert monotonic() - begun_s < ANSWER_S
+            assert plain.asked == [Trip(Cause.ESTOP), Reset(), Trip(Cause.ESTOP)]
+
+    def test_the_newest_message_is_the_producers(self, plain: Site, kind: str, where: str) -> None:
+        plain.actuator.publish(EARLIER)
+        with beside(plain, kind, where) as store:
+            plain.actuator.publish(EARLIER)
+            sleep(0.02)
+            for sample in store.newest.values():
+                assert sample.payload.to_bytes() == encode(EARLIER)
+            remembered = dict(store.newest)
+            plain.actuator.publish(NEWEST)
+            sleep(0.02)
+            store.newest |= remembered  # a store that missed the newer one
+            begun_s = monotonic()
+            assert plain.supervisor.latest(APPLIED, PATIENCE_S) == NEWEST
+            assert monotonic() - begun_s < ANSWER_S
+
+
+def test_a_program_without_a_message_says_so_at_once_beside_a_silent_tool(plain: Site) -> None:
+    fresh = ZenohBus(program_endpoint(plain.rig, "recorder", lockstep=False), "fresh", "actuator")
+    with beside(plain, "silent", "client"):
+        fresh.declare(APPLIED)
+        asker = ZenohBus(program_endpoint(plain.rig, "supervisor", lockstep=False), "fresh", "x")
+        begun_s = monotonic()
+        until(lambda: asker.latest(APPLIED, PATIENCE_S) is None)
+        assert monotonic() - begun_s < ANSWER_S
+        asker.close()
+    fresh.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_request_that_no_program_answers_ends_at_its_own_deadline(plain: Site, kind: str) -> None:
+    bus = ZenohBus(program_endpoint(plain.rig, "supervisor", lockstep=False), "nobody", "asker")
+    with beside(plain, kind, "client"):
+        begun_s = monotonic()
+        with pytest.raises(BusError, match="nobody answers actuator/trip"):
+            bus.call(TRIP, Trip(Cause.ESTOP), 0.3)
+        assert monotonic() - begun_s < 0.3 + ANSWER_S
+    bus.close()
+
+
+def test_a_reply_with_the_mark_that_is_no_message_is_counted_and_the_next_one_wins(
+    plain: Site,
+) -> None:
+    def rubbish(query: zenoh.Query) -> None:
+        with query:
+            query.reply(query.key_expr, b"\xff", attachment=query.attachment)
+
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    refused = plain.supervisor.refused
+    with outsider("client", place) as session:
+        served = session.declare_queryable(EVERYTHING, rubbish, complete=True)
+        before = refused.count
+
+        def counted() -> bool:
+            assert isinstance(plain.trip(), Ack)
+            return refused.count > before
+
+        until(counted)
+        assert request_key("demo", TRIP) in refused.reason
+        served.undeclare()
+
+
+@pytest.mark.parametrize("who", ["viewer", "operator", "demo/sensor", "demo/recorder"])
+def test_a_certificate_that_may_not_answer_declares_no_queryable(
+    secure: Site, folder: Folder, who: str
+) -> None:
+    """The access list keeps both the declaration and the replies of others out."""
+    places = (EVERYTHING, request_key("demo", TRIP), "pincette/v1/demo/call/**", "**")
+    heard: list[str] = []
+
+    def reply(query: zenoh.Query) -> None:
+        heard.append(str(query.key_expr))
+        with query:
+            query.reply(query.key_expr, encode(Ack(9)), attachment=query.attachment)
+
+    for mode, port in (("client", 0), ("peer", 0), ("router", 0), ("peer", 4)):
+        intruder = Intruder(who, folder.credentials(folder.named(who)), mode=mode)
+        with intruder.joined("127.0.0.1", secure.rig.bus.port + port) as session:
+            declared_here = [
+                session.declare_queryable(place, reply, complete=True) for place in places
+            ]
+            sleep(0.1)
+            secure.asked.clear()
+            assert secure.trip() == Ack(1)
+            assert declared_here
+    assert heard == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_with_certificates_a_store_inside_the_router_takes_nothing_away(
+    secure: Site, kind: str
+) -> None:
+    """A plugin of the router is bound by no access list."""
+    with declared(secure.router, kind):
+        secure.asked.clear()
+        assert secure.trip() == Ack(1)
+        direct = direct_endpoint(secure.rig, "actuator", program("supervisor", ""))
+        assert trip_at(direct, "demo", Trip(Cause.ESTOP)) == Ack(2)
+        secure.actuator.publish(NEWEST)
+        until(lambda: secure.supervisor.latest(APPLIED, PATIENCE_S) == NEWEST)
+
+
+def test_a_second_router_with_a_store_takes_nothing_away(plain: Site) -> None:
+    bus, port = plain.rig.bus, free_ports(1)
+    with (
+        outsider(
+            "router", f"tcp/{bus.host}:{bus.port}", stamps=True, listen=f"tcp/127.0.0.1:{port}"
+        ) as second,
+        declared(second, "stamping store"),
+    ):
+        with outsider("client", f"tcp/127.0.0.1:{port}") as client:
+            until(lambda: _asked_by(client) == {b"ok"})
+        plain.asked.clear()
+        assert plain.trip() == Ack(1)
+
+
+def _asked_by(session: zenoh.Session) -> set[bytes]:
+    place = request_key("demo", TRIP)
+    with Query(session, place, 1.0, encode(Trip(Cause.ESTOP))) as query:
+        return {b"ok" for reply in query if not reply.refused}
+
+
+def test_an_empty_query_on_a_request_key_is_answered_and_not_counted(plain: Site) -> None:
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    before = plain.actuator.refused.count
+    with outsider("client", place) as browser:
+        for wanted in (request_key("demo", TRIP), "pincette/v1/demo/**", "**"):
+            for payload in (None, b""):
+                replies = cast("Iterable[zenoh.Reply]", browser.get(wanted, payload=payload))
+                errors = [reply.err.payload.to_string() for reply in replies if reply.err]
+                assert EMPTY in errors
+    assert plain.actuator.refused.count == before
