@@ -36,7 +36,7 @@ def test_a_server_is_for_one_rig_and_has_the_right_of_its_key(
     try:
         with stock_client_at(right) as client:
             gripper = client.Microgripper
-            until(lambda: gripper.RigState.get() != "unreachable", "it does not answer")
+            until(lambda: gripper.RigState.get() != "unknown", "it does not answer")
             assert gripper.Rig.get() == "right"
             grip = gripper.Grip(FORCE_MN, 0.0, "")
             if scope == "observe":

@@ -30,11 +30,11 @@ def test_a_damaged_model_moves_nothing_and_is_named_with_the_remedy(tmp_path: Pa
     with running_rig(rig_file, tmp_path) as rig, witness(rig_file) as seen:
         answer = rig.post("/jobs", {"kind": "grip", "autostart": True})
         assert answer.status_code == 503, answer.text
-        told = " ".join(answer.json()["reasons"])
-        for words in (damaged.name, "was changed", "put the file back", "`pincette model use 0`"):
-            assert words in told
+        reasons = " ".join(answer.json()["reasons"])
+        for fact in (damaged.name, "pincette model use 0"):  # the file, and the remedy
+            assert fact in reasons
         shown = pincette("model", "show", "--url", rig.rig.supervisor.url, timeout_s=LONG_S).stdout
-        assert f"model 1: model file {damaged.name}" in shown
+        assert damaged.name in shown
         refused = pincette("model", "use", "1", "--url", rig.rig.supervisor.url, timeout_s=LONG_S)
         assert refused.returncode == 1
         assert damaged.name in refused.stderr
@@ -60,8 +60,8 @@ def test_a_rig_on_the_ports_of_another_does_not_start_and_the_first_holds_on(
         for second in (rig.path, path):
             done = pincette("up", "--rig", second, "--data", data, timeout_s=LONG_S)
             assert done.returncode == 1
-            assert f":{rig_file.bus.port} (router) cannot be used" in done.stderr
-            assert "give this rig other ports in its file" in done.stderr
+            assert f":{rig_file.bus.port} " in done.stderr  # the port that is in use
+            assert "router" in done.stderr
         assert rig.fleet.ended() == []
         assert rig.job(job)["progress"]["phase"] == "hold"
         rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()

@@ -16,16 +16,23 @@ class Background:
 
     def __init__(self) -> None:
         self._loop = asyncio.new_event_loop()
-        self._closing = threading.Event()
+        self._closing = False
+        self._accepting = threading.Lock()
+        """Held while a coroutine is handed over, so that none comes after the last cancel."""
         self._thread = threading.Thread(target=self._loop.run_forever, name="client", daemon=True)
         self._thread.start()
 
     def call(self, coroutine: Coroutine[Any, Any, T]) -> T:
         """Run a coroutine and wait for its end; raises CommandError where the server ends first."""
+        words = "this SiLA server ends; a motion that has begun goes on without it"
+        with self._accepting:
+            if self._closing:
+                coroutine.close()
+                raise CommandError("SupervisorUnreachable", words)
+            submitted = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
-            return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result()
+            return submitted.result()
         except CancelledError as error:
-            words = "this SiLA server ends; a motion that has begun goes on without it"
             raise CommandError("SupervisorUnreachable", words) from error
 
     def begin(self, coroutine: Coroutine[Any, Any, None]) -> None:
@@ -34,12 +41,14 @@ class Background:
 
     def close(self) -> None:
         """Cancel what runs, and end."""
-        if self._closing.is_set():
-            return
-        self._closing.set()
+        with self._accepting:
+            if self._closing:
+                return
+            self._closing = True
         asyncio.run_coroutine_threadsafe(self._cancel(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._loop.close()
 
     async def _cancel(self) -> None:
         others = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]

@@ -13,7 +13,7 @@ from sila2.server import FeatureImplementationBase, MetadataDict, SilaServer
 from sila2.server.observables.observable_command_manager import ObservableCommandManager
 
 from pincette.client import AsyncJobHandle, AsyncRigHandle, ClientError, RigWatch
-from pincette.client.status import NEWS_S
+from pincette.client.status import NEWS_S, RigStatus, unknown_status
 from pincette_sila import motion
 from pincette_sila.background import Background
 from pincette_sila.callers import Callers
@@ -51,6 +51,8 @@ class Gripper(FeatureImplementationBase):
         self._rig, self._callers, self._background = rig, callers, background
         self._recovery = recovery
         self.watch = RigWatch(callers.rig())
+        self.unresumed: str | None = "the commands of an earlier SiLA server are being looked up"
+        """Why the commands of an earlier server are not known yet; None once they are."""
         self._told: tuple[str, list[str], str] | None = None
         self._RigState_producer_queue: Queue[str] = Queue()
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
@@ -64,8 +66,12 @@ class Gripper(FeatureImplementationBase):
         """Idempotency keys of the commands that run, where they have begun a job again."""
 
     def publish(self) -> None:
-        """Publish the state of the rig if it has changed. Call it in the client's loop."""
-        now = self.watch.status
+        """Publish the state of the rig if it has changed. Call it in the client's loop.
+
+        The state is unknown until the commands of an earlier server are known here: a client that
+        waits for the state after a restart then finds its command.
+        """
+        now = self._status()
         shown = (str(now.state), list(now.reasons), str(now.part))
         if shown == self._told:
             return
@@ -76,6 +82,12 @@ class Gripper(FeatureImplementationBase):
         self._RigState_producer_queue.put(shown[0])
         self._Reasons_producer_queue.put(shown[1])
         self._Part_producer_queue.put(shown[2])
+
+    def _status(self) -> RigStatus:
+        now = self.watch.status
+        if self.unresumed is None or now.state == "unknown":
+            return now
+        return unknown_status(self.unresumed, now.age_s)
 
     def tell_sample(self, sample: Sample) -> None:
         """Tell those who listen the newest sample."""
@@ -238,7 +250,8 @@ class Gripper(FeatureImplementationBase):
             yield
         finally:
             # A client that sees the end of a command must read a state at least as new.
-            self._background.call(self._refresh())
+            with suppress(CommandError):  # where the server ends
+                self._background.call(self._refresh())
             del self.jobs[execution]
             self.keys.pop(execution, None)
             self.rigs.pop(execution, None)

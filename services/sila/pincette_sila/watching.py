@@ -45,18 +45,19 @@ async def watch_rig(
 
 async def _read(server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing) -> None:
     """Read the state of the rig repeatedly, and which commands rest."""
-    resumed = False
     while True:
         status = await gripper.watch.read()
         try:
-            if not (resumed or status.state == "unknown"):
+            if gripper.unresumed is not None and status.state != "unknown":
                 await resume(server, gripper, callers)
-                resumed = True
+                gripper.unresumed = None
             jobs = list(gripper.jobs.items())
             states = [(str(one), (await job.patient(0.0).refresh()).state) for one, job in jobs]
             pausing.tell([execution for execution, state in states if state == "paused"])
         except ClientError as error:
             log.debug("supervisor: %s", error)  # the next reading shows it
+            if gripper.unresumed is not None:
+                gripper.unresumed = str(error)
         await asyncio.sleep(LOOK_S)
 
 
