@@ -71,7 +71,8 @@ class Joined:
 
 def open_session(config: SessionConfig, name: str) -> Joined:
     """Join; raises BusError or SecurityError with what to do where that fails."""
-    zenoh.init_log_from_env_or("error")
+    # Its threads would write lines to standard output, and wait where nobody reads that.
+    zenoh.init_log_from_env_or("off")
     config, sockets = by_socket(config)
     if not config.listen:
         return Joined(_opened(config, settings(config, name), name), None)

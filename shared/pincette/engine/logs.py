@@ -3,9 +3,10 @@
 import json
 import logging
 import os
-import sys
 import time
 from typing import Any, Literal, get_args
+
+from pincette.engine.log_queue import LogQueue
 
 Form = Literal["text", "json"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -50,13 +51,15 @@ def chosen(given: Form | None) -> Form:
 
 
 def begin(program: str, form: Form) -> JsonLines | None:
-    """Let everything that is said go to standard error in one form; None: it is for people."""
+    """Send all log lines to standard error in one form; returns the formatter of JSON, else None.
+
+    No thread that logs waits for the line to be written: see ``log_queue``.
+    """
     if form == "text":
-        text = f"%(asctime)s {program} %(message)s"
-        logging.basicConfig(level=logging.INFO, stream=sys.stderr, format=text)
+        text = logging.Formatter(f"%(asctime)s {program} %(message)s")
+        logging.basicConfig(level=logging.INFO, handlers=[LogQueue(text)])
         return None
-    handler, lines = logging.StreamHandler(sys.stderr), JsonLines(program)
-    handler.setFormatter(lines)
-    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    lines = JsonLines(program)
+    logging.basicConfig(level=logging.INFO, handlers=[LogQueue(lines)])
     logging.captureWarnings(capture=True)
     return lines
