@@ -16,6 +16,7 @@ import pytest
 from pincette.bus import private_port
 from pincette.bus.admission import HELLO_S
 from pincette.bus.guard import MOST_PENDING, Guard
+from pincette.bus.own_sockets import StallWatch, own_sockets
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.relay import MOST_WAITING
 from pincette.bus.session import open_session
@@ -36,6 +37,7 @@ MANY = 400
 KEY = "pincette/v1/demo/job"
 BACK_S = 30.0
 MEGABYTES = 4
+LEASE_S = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +103,7 @@ def test_no_link_is_waited_for_at_its_end(door: Door) -> None:
 
         def lingers() -> list[int]:
             option = socket.SOL_SOCKET, socket.SO_LINGER, 8
-            found = [line.getsockopt(*option)[0] for line in private_port.own_sockets()]
+            found = [line.getsockopt(*option)[0] for line in own_sockets()]
             return [one for one in found if one]
 
         while lingers():
@@ -199,7 +201,7 @@ def echo() -> Generator[PrivatePort]:
 
 def test_a_slow_reader_is_waited_for_and_nothing_is_lost(echo: PrivatePort) -> None:
     port = free_ports(1)
-    guard = Guard([("127.0.0.1", port)], echo, None)
+    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
     guard.start()
     sent = b"\x01\x00\x01" + secrets.token_bytes(MEGABYTES * 1_000_000)
     assert len(sent) > 8 * MOST_WAITING
@@ -222,4 +224,4 @@ def test_a_slow_reader_is_waited_for_and_nothing_is_lost(echo: PrivatePort) -> N
 
 def test_a_place_that_is_taken_is_told(door: Door) -> None:
     with pytest.raises(OSError, match="in use"):
-        Guard([("127.0.0.1", door.port)], PrivatePort.chosen(), None)
+        Guard([("127.0.0.1", door.port)], PrivatePort.chosen(), None, StallWatch(LEASE_S))

@@ -1,5 +1,6 @@
 """A router behind its guard, in this process, and how a client joins it."""
 
+from dataclasses import replace
 from time import monotonic
 
 from pincette.bus.guard import Guard
@@ -21,20 +22,25 @@ OPENS_S = 1.0
 """In which a link is made while strangers come; without the guard it took 40 s."""
 
 
+def joining(port: int, folder: Folder | None) -> SessionConfig:
+    """Return how a client joins the router at a port."""
+    plain = client_session("127.0.0.1", port)
+    near = replace(plain, near=plain.connect)
+    if folder is None:
+        return near
+    return secured(near, TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)))
+
+
 class Door:
     """A router behind its guard, and how a client joins it."""
 
     def __init__(self, folder: Folder | None) -> None:
         self.port = free_ports(1)
-        listens, joins = (
-            router_session("127.0.0.1", self.port),
-            client_session("127.0.0.1", self.port),
-        )
+        listens = router_session("127.0.0.1", self.port)
         if folder is not None:
             known = router_access([ROUTER, TOOL])
             listens = secured(listens, TlsIdentity(folder.credentials(ROUTER), known))
-            joins = secured(joins, TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)))
-        self.client: SessionConfig = joins
+        self.client = joining(self.port, folder)
         self.router: Joined = open_session(listens, "router")
         assert self.router.guard is not None
         self.guard: Guard = self.router.guard

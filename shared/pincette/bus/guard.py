@@ -18,6 +18,7 @@ from itertools import chain
 from time import monotonic, sleep
 
 from pincette.bus.admission import Admission, Pending, reset
+from pincette.bus.own_sockets import StallWatch, limit_buffer
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.relay import CHUNK, READ, Relay, Stream
@@ -54,10 +55,18 @@ class Guard:
     """One thread that takes connections at some ports, and leads them on to one behind them."""
 
     def __init__(
-        self, places: Sequence[tuple[str, int]], behind: PrivatePort, vouching: Vouching | None
+        self,
+        places: Sequence[tuple[str, int]],
+        behind: PrivatePort,
+        vouching: Vouching | None,
+        stalls: StallWatch,
     ) -> None:
-        """Listen; raises OSError where a place is taken."""
+        """Listen; raises OSError where a place is taken.
+
+        ``stalls`` ends a link if one of its sides takes nothing of what is sent.
+        """
         self.count = Count()
+        self._stalls = stalls
         self._vouching = vouching
         self._selector = selectors.DefaultSelector()
         self._admission = Admission(self._selector, behind, vouching, self._advance)
@@ -154,6 +163,9 @@ class Guard:
             whence = f"{one.address}:{one.port}"
             relay = Relay(self._selector, *ends, self._relays.discard, whence)
             self._relays.add(relay)
+            for line in ends:
+                limit_buffer(line)
+                self._stalls.add(line, relay.note_stall)
             host, port = one.inner.getsockname()
             self._links[f"{host}:{port}"] = relay
             if len(self._links) > 2 * MOST_LINKS:

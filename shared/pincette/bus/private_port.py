@@ -3,12 +3,11 @@
 import secrets
 import socket
 import struct
-from collections.abc import Generator
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from time import monotonic, sleep
 
+from pincette.bus.own_sockets import own_sockets
 from pincette.bus.protocol import BusError
 
 TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
@@ -73,36 +72,6 @@ class PrivatePort:
         except OSError:
             return False
         return True
-
-
-def own_sockets() -> Generator[socket.socket]:
-    """Every TCP socket of this process, also those that Zenoh has opened, each until the next.
-
-    They are borrowed. A copy of a descriptor, once closed, would take from this process all locks
-    on that file: SQLite's on the journal, which another process that closes it would then remove.
-    """
-    for number in Path("/proc/self/fd").iterdir():
-        try:
-            found = socket.socket(fileno=int(number.name))
-        except OSError:
-            continue
-        try:
-            inet = found.family in (socket.AF_INET, socket.AF_INET6)
-            if inet and found.type == socket.SOCK_STREAM:
-                yield found
-        finally:
-            found.detach()
-
-
-def let_go_at_once() -> None:
-    """Let no end of a link of this process wait until all that was sent has arrived.
-
-    Zenoh has the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
-    other links. Over a line that is cut nothing arrives, and for so long the program is deaf.
-    """
-    for line in own_sockets():
-        with suppress(OSError):
-            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
 def _listens(line: socket.socket) -> tuple[str, int] | None:

@@ -11,6 +11,7 @@ Stream = socket.socket | ssl.SSLSocket
 CHUNK = 65536
 MOST_WAITING = 4 * CHUNK
 """Bytes for one side that may wait to be sent before nothing more is read of the other side."""
+STALLED = "nothing could be sent over it for a lease"
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 BLOCKED = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
 
@@ -53,7 +54,7 @@ class Relay:
         self.outer = outer
         self._outer, self._inner = Side(outer), Side(inner)
         self._outer.other, self._inner.other = self._inner, self._outer
-        self._open = True
+        self._open, self._stalled = True, False
 
     def begin(self) -> None:
         """Carry what comes from now on."""
@@ -67,12 +68,16 @@ class Relay:
         """End both sides; nothing happens where they have ended."""
         if not self._open:
             return
-        self._open, self.why = False, why
+        self._open, self.why = False, STALLED if self._stalled else why
         for side in (self._outer, self._inner):
             if side.watched:
                 self._selector.unregister(side.line)
             side.line.close()
         self._ended(self)
+
+    def note_stall(self) -> None:
+        """Note that a side is about to be shut down because it stalls; from any thread."""
+        self._stalled = True
 
     def _ready(self, side: Side, _line: Stream, events: int) -> None:
         try:

@@ -5,6 +5,7 @@
 
 import json
 import logging
+import threading
 from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any
@@ -14,13 +15,18 @@ import zenoh
 from pincette.bus.guard import Guard
 from pincette.bus.handshake import diagnose_link, is_taken
 from pincette.bus.local_sockets import by_socket
-from pincette.bus.private_port import PrivatePort, let_go_at_once
+from pincette.bus.own_sockets import LinkSockets, StallWatch
+from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
-from pincette.bus.settings import guarded, settings
+from pincette.bus.settings import guarded, lease_s, settings
 from pincette.bus.topology import SessionConfig, address_of
 from pincette.bus.vouching import Vouching
 
 log = logging.getLogger("pincette")
+CLOSE_S = 1.0
+"""For so long the end of a session waits for links that take nothing."""
+GIVEN_UP_S = 0.2
+"""The same where the session is given up."""
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
     "keep others from this program's door"
@@ -30,8 +36,10 @@ UNSIGNED = (
 class Joined:
     """A session, and the guard at its ports where it has any."""
 
-    def __init__(self, session: "zenoh.Session", guard: Guard | None) -> None:
-        self.session, self.guard = session, guard
+    def __init__(self, session: "zenoh.Session", guard: Guard | None, stalls: StallWatch) -> None:
+        """``stalls`` ends links that take nothing of what is sent."""
+        self.session, self.guard, self._stalls = session, guard, stalls
+        self._sockets = LinkSockets(stalls)
         self._up: dict[str, tuple[float, str]] = {}
         """When each link came up, and with whom, by Zenoh's name of its other end."""
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
@@ -44,9 +52,10 @@ class Joined:
         peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else link.dst}"
         if event.kind == zenoh.SampleKind.PUT:
             self._up[end] = now_s, peer
-            let_go_at_once()
+            self._sockets.add(str(link.src), str(link.dst))
             log.info("link up: %s", peer)
             return
+        self._sockets.remove(str(link.dst))
         why = (led_in.why if led_in else "") or "its lease is over, or it was ended"
         self._note_down(*self._up.pop(end, (now_s, peer)), why)
 
@@ -59,14 +68,35 @@ class Joined:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Leave the bus, and log that the links which are up end with the session."""
-        self._listener.undeclare()
-        for since_s, peer in self._up.values():
-            self._note_down(since_s, peer, "closed here")
-        if self.guard is not None:
-            self.guard.close()
-        self.session.close()
+    def close(self, limit_s: float = CLOSE_S) -> None:
+        """Leave the bus, and log that the links which are up end with the session.
+
+        Links that are still there after ``limit_s`` are ended by their sockets, since Zenoh waits
+        for a partner that reads nothing, and may keep the sockets of a session for ever.
+        """
+        late = threading.Timer(limit_s, self._sockets.shut_down)
+        late.daemon = True
+        late.start()
+        try:
+            self._listener.undeclare()
+            for since_s, peer in list(self._up.values()):
+                self._note_down(since_s, peer, "closed here")
+            if self.guard is not None:
+                self.guard.close()
+            self.session.close()
+        except zenoh.ZError as error:  # it has waited for 10 s
+            log.warning("a session could not be closed, and is left: %s", error)
+        finally:
+            late.cancel()
+            self._stalls.close()
+            self._sockets.close()
+
+    def give_up(self) -> None:
+        """Close a session that carries nothing, and wait for nothing."""
+        limit = (GIVEN_UP_S,)
+        threading.Thread(
+            target=self.close, args=limit, name="session given up", daemon=True
+        ).start()
 
 
 def open_session(config: SessionConfig, name: str) -> Joined:
@@ -74,12 +104,14 @@ def open_session(config: SessionConfig, name: str) -> Joined:
     # Its threads would write lines to standard output, and wait where nobody reads that.
     zenoh.init_log_from_env_or("off")
     config, sockets = by_socket(config)
+    stalls = StallWatch(lease_s(config))
     if not config.listen:
-        return Joined(_opened(config, settings(config, name), name), None)
+        return Joined(_opened(config, settings(config, name), name), None, stalls)
     behind = PrivatePort.chosen()
     vouching = None if config.tls is None else Vouching(config.tls.credentials)
     try:
-        guard = Guard([address_of(place) for place in config.listen], behind, vouching)
+        places = [address_of(place) for place in config.listen]
+        guard = Guard(places, behind, vouching, stalls)
     except OSError as error:
         raise _not_joined(config, name, error) from error
     try:
@@ -90,7 +122,7 @@ def open_session(config: SessionConfig, name: str) -> Joined:
         guard.close()
         raise
     guard.start()
-    return Joined(session, guard)
+    return Joined(session, guard, stalls)
 
 
 def _opened(config: SessionConfig, tree: Mapping[str, Any], name: str) -> "zenoh.Session":

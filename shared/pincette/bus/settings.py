@@ -30,6 +30,11 @@ PRIORITIES = (
 )
 
 
+def lease_s(config: SessionConfig) -> float:
+    """For so long a link may be silent, or take nothing that is sent, before it is ended."""
+    return 1e-3 * (PATIENT_MS if config.patient else LEASE_MS)
+
+
 def settings(config: SessionConfig, name: str) -> dict[str, Any]:
     """Zenoh's settings of a program's session, seen by others under a name."""
     waits = config.mode == "client"

@@ -6,7 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pincette.bus.private_port import PrivatePort, let_go_at_once, own_sockets
+from pincette.bus.own_sockets import let_go_at_once, own_sockets
+from pincette.bus.private_port import PrivatePort
 
 OTHER = """
 import fcntl, sys

@@ -14,7 +14,7 @@ import pytest
 from pincette.engine.log_queue import CAPACITY, END_S, LogQueue
 
 ROOT = Path(__file__).parents[3]
-MANY = 50 * CAPACITY
+MANY = 5 * CAPACITY
 PATIENCE_S = 20.0
 TEXT = logging.Formatter("%(levelname)s %(message)s")
 

@@ -1,0 +1,37 @@
+"""Deliveries of a session in threads of their own, so that a slow consumer stalls no link.
+
+By default Zenoh keeps 256 samples for a callback, and then its network thread waits for the
+callback. A process has two of these threads for all its sessions. So two callbacks that hang made
+every session of the process deaf, also one that was opened to stop the rig. Here the oldest sample
+gives way instead: numbers of samples show what is missing, and the newest counts.
+"""
+
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar, cast
+
+import zenoh
+
+T = TypeVar("T")
+WAITING = 16_384
+"""Deliveries of one subscriber that may wait for it; a quarter of a minute at 1 kHz."""
+log = logging.getLogger("pincette")
+
+
+def ring() -> Any:
+    """Return a handler for ``declare_…`` that keeps the newest deliveries, and never waits."""
+    return cast("Any", zenoh.handlers.RingChannel(WAITING))
+
+
+def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) -> None:
+    """Pass all deliveries of a subscriber on, in a thread that ends with the subscriber."""
+
+    def run() -> None:
+        for one in source:
+            try:
+                sink(one)
+            except Exception:  # the next one may be in order
+                log.exception("%s: a delivery failed", name)
+
+    threading.Thread(target=run, name=f"bus {name}").start()

@@ -1,0 +1,248 @@
+"""The stream sockets of this process, also those of Zenoh, and how long they may stall.
+
+Zenoh waits for ever for a partner that reads nothing: neither its lease nor its limit of a blocked
+message ends the link, and the threads that wait for it carry no other link either (zenoh issue
+1876). ``TCP_USER_TIMEOUT`` is no remedy: in Linux each segment of such a partner, as one with its
+keep-alive, begins that time again. So a thread watches whether the partner takes what is sent.
+"""
+
+import fcntl
+import os
+import select
+import socket
+import struct
+import termios
+import threading
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+
+SEND_BYTES = 262_144
+"""Size of a send buffer; the kernel's own grows to 4 MB, which hide a stall."""
+LOOKS, CLOSE_LOOKS = 5, 40
+"""How often within a lease the watch looks, and how often while a Unix socket takes nothing."""
+BYTES_ACKED = 120
+"""Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``."""
+LOCAL = "unixsock-stream/"
+FAMILIES = (socket.AF_INET, socket.AF_INET6, socket.AF_UNIX)
+
+
+def own_sockets() -> Generator[socket.socket]:
+    """Yield every stream socket of this process, each valid until the next one.
+
+    They are borrowed. A copy of a descriptor, once closed, would take from this process all locks
+    on that file: SQLite's on the journal, which another process that closes it would then remove.
+    """
+    for number in Path("/proc/self/fd").iterdir():
+        try:
+            found = socket.socket(fileno=int(number.name))
+        except OSError:
+            continue
+        try:
+            if found.family in FAMILIES and found.type == socket.SOCK_STREAM:
+                yield found
+        finally:
+            found.detach()
+
+
+def let_go_at_once() -> None:
+    """Let no end of a link of this process wait until all that was sent has arrived.
+
+    Zenoh has the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
+    other links. Over a line that is cut nothing arrives, and for so long the program is deaf.
+    """
+    for line in own_sockets():
+        with suppress(OSError):
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
+
+
+def limit_buffer(line: socket.socket) -> None:
+    """Let at most ``SEND_BYTES`` wait in the kernel to be sent over a connection."""
+    with suppress(OSError):  # it has ended meanwhile
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
+
+
+class LinkSockets:
+    """The sockets of one session's links: watches them, and shuts them down."""
+
+    def __init__(self, watch: "StallWatch") -> None:
+        self._watch = watch
+        self._lock = threading.Lock()
+        self._inodes: dict[str, set[int]] = {}
+        """Inodes of the sockets of each link, by Zenoh's name of its other end."""
+
+    def add(self, own_end: str, other_end: str) -> None:
+        """Find the sockets of a link that has come up, by Zenoh's names of its ends."""
+        let_go_at_once()
+        with self._lock, _CLAIMING:
+            found: set[int] = set()
+            with closing(own_sockets()) as sockets:
+                for line in sockets:
+                    inode = os.fstat(line.fileno()).st_ino
+                    if inode in _CLAIMED or not _is_of(line, own_end, other_end):
+                        continue
+                    found.add(inode)
+                    limit_buffer(line)
+                    self._watch.add(line)
+                    if line.family == socket.AF_UNIX:
+                        break  # the sockets of several sessions at one place have the same names
+            self._inodes.setdefault(other_end, set()).update(found)
+            _CLAIMED.update(found)
+
+    def remove(self, other_end: str) -> None:
+        """Forget the sockets of a link that has gone."""
+        with self._lock, _CLAIMING:
+            _CLAIMED.difference_update(self._inodes.pop(other_end, ()))
+
+    def shut_down(self) -> None:
+        """End all links at once, whatever still waits to be sent or read."""
+        with self._lock:
+            inodes = set[int]().union(*self._inodes.values())
+        shut_down(inodes)
+
+    def close(self) -> None:
+        """Forget all sockets."""
+        for end in list(self._inodes):
+            self.remove(end)
+
+
+_CLAIMING = threading.Lock()
+_CLAIMED: set[int] = set()
+"""Inodes of the sockets that are known to be a link's, of all sessions of this process."""
+
+
+def shut_down(inodes: Iterable[int]) -> None:
+    """Shut down the own sockets with these inodes, in both directions."""
+    wanted = frozenset(inodes)
+    with closing(own_sockets()) as sockets:
+        for line in sockets:
+            with suppress(OSError):
+                if os.fstat(line.fileno()).st_ino in wanted:
+                    line.shutdown(socket.SHUT_RDWR)
+
+
+def _is_of(line: socket.socket, own_end: str, other_end: str) -> bool:
+    try:
+        own, other = line.getsockname(), line.getpeername()
+    except OSError:  # it listens, or is not connected any more
+        return False
+    if line.family == socket.AF_UNIX:
+        # An end without a name has one of Zenoh's own.
+        return f"{LOCAL}{own}" == own_end or f"{LOCAL}{other}" == other_end
+    return (_named(own), _named(other)) == (_address(own_end), _address(other_end))
+
+
+def _named(address: tuple[str, int]) -> str:
+    host, port = address[:2]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _address(end: str) -> str:
+    """Return the address of an endpoint without its protocol and options."""
+    return end.partition("/")[2].partition("?")[0].partition("#")[0]
+
+
+@dataclass(slots=True)
+class _Line:
+    """A socket that is watched."""
+
+    inode: int
+    family: int
+    on_stall: Callable[[], None] | None
+    mark: int = -1
+    """What has been acknowledged of a TCP connection, or waits in a Unix socket; -1: nothing."""
+    stalled_s: float = 0.0
+
+
+class StallWatch:
+    """Shuts a connection down whose partner has taken nothing of what waits for it for a lease.
+
+    Of a TCP connection the kernel counts what the partner's kernel has accepted. Of a Unix socket
+    only the amount that waits is known: it stalls where it takes no more and the amount stays the
+    same.
+    """
+
+    def __init__(self, lease_s: float) -> None:
+        self._lease_s = lease_s
+        self._lock = threading.Lock()
+        self._lines: dict[int, _Line] = {}
+        """By descriptor."""
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._looked_s = monotonic()
+        self._close = False
+        """Whether to look more often."""
+
+    def add(self, line: socket.socket, on_stall: Callable[[], None] | None = None) -> None:
+        """Watch a connection from here on until it is closed; ``on_stall`` is called before."""
+        descriptor = line.fileno()
+        with self._lock:
+            inode = os.fstat(descriptor).st_ino
+            self._lines[descriptor] = _Line(inode, line.family, on_stall)
+            if self._thread is None and not self._closing.is_set():
+                self._thread = threading.Thread(target=self._run, name="stalls", daemon=True)
+                self._thread.start()
+
+    def _run(self) -> None:
+        while not self._closing.wait(self._interval_s):
+            self.look()
+
+    @property
+    def _interval_s(self) -> float:
+        return self._lease_s / (CLOSE_LOOKS if self._close else LOOKS)
+
+    def look(self) -> None:
+        """Look at each connection once."""
+        with self._lock:
+            now_s = monotonic()
+            # Time in which this process did not run says nothing of a partner.
+            passed_s = min(now_s - self._looked_s, 2.0 * self._interval_s)
+            self._looked_s, self._close = now_s, False
+            for descriptor, line in list(self._lines.items()):
+                try:
+                    mark = self._mark(descriptor, line)
+                except OSError:  # it is closed
+                    del self._lines[descriptor]
+                    continue
+                line.stalled_s = line.stalled_s + passed_s if mark == line.mark != -1 else 0.0
+                line.mark = mark
+                if line.stalled_s >= self._lease_s:
+                    del self._lines[descriptor]
+                    if line.on_stall is not None:
+                        line.on_stall()
+                    shut_down([line.inode])
+
+    def _mark(self, descriptor: int, line: _Line) -> int:
+        """Return what stays the same while a connection stalls; raises OSError if it is closed."""
+        if os.fstat(descriptor).st_ino != line.inode:
+            raise OSError
+        waiting = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
+        if not waiting:
+            return -1
+        if line.family != socket.AF_UNIX:
+            return _bytes_acked(descriptor, line.family)
+        poll = select.poll()
+        poll.register(descriptor, select.POLLOUT)
+        if poll.poll(0):
+            return -1
+        self._close = True
+        return waiting
+
+    def close(self) -> None:
+        """End the thread."""
+        with self._lock:
+            self._closing.set()
+            thread = self._thread
+        if thread is not None:
+            thread.join()
+
+
+def _bytes_acked(descriptor: int, family: int) -> int:
+    line = socket.socket(family, socket.SOCK_STREAM, 0, descriptor)
+    try:
+        info = line.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, BYTES_ACKED + 8)
+    finally:
+        line.detach()
+    return int(struct.unpack_from("=Q", info, BYTES_ACKED)[0])

@@ -1,0 +1,286 @@
+"""A partner that reads nothing: its link is ended within a lease, and the others carry on."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+import zenoh
+
+from pincette.bus import zenoh_bus
+from pincette.bus.guard import Guard
+from pincette.bus.local_sockets import named_to_programs
+from pincette.bus.own_sockets import StallWatch
+from pincette.bus.private_port import PrivatePort
+from pincette.bus.protocol import BusError
+from pincette.bus.session import CLOSE_S, open_session
+from pincette.bus.stopping import trip_at
+from pincette.bus.topology import client_session, direct_session, peer_session
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.core.faults import Cause
+from pincette.core.messages import Ack, Message, Position, StatusRequest, Trip
+from pincette.core.topics import POSITION, STATUS, TRIP, Request, Topic
+from pincette.engine.process import loop_services
+from pincette.security.folder import Folder
+from tests.support.certificates import folder_for
+from tests.support.doors import Door
+from tests.support.rigs import free_ports
+from tests.support.stalled_reader import KEY
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+ROOT = Path(__file__).parents[2]
+LEASE_S = 0.5
+SLACK_S = 5.0
+"""What a busy machine may add; without the limits a stalled link lasts for ever."""
+CHUNK = bytes(60_000)
+HELLO = b"\x01\x00\x01"
+"""The beginning of a Zenoh session, with which a plain guard lets a connection in."""
+
+
+def until(done: Callable[[], object], within_s: float = SLACK_S) -> None:
+    deadline = monotonic() + within_s
+    while not done():
+        assert monotonic() < deadline
+        sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
+
+
+@pytest.fixture(params=["plain", "secure", "local socket"])
+def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[tuple[Door, list[str]]]:
+    """A router, and the arguments of a stalled reader that joins it."""
+    secure = request.param == "secure"
+    with ExitStack() as stack:
+        if request.param == "local socket":
+            stack.enter_context(named_to_programs())
+        made = Door(folder if secure else None)
+        stack.callback(made.router.close)
+        yield made, [str(made.port), *([str(folder.path)] if secure else [])]
+
+
+@contextmanager
+def stalled_reader(arguments: list[str]) -> Generator[None]:
+    program = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.stalled_reader", *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+    )
+    try:
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"ready\n"
+        yield
+    finally:
+        program.kill()
+        program.communicate()
+
+
+def test_a_link_to_which_nothing_can_be_written_for_a_lease_is_ended(
+    door: tuple[Door, list[str]], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its partner's keep-alives come all the time, and what is published may be dropped."""
+    caplog.set_level("INFO", "pincette")
+    router, arguments = door
+    session = router.router.session
+    publisher = session.declare_publisher(
+        KEY, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.REAL_TIME
+    )
+    with stalled_reader(arguments):
+        until(session.info.links)
+        begun_s = monotonic()
+        sent = 0
+        while session.info.links():
+            publisher.put(CHUNK)
+            sent += len(CHUNK)
+            sleep(0.001)
+            assert monotonic() < begun_s + LEASE_S + SLACK_S, f"{sent} bytes"
+        until(lambda: any("link down" in one for one in caplog.messages))
+
+
+@pytest.fixture
+def echo() -> Generator[PrivatePort]:
+    """A private port behind which everything is sent back, and which then waits for its reader."""
+    behind = PrivatePort.chosen()
+    with socket.create_server((behind.host, behind.port)) as listener:
+        assert behind.close_to_others()
+
+        def answer() -> None:
+            line, _ = listener.accept()
+            with line:
+                try:
+                    while found := line.recv(65536):
+                        line.sendall(found)
+                except OSError:
+                    return
+
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        yield behind
+        thread.join(SLACK_S)
+        assert not thread.is_alive()
+
+
+def test_a_relay_ends_a_link_on_which_both_ends_wait_for_the_other_to_read(
+    echo: PrivatePort,
+) -> None:
+    port = free_ports(1)
+    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
+    guard.start()
+    with closing(guard), socket.create_connection(("127.0.0.1", port)) as line:
+        line.settimeout(2.0 * LEASE_S + SLACK_S)
+        with pytest.raises(ConnectionError):
+            line.sendall(HELLO + 2000 * CHUNK)
+
+
+def test_a_slow_reader_keeps_its_link(echo: PrivatePort) -> None:
+    """It reads a little in each lease."""
+    port = free_ports(1)
+    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
+    guard.start()
+    sent, got = HELLO + bytes(3_000_000), 0
+    with closing(guard), socket.create_connection(("127.0.0.1", port)) as line:
+        line.settimeout(20.0)
+        sender = threading.Thread(target=lambda: line.sendall(sent))
+        sender.start()
+        begun_s = monotonic()
+        while monotonic() < begun_s + 4.0 * LEASE_S:
+            got += len(line.recv(150_000))
+            sleep(0.2 * LEASE_S)
+        while got < len(sent):
+            got += len(line.recv(1_000_000))
+        sender.join()
+    assert got == len(sent)
+
+
+@contextmanager
+def proxy(port: int) -> Generator[tuple[int, threading.Event, list[socket.socket]]]:
+    """Carry connections on to a port; while the event is set nothing is carried either way."""
+    stalled, lines = threading.Event(), list[socket.socket]()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def carry(source: socket.socket, target: socket.socket) -> None:
+            try:
+                while found := source.recv(65536):
+                    while stalled.is_set():
+                        sleep(0.01)
+                    target.sendall(found)
+            except OSError:
+                pass
+            for line in (source, target):
+                line.close()
+
+        def accept() -> None:
+            while True:
+                try:
+                    near, _ = listener.accept()
+                except OSError:
+                    return
+                far = socket.create_connection(("127.0.0.1", port))
+                lines.extend((near, far))
+                for pair in ((near, far), (far, near)):
+                    threading.Thread(target=carry, args=pair, daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        yield listener.getsockname()[1], stalled, lines
+        stalled.clear()
+        listener.shutdown(socket.SHUT_RDWR)
+        for line in lines:
+            line.close()
+
+
+def test_the_end_of_a_session_waits_for_no_stalled_link() -> None:
+    door = Door(None)
+    with closing(door.router), proxy(door.port) as (port, stalled, _):
+        joined = open_session(client_session("127.0.0.1", port), "tool")
+        until(joined.session.info.links)
+        stalled.set()
+        begun_s = monotonic()
+        joined.close()
+        assert monotonic() - begun_s < CLOSE_S + SLACK_S
+
+
+def test_a_session_that_is_given_up_keeps_no_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its sockets are shut down, so its partner knows of it no more, although nothing is read."""
+    monkeypatch.setattr(zenoh_bus, "UNANSWERED_S", 0.3)
+    door = Door(None)
+    with ExitStack() as stack:
+        stack.callback(door.router.close)
+        mute = stack.enter_context(closing(ZenohBus(door.client, "demo", "estimator")))
+        kept = list[object]()
+        mute.announce("estimator")
+        mute.serve(STATUS["estimator"], lambda _question, _request, reply: kept.append(reply))
+        port, _, lines = stack.enter_context(proxy(door.port))
+        bus = ZenohBus(client_session("127.0.0.1", port), "demo", "supervisor")
+        stack.callback(bus.close)
+        bus.announce("supervisor")
+        until(lambda: "supervisor" in mute.alive())
+        (first, _) = lines
+        until(lambda: _unanswered(bus) and len(lines) > 2, 20.0)
+        until(lambda: first.fileno() == -1)
+        until(lambda: "supervisor" in mute.alive())
+        until(lambda: len(door.router.session.info.links()) == 2)
+
+
+def _unanswered(bus: ZenohBus) -> bool:
+    with pytest.raises(BusError):
+        bus.call(STATUS["estimator"], StatusRequest(), 0.2)
+    return True
+
+
+def answer(_question: Request, _message: Message, reply: Callable[[Message], None]) -> None:
+    reply(Ack(1))
+
+
+def test_consumers_that_hang_leave_the_ways_of_a_stop_open() -> None:
+    """The network threads of a process are shared by its sessions, those of a stop included."""
+    port = free_ports(8)
+    never, hung = threading.Event(), threading.Semaphore(0)
+
+    def hang(_topic: Topic, _message: Message) -> None:
+        hung.release()
+        never.wait()
+
+    router = Door(None)
+    with ExitStack() as stack:
+        stack.callback(router.router.close)
+        at_actuator = peer_session("127.0.0.1", port, "actuator", loop_services(), lockstep=False)
+        actuator = stack.enter_context(closing(ZenohBus(at_actuator, "demo", "actuator")))
+        actuator.serve(TRIP, answer)
+        source = stack.enter_context(closing(ZenohBus(router.client, "demo", "sensor")))
+        buses = [
+            stack.enter_context(closing(ZenohBus(router.client, "demo", f"tool {number}")))
+            for number in range(4)
+        ]
+        stack.callback(never.set)
+        for bus in buses:
+            bus.subscribe(POSITION, hang)
+        sent = 0
+
+        def publish() -> None:
+            nonlocal sent
+            sent += 1
+            source.publish(Position(epoch=1, seq=sent, t_s=0.0, x_um=0.0, valid=True))
+
+        for _ in buses:
+            until(lambda: publish() or hung.acquire(blocking=False))
+        for _ in range(2000):  # more than Zenoh keeps for a callback
+            publish()
+            sleep(0.0005)
+        begun_s = monotonic()
+        ends = direct_session("127.0.0.1", port, "actuator")
+        assert trip_at(ends, "demo", Trip(Cause.ESTOP)) == Ack(1)
+        assert monotonic() - begun_s < 1.0 + SLACK_S
+        for bus in buses:
+            assert bus.alive() == set()  # which is an answer of the router
