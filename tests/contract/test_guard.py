@@ -3,11 +3,15 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import errno
+import logging
 import re
 import secrets
 import socket
+import tempfile
 import threading
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from time import monotonic, sleep
 from typing import Any, cast
 
@@ -94,6 +98,45 @@ def test_links_that_are_up_go_on_and_are_ended_with_their_own_end(door: Door) ->
     while door.router.session.info.links():
         assert monotonic() < deadline
         sleep(0.01)
+
+
+def test_a_newcomer_needs_no_room_on_any_disk(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    door = Door(folder)
+    try:
+        with monkeypatch.context() as patch:
+
+            def no_folder(*_words: object, **_settings: object) -> str:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+            patch.setattr(tempfile, "mkdtemp", no_folder)
+            patch.setattr(tempfile, "mkstemp", no_folder)
+            patch.setattr(tempfile, "TemporaryDirectory", no_folder)
+            assert door.opened_s() < OPENS_S
+        assert door.guard.count.refused == 0
+        assert "refused" not in caplog.text
+    finally:
+        door.router.close()
+
+
+def test_refusals_are_counted_and_logged_with_a_bound(
+    door: Door, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, "pincette"):
+        for _ in range(20):
+            with socket.create_connection(("127.0.0.1", door.port), 5.0) as line:
+                line.sendall(b"GET / HTTP/1.1\r\n\r\n")
+                line.settimeout(10.0)
+                with suppress(ConnectionError):
+                    line.recv(1)
+        deadline = monotonic() + BACK_S
+        while door.guard.count.refused < 20:
+            assert monotonic() < deadline
+            sleep(0.01)
+    lines = [one.getMessage() for one in caplog.records if "refused" in one.getMessage()]
+    assert 1 <= len(lines) <= 3
+    assert "127.0.0.1" in lines[0]
 
 
 def test_no_link_is_waited_for_at_its_end(door: Door) -> None:

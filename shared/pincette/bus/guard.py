@@ -38,6 +38,8 @@ REVOKED_S = 1.0
 """The same where there are none, for the list of revoked certificates."""
 PAUSE_S = 0.01
 """Where no file can be opened any more."""
+LOGGED_S = 10.0
+"""Least time between two log lines about refused connections."""
 
 
 @dataclass(slots=True)
@@ -73,6 +75,10 @@ class Guard:
         self._pending: dict[str, dict[Pending, None]] = {}
         """By address, and in the order in which they came."""
         self._many = 0
+        self._log_s = 0.0
+        """Time from which a refusal is logged again."""
+        self._unlogged = 0
+        """Refusals since the last log line about one."""
         self._relays: set[Relay] = set()
         self._links: dict[str, Relay] = {}
         """The newest links, also those that are over, by Zenoh's name of their other end."""
@@ -152,9 +158,7 @@ class Guard:
         try:
             admitted = self._admission.lead(one)
         except (OSError, BusError, ValueError) as error:
-            log.debug("guard: %s: %s", one.address, error)
-            self.count.refused += 1
-            self._end(one, _close)
+            self._refuse(one, str(error) or type(error).__name__, _close)
             return
         if admitted and one.inner is not None:
             self._forget(one)
@@ -189,8 +193,7 @@ class Guard:
         now_s = monotonic()
         for one in self._all():
             if now_s > one.until_s:
-                self.count.refused += 1
-                self._end(one, reset)
+                self._refuse(one, f"no end of its stage {one.stage.name.lower()} in time", reset)
             elif one.silent:
                 self._advance(one)
 
@@ -203,6 +206,21 @@ class Guard:
                 shown = outer.getpeercert()
                 if self._vouching.revoked.holds(serial_of(shown)):
                     relay.close("its certificate was revoked")
+
+    def _refuse(self, one: Pending, why: str, close: Callable[[Stream], None]) -> None:
+        """End a connection that may not come in, count it, and log it unless many come."""
+        self.count.refused += 1
+        self._unlogged += 1
+        now_s = monotonic()
+        if now_s >= self._log_s:
+            log.warning(
+                "guard: connection of %s refused: %s (%d refused since the last such line)",
+                one.address,
+                why,
+                self._unlogged,
+            )
+            self._log_s, self._unlogged = now_s + LOGGED_S, 0
+        self._end(one, close)
 
     def _end(self, one: Pending, close: Callable[[Stream], None]) -> None:
         self._forget(one)

@@ -3,10 +3,9 @@
 # Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
 # real one, shows Zenoh another of the same name, signed by an authority of this process alone.
 
+import os
 import ssl
-import tempfile
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any, cast
 
 from pincette.bus.protocol import BusError
@@ -74,12 +73,15 @@ def serial_of(shown: Any) -> int:
 
 
 def _load(context: ssl.SSLContext, pair: Pair) -> None:
-    # OpenSSL's loader takes files only; the folder is the owner's alone and gone at once.
-    with tempfile.TemporaryDirectory() as folder:
-        certificate, private_key = Path(folder, "crt"), Path(folder, "key")
-        certificate.write_bytes(pair.certificate)
-        private_key.write_bytes(pair.private_key)
-        context.load_cert_chain(certificate, private_key)
+    """Load a certificate from memory.
+
+    OpenSSL's loader takes files only. This one belongs to no folder, so that a full disk keeps
+    nobody out.
+    """
+    with os.fdopen(os.memfd_create("certificate"), "wb") as file:
+        file.write(pair.certificate + pair.private_key)
+        file.flush()
+        context.load_cert_chain(f"/proc/self/fd/{file.fileno()}")
 
 
 def _name(shown: Any) -> str:

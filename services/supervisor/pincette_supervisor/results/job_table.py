@@ -4,8 +4,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from tempfile import TemporaryFile
-from typing import Any, cast
+from typing import IO, Any, cast
 
 from pincette.api.jobs import Job
 from pincette.core.units import unit_of
@@ -14,8 +13,8 @@ from pincette.records import parquet
 MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
-PART_BYTES, GROUP_ROWS = 65_536, 2_000
-"""Bytes of a Parquet file that are sent at once, and rows of one of its row groups."""
+GROUP_ROWS = 2_000
+"""Rows of a row group of a Parquet file."""
 GROUPS = ("", "label", "value", "result")
 """Begins of the names of columns, in their order."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -100,18 +99,41 @@ def _line(cells: Sequence[Any]) -> str:
     return stream.getvalue()
 
 
+class _Parts:
+    """File in memory for what was written since the last ``take``; no disk is needed."""
+
+    closed = False
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def write(self, part: bytes) -> int:
+        """Append a part."""
+        self._parts.append(bytes(part))
+        return len(part)
+
+    def flush(self) -> None:
+        """Do nothing: no part waits elsewhere."""
+
+    def take(self) -> bytes:
+        """Return what was written since the last call."""
+        found = b"".join(self._parts)
+        self._parts.clear()
+        return found
+
+
 def parquet_of(table: JobTable) -> Iterator[bytes]:
     """Parts of a Parquet file with the unit of each column in its metadata."""
     fields = [_field(name, kinds) for name, kinds in table.columns.items()]
-    with TemporaryFile() as file:
-        with parquet.writing(file, fields, {}, GROUP_ROWS) as writer:
-            for page in table.rows():
-                writer.add(
-                    {one.name: [_value(row.get(one.name), one) for row in page] for one in fields}
-                )
-        file.seek(0)
-        while part := file.read(PART_BYTES):
-            yield part
+    file = _Parts()
+    with parquet.writing(cast("IO[bytes]", file), fields, {}, GROUP_ROWS) as writer:
+        for page in table.rows():
+            writer.add(
+                {one.name: [_value(row.get(one.name), one) for row in page] for one in fields}
+            )
+            if part := file.take():
+                yield part
+    yield file.take()
 
 
 def _field(name: str, kinds: frozenset[type[Any]]) -> parquet.Field:
