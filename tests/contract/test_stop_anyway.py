@@ -19,6 +19,7 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli import Exit
 from pincette.cli.main import main
 from pincette.config import RigFile
+from pincette.core import rest_stop
 from pincette.core.messages import Ack, Message
 from pincette.core.topics import TRIP, Request
 from pincette.engine.process import loop_services
@@ -278,6 +279,60 @@ def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
     assert done.returncode == Exit.DONE, done.stderr
     assert len(asked) == 1
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
+
+
+def _with_supervisor_at(path: Path, port: int) -> None:
+    text = path.read_text(encoding="utf-8")
+    head, table, rest = text.partition("[supervisor]\n")
+    rest = re.sub(r"(?m)^port = \d+$", f"port = {port}", rest, count=1)
+    path.write_text(head + table + rest, encoding="utf-8")
+
+
+def test_an_impostor_at_the_port_of_the_supervisor_does_not_replace_the_actuator(
+    actuator: tuple[RigFile, Path, list[Message]],
+) -> None:
+    _, path, asked = actuator
+    with answering(200, stopped("demo")) as impostor:
+        _with_supervisor_at(path, impostor.port)
+        done = estop("--rig", str(path), "--json")
+    assert done.returncode == Exit.DONE, done.stderr
+    assert json.loads(done.stdout)["stopped"] == {"demo": "at the actuator"}
+    assert len(asked) >= 1
+    assert impostor.posts
+
+
+def test_an_impostor_confirms_no_stop_of_a_rig_that_is_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(rig_toml(demo_rig()), encoding="utf-8")
+    with answering(200, stopped("demo")) as impostor:
+        _with_supervisor_at(path, impostor.port)
+        done = estop("--rig", str(path), "--json")
+        by_url = estop("--rig", str(path), "--url", impostor.url.replace("127.0.0.1", "localhost"))
+    assert done.returncode == by_url.returncode == Exit.NO_ANSWER
+    told = json.loads(done.stdout)
+    assert (told["stopped"], told["unconfirmed"]) == ({}, ["demo"])
+    assert len(impostor.posts) == 2
+
+
+def test_a_program_of_another_user_confirms_nothing_and_gets_no_key(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    words = ["--rig", "/nonexistent", "--key", "secret", "--json"]
+    with answering(200, stopped("demo")) as server:
+        for uid, believed in ((0, True), (999, True), (1001, False), (65534, True)):
+
+            def owner(_host: str, _port: int, uid: int = uid) -> int:
+                return uid
+
+            monkeypatch.setattr(rest_stop, "listener_uid", owner)
+            server.posts.clear()
+            status = main(["estop", "--url", server.url, *words])
+            assert status == (Exit.DONE if believed else Exit.NO_ANSWER)
+            assert ["Authorization" in headers for _, headers in server.posts] == [believed]
+            assert json.loads(capsys.readouterr().out)["stopped"].keys() == (
+                {"demo"} if believed else set()
+            )
 
 
 @pytest.mark.parametrize("words", [("rigs",), ("watch",), ("stop",), ("job", "list")], ids=" ".join)

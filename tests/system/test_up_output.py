@@ -1,4 +1,4 @@
-"""``pincette up`` keeps a held part where its output cannot be written or its terminal is lost."""
+"""``pincette up`` keeps a held part where its output, its terminal or its REST port is lost."""
 
 import fcntl
 import os
@@ -15,6 +15,8 @@ from time import monotonic, sleep
 import pytest
 
 from pincette.client import Supervisor
+from pincette.core.listening import bound
+from tests.support.checkout import await_text, until_interrupted
 from tests.support.commands import PINCETTE, assert_nothing_is_left, processes_of
 from tests.support.grips import SHORT
 from tests.support.rigs import paced_rig, rig_toml
@@ -129,3 +131,43 @@ def test_a_killed_supervisor_is_restarted_and_the_part_stays_held(
             process.terminate()
             process.wait(30.0)
     assert_nothing_is_left(rig, path, timeout_s=10.0)
+
+
+def test_a_supervisor_whose_port_was_taken_serves_again_once_it_is_free(tmp_path: Path) -> None:
+    rig, path = paced_rig(SHORT), tmp_path / "rig.toml"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
+    log = tmp_path / "up.log"
+    with (
+        until_interrupted(command, tmp_path, log) as process,
+        Supervisor(rig.supervisor.url, timeout_s=60.0, patience_s=START_S) as supervisor,
+    ):
+        desk = supervisor.rig("demo")
+        job = desk.start("grip", until_released=True)
+        while "release" not in job.refresh(0.2).allowed_actions:
+            assert not job.ended
+        (before,) = _supervisor_of(path)
+        os.kill(before, signal.SIGKILL)
+        with _taken(rig.supervisor.host, rig.supervisor.port):
+            await_text(log, f":{rig.supervisor.port} is in use", process, START_S)
+        view = desk.state()
+        assert (view.part, str(view.latch.state)) == ("held", "armed")
+        (alarm,) = [one for one in supervisor.alarms(100).alarms if one.cause == "port"]
+        assert alarm.clears == "acknowledge"
+        assert desk.start("release").wait(60.0).state == "succeeded"
+
+
+@contextmanager
+def _taken(host: str, port: int) -> Generator[None]:
+    """Listen at a port as soon as its program has ended."""
+    until_s = monotonic() + START_S
+    while True:
+        try:
+            listener = bound(host, port)
+            break
+        except OSError:
+            assert monotonic() < until_s
+            sleep(0.005)
+    with listener:
+        listener.listen()
+        yield

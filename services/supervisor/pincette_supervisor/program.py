@@ -1,5 +1,8 @@
 """The supervisor as a program: its port, journal, rigs and REST server."""
 
+import errno
+import logging
+import os
 import socket
 import ssl
 import sys
@@ -7,6 +10,7 @@ import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
+from math import inf
 from pathlib import Path
 from time import monotonic
 
@@ -41,7 +45,10 @@ from pincette_supervisor.rigs.rig_finder import RigFinder
 from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 
+log = logging.getLogger("pincette")
 STOP_S = 5.0
+TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
+"""Time between two tries to bind a port that another program has, and between two log lines."""
 SWITCH_S = 0.001
 """Interval at which threads of the interpreter take turns; Python's own is 0.005 s. A stop needs
 the interpreter some ten times, and each time waits for all threads that work."""
@@ -59,16 +66,41 @@ def bind(host: str, port: int) -> socket.socket:
         return bound(host, port)
     except OSError as error:
         raise PortInUseError(
-            f"{error.strerror}. In the rig file: [supervisor] host and port"
+            error.errno, f"{error.strerror}. In the rig file: [supervisor] host and port"
         ) from error
+
+
+def await_port(host: str, port: int, stop: threading.Event) -> tuple[socket.socket | None, float]:
+    """Bind the port; while another program has it, log that and try again.
+
+    Returns the socket, or None after a stop, and how long the port was taken, in s. Raises
+    PortInUseError where the port cannot be had for another reason.
+    """
+    begun_s, said_s = monotonic(), -inf
+    while not stop.is_set():
+        try:
+            return bind(host, port), 0.0 if said_s == -inf else monotonic() - begun_s
+        except PortInUseError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            if monotonic() - said_s >= TAKEN_LOGGED_S:
+                said_s = monotonic()
+                log.error("%s. This supervisor tries again until the port is free", error.strerror)
+        stop.wait(TAKEN_LOOK_S)
+    return None, 0.0
 
 
 def run(context: Context) -> None:
     """Serve REST until the program is stopped."""
     sys.setswitchinterval(SWITCH_S)
     config = configure(context.rig, context.data)
+    # Without a folder that it may write to, matplotlib takes a temporary one, or draws nothing.
+    os.environ.setdefault("MPLCONFIGDIR", str(context.data.absolute() / "matplotlib"))
     with ExitStack() as stack:
-        listener = stack.enter_context(closing(bind(config.host, config.port)))
+        bound_to, taken_s = await_port(config.host, config.port, context.stop)
+        if bound_to is None:
+            return
+        listener = stack.enter_context(closing(bound_to))
         worker = stack.enter_context(closing(Worker(played)))
         worker.begin()
         import_functions()
@@ -110,6 +142,16 @@ def run(context: Context) -> None:
         # These end before the server, so that no request waits for them.
         for close in (listeners.close, rigs.close, finder.close):
             stack.callback(close)
+        if taken_s:
+            rigs.own.context.alarms.raise_alarm(
+                "port",
+                f"another program had port {config.port} for {taken_s:.0f} s"
+                + (
+                    "" if config.tls else ": replace keys and passwords that clients sent meanwhile"
+                ),
+                severity="alarm",
+                clears="acknowledge",
+            )
         context.ready(f"serves at {config.url}/api/v1")
         context.stop.wait()
 

@@ -5,13 +5,13 @@ import math
 from collections.abc import AsyncGenerator
 from datetime import datetime
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from event_model.documents.event_page import PartialEventPage
 
 from pincette.bluesky.readings import SAID, columns
 from pincette.client import AsyncJobHandle
+from pincette.core.files import temporary_folder
 
 ROWS = 1000
 """Of a page, at most."""
@@ -23,7 +23,7 @@ async def pages(job: AsyncJobHandle, name: str, arms: int) -> AsyncGenerator[Par
 
     Records of earlier versions do not state its time; the start of the job takes its place.
     """
-    with TemporaryDirectory(prefix="pincette-") as folder:
+    with temporary_folder() as folder:
         path = await job.download(RECORD, folder)
         found, sample_0_at = await asyncio.to_thread(_read, path, columns(arms))
     begin_at = sample_0_at or job.job.started_at

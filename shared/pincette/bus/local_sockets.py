@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from ipaddress import ip_address
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from pincette.bus.topology import SessionConfig, address_of
+from pincette.core.files import temporary_folder
 
 log = logging.getLogger("pincette")
 VARIABLE = "PINCETTE_SOCKETS"
@@ -28,11 +28,11 @@ OTHERS = stat.S_IRWXG | stat.S_IRWXO
 @contextmanager
 def named_to_programs() -> Generator[str]:
     """Make a folder, and name it to whoever is started within; it is removed at the end."""
-    with TemporaryDirectory(prefix="pincette-") as folder:
+    with temporary_folder() as folder:
         before = os.environ.get(VARIABLE)
-        os.environ[VARIABLE] = folder
+        os.environ[VARIABLE] = str(folder)
         try:
-            yield folder
+            yield str(folder)
         finally:
             if before is None:
                 del os.environ[VARIABLE]

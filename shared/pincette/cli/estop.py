@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Event, Thread
-from time import CLOCK_BOOTTIME, clock_gettime
+from time import CLOCK_BOOTTIME, clock_gettime, monotonic
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from urllib.parse import quote
 
@@ -19,7 +19,7 @@ from pincette.bus.stopping import StopAttempts, trip_at
 from pincette.cli import PKI, RIG_VARIABLE, CliError, Exit, chosen
 from pincette.cli.access import DEFAULT_URL, Authority, Key, authority_of, find_key, operator
 from pincette.cli.terminal import Json, RigOption, command, emit, group
-from pincette.core.rest_stop import RestStopError, stop_over_rest
+from pincette.core.rest_stop import RestStop, RestStopError, is_same_place, stop_over_rest
 from pincette.core.streams import drop
 
 if TYPE_CHECKING:
@@ -31,6 +31,9 @@ FOUND_S = 0.5
 """Limit of the time to read a key or a rig file, which may be on a share that hangs."""
 HEAD_START_S = 0.1
 """Time by which the way straight to an actuator is ahead of that through the router."""
+MARGIN_S, LOOK_S = 0.3, 0.02
+"""Time before ``LIMIT_S`` at which a confirmation over plain HTTP is judged without the actuator's,
+and time between two looks for that."""
 ENDED_S = 4.0
 """Limit of the wait for threads that are inside the bus; the result has been printed by then."""
 URL = "PINCETTE_URL"
@@ -91,7 +94,10 @@ class EmergencyStop:
         """Rigs that the supervisor serves, or whose actuator is on the router."""
         self.answered = False
         """Whether the supervisor has stopped all rigs that it serves."""
-        self._file_read, self._direct_ended = Event(), Event()
+        self.nobody_there = False
+        """Whether no program listens at the actuator's port."""
+        self._until_s = monotonic() + LIMIT_S
+        self._file_read, self._direct_ended, self._routed_ended = Event(), Event(), Event()
 
     def is_complete(self) -> bool:
         """Return whether nothing is left to wait for."""
@@ -144,11 +150,47 @@ class EmergencyStop:
         reply = stop_over_rest(url, self.only, headers, authority_of(authority, pki), REST_S)
         self.notes += reply.notes
         self.found |= {*reply.stopped, *reply.unconfirmed}
-        for rig in reply.stopped:
-            self.attempts.confirm(rig, SUPERVISOR)
-        if reply.unconfirmed:
-            raise RestStopError(f"{url}: {', '.join(reply.unconfirmed)} not confirmed")
+        doubts = [f"{rig} not confirmed" for rig in reply.unconfirmed]
+        self._file_read.wait(FOUND_S)
+        own = None if self.file is None else self.file.rig.name
+        for rig in sorted(reply.stopped, key=lambda rig: rig == own):  # for its own it may wait
+            if doubt := "" if reply.proven else self._doubt(rig, url, reply):
+                doubts.append(doubt)
+            else:
+                self.attempts.confirm(rig, SUPERVISOR)
+        if doubts:
+            raise RestStopError(f"{url}: {'; '.join(doubts)}")
         self.answered = True
+
+    def _doubt(self, rig: str, url: str, reply: RestStop) -> str:
+        """Return why a confirmation over plain HTTP is not believed; empty where it counts.
+
+        Another program may have taken the supervisor's port. For the rig of the rig file the
+        actuator itself is waited for. A confirmation that nothing contradicts counts, with a note.
+        """
+        file = self.file
+        if file is not None and rig == file.rig.name and is_same_place(url, file.supervisor.url):
+            while rig not in self.attempts.confirmed and monotonic() < self._until_s - MARGIN_S:
+                if self._direct_ended.is_set() and self._routed_ended.wait(LOOK_S):
+                    break
+                self._direct_ended.wait(LOOK_S)
+            if self.nobody_there and rig not in self.attempts.confirmed:
+                return (
+                    f"rig {rig} is reported as stopped, but nobody listens at its actuator's port: "
+                    "another program may have taken the supervisor's"
+                )
+        if rig in self.attempts.confirmed:
+            return ""
+        if reply.foreign_account:
+            return (
+                f"rig {rig} is reported as stopped, but by a program of account "
+                f"{reply.foreign_account}: plain HTTP does not prove that it is the supervisor"
+            )
+        self.notes.append(
+            f"rig {rig}: confirmed over plain HTTP alone, which does not prove who answers; "
+            "[supervisor] tls does"
+        )
+        return ""
 
     # Past the supervisor.
 
@@ -157,10 +199,14 @@ class EmergencyStop:
 
         def attempt() -> None:
             try:
-                self.file = self._read(path)
+                file = self.file = self._read(path)
+            except BaseException:
+                self._direct_ended.set()
+                self._routed_ended.set()
+                raise
             finally:
                 self._file_read.set()
-            self._start(self.file)
+            self._start(file)
 
         self.attempts.start("rig file", attempt)
 
@@ -188,6 +234,7 @@ class EmergencyStop:
     def _start(self, file: "RigFile") -> None:
         """Start the attempts that need the rig file."""
         from pincette.bus.endpoints import direct_endpoint, tool_endpoint
+        from pincette.bus.protocol import BusError
 
         own = file.rig.name
         if self.only in (None, own):
@@ -195,6 +242,9 @@ class EmergencyStop:
             def direct() -> None:
                 try:
                     self._trip(own, STRAIGHT, lambda: direct_endpoint(file, ACTUATOR))
+                except BusError as error:
+                    self.nobody_there = isinstance(error.__cause__, ConnectionRefusedError)
+                    raise
                 finally:
                     self._direct_ended.set()
 
@@ -204,7 +254,10 @@ class EmergencyStop:
 
         def routed() -> None:
             self._direct_ended.wait(HEAD_START_S)
-            self._trip(self.only or own, ROUTED, lambda: tool_endpoint(file))
+            try:
+                self._trip(self.only or own, ROUTED, lambda: tool_endpoint(file))
+            finally:
+                self._routed_ended.set()
 
         self.attempts.start(ROUTED, routed)
         if self.only is None:

@@ -1,7 +1,6 @@
 """``pincette records`` and ``replay``: what jobs have recorded; ``topics``: what a rig sends."""
 
 import json
-import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -28,6 +27,7 @@ from pincette.cli.terminal import (
     table,
 )
 from pincette.core import plugins
+from pincette.core.files import temporary_folder
 from pincette.engine.replay.steps import STEPS
 
 if TYPE_CHECKING:
@@ -85,8 +85,8 @@ def _timing(job: "JobHandle") -> "LoopTiming":
     from pincette.api.live import LoopTiming
     from pincette.records.folder import TIMING
 
-    with tempfile.TemporaryDirectory() as folder:
-        return LoopTiming.model_validate_json(job.download(TIMING, Path(folder)).read_bytes())
+    with temporary_folder() as folder:
+        return LoopTiming.model_validate_json(job.download(TIMING, folder).read_bytes())
 
 
 def size(count: int) -> str:

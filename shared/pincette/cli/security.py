@@ -1,6 +1,5 @@
 """``pincette security``: certificates of programs and people."""
 
-import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from typer import Argument, BadParameter, Option
 from pincette.cli import CliError, Exit, chosen, opened
 from pincette.cli.options import number
 from pincette.cli.terminal import Function, Json, command, emit, group
+from pincette.core.files import temporary_folder
 from pincette.core.service import canonical_name
 from pincette.security.certificates import Facts
 from pincette.security.establishing import DAYS, due, enrol, enrol_upstream, establish
@@ -270,8 +270,8 @@ def _now() -> datetime:
 @contextmanager
 def temporary_certificates(rig: "RigFile") -> Generator[Path]:
     """A folder of certificates that is gone afterwards."""
-    with tempfile.TemporaryDirectory(prefix="pincette-") as name:
-        yield made_certificates(rig, Path(name))
+    with temporary_folder() as folder:
+        yield made_certificates(rig, folder)
 
 
 def made_certificates(rig: "RigFile", data: Path) -> Path:

@@ -3,10 +3,10 @@
 import signal
 import subprocess
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from time import sleep
+from time import monotonic, sleep
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from pincette.config import RigFile
     from pincette.engine.fleet import Child, Fleet
     from pincette.engine.logs import Form
-    from pincette.engine.revival import Revival
 
 
 LogFormat = Annotated[
@@ -45,6 +44,8 @@ LogFormat = Annotated[
     ),
 ]
 WATCH_S = 0.3
+FIRST_NEWS_S, NEWS_S = 10.0, 5.0
+"""Least time until the first line about a restarted program that does not serve; between two."""
 MEASURE_S = "3"
 """Starting the programs that measure takes the rest of five seconds."""
 BENCH = Path("tests/bench/loop/__main__.py")
@@ -214,12 +215,14 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
         Text.assemble("rig ", name, f" is up{served} at {rig.supervisor.url}; Ctrl-C ends it"),
     )
     revival = Revival(fleet)
-    serving = {name: member.process.pid for name, member in fleet.members.items()}
+    restarts = Restarts(fleet)
     trouble = ""
     while True:
         sleep(WATCH_S)
         try:
-            _look(fleet, revival, serving, console)
+            fleet.bound_logs()
+            revival.look(lambda member, line: _print_status(console, member, "red", line))
+            restarts.show(lambda member, tone, line: _print_status(console, member, tone, line))
         except Exception as error:  # noqa: BLE001  an error of any kind ends no rig
             text = f"{type(error).__name__}: {error}"
             if text != trouble:
@@ -229,17 +232,33 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
             trouble = ""
 
 
-def _look(fleet: "Fleet", revival: "Revival", serving: dict[str, int], console: "Console") -> None:
-    """Rotate full log files, restart what has ended, and show restarted programs that serve.
+class Restarts:
+    """Restarted programs of a rig: shows that they serve, or what they log while they do not."""
 
-    ``serving``: process of each program whose line has been shown.
-    """
-    fleet.bound_logs()
-    revival.look(lambda member, line: _print_status(console, member, "red", line))
-    for name, member in fleet.members.items():
-        if member.process.pid != serving[name] and member.ready.is_set():
-            serving[name] = member.process.pid
-            _print_status(console, member, "green", member.line)
+    def __init__(self, fleet: "Fleet", clock: Callable[[], float] = monotonic) -> None:
+        self._fleet, self._clock = fleet, clock
+        self._serving = {name: one.process.pid for name, one in fleet.members.items()}
+        """Process of each program whose line has been shown."""
+        self._next_s: dict[int, float] = {}
+        """Earliest time of the next line about each process that does not serve yet."""
+        self._shown: dict[int, str] = {}
+        """Line that was shown last about each of these processes."""
+
+    def show(self, say: Callable[["Child", str, str], None]) -> None:
+        """Call ``say`` with a program, a colour and a line, where there is something new."""
+        now_s = self._clock()
+        for name, member in self._fleet.members.items():
+            pid = member.process.pid
+            if pid == self._serving[name] or member.process.poll() is not None:
+                continue
+            if member.ready.is_set():
+                self._serving[name] = pid
+                say(member, "green", member.line)
+            elif now_s >= self._next_s.setdefault(pid, now_s + FIRST_NEWS_S):
+                last = member.tail().splitlines()[-1].strip()
+                if last != self._shown.get(pid):
+                    self._next_s[pid], self._shown[pid] = now_s + NEWS_S, last
+                    say(member, "yellow", f"does not serve yet; its log: {last}")
 
 
 def machine_words(rig: "RigFile", data: Path) -> list[str]:

@@ -3,7 +3,9 @@
 import codecs
 import os
 import secrets
-from contextlib import suppress
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 MARKS = (
@@ -15,6 +17,24 @@ MARKS = (
 """Byte order marks of other encodings; those of UTF-32 begin as those of UTF-16 do."""
 LOOKED_AT = 200
 """Bytes at the begin of a text in which zeros show an encoding without a mark."""
+
+
+@contextmanager
+def temporary_folder() -> Generator[Path]:
+    """Make a folder for temporary files, and remove it at the end.
+
+    Raises OSError with the remedy where none can be made.
+    """
+    try:
+        made = tempfile.TemporaryDirectory(prefix="pincette-", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise OSError(
+            error.errno,
+            f"no temporary folder can be made ({error}): make room there, or name another folder "
+            "in the environment variable TMPDIR",
+        ) from error
+    with made as name:
+        yield Path(name)
 
 
 class EncodingError(ValueError):

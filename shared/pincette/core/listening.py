@@ -1,10 +1,15 @@
 """Opens ports to listen at, and says in one line why one cannot be opened, with the remedy."""
 
 import errno
+import pwd
 import socket
+import sys
+from pathlib import Path
 
 FIRST_OPEN_PORT = 1024
 """Ports below need rights that an ordinary account does not have."""
+LISTENS = "0A"
+"""State of a listening socket in the tables of the kernel."""
 NO_IPV6 = "this machine has no IPv6: use an IPv4 address such as 127.0.0.1, or turn IPv6 on"
 
 
@@ -31,7 +36,9 @@ def why_not(host: str, port: int, error: OSError) -> str:
     """Return why a program cannot listen at a port, and what to do."""
     place = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     if error.errno == errno.EADDRINUSE:
-        return f"{place} is in use; stop the other program, or choose another port"
+        owner = listener_uid(host, port)
+        whose = "" if owner is None else f" of account {account_name(owner)}"
+        return f"{place} is in use; stop the other program{whose}, or choose another port"
     if error.errno == errno.EAFNOSUPPORT:
         return f"{place} cannot be had: {NO_IPV6}"
     if error.errno == errno.EADDRNOTAVAIL:
@@ -46,6 +53,48 @@ def why_not(host: str, port: int, error: OSError) -> str:
     if isinstance(error, socket.gaierror):
         return f"{place} cannot be had: no address is known for the name {host}"
     return f"{place} cannot be had: {error.strerror or error}"
+
+
+def listener_uid(host: str, port: int) -> int | None:
+    """Return the account (user id) of the program that listens at a port of this machine.
+
+    None where nothing listens there, where the host is a name, or where the system does not say.
+    """
+    tables = {socket.AF_INET: "/proc/net/tcp", socket.AF_INET6: "/proc/net/tcp6"}
+    wanted: set[str] = set()
+    for family in tables:
+        try:
+            address = socket.inet_pton(family, host)
+        except OSError:
+            continue
+        wanted |= {_as_listed(address), _as_listed(bytes(len(address)))}
+        if family == socket.AF_INET:  # listeners at :: take connections over IPv4, too
+            wanted |= {_as_listed(bytes(10) + b"\xff\xff" + address), _as_listed(bytes(16))}
+    for table in tables.values():
+        try:
+            lines = Path(table).read_text(encoding="ascii").splitlines()[1:]
+        except OSError:
+            continue
+        for line in lines:
+            fields = line.split()
+            at, _, number = fields[1].partition(":")
+            if fields[3] == LISTENS and int(number, 16) == port and at in wanted:
+                return int(fields[7])
+    return None
+
+
+def _as_listed(address: bytes) -> str:
+    """Return an address as the tables of the kernel have it: words of the machine's byte order."""
+    words = [address[first : first + 4] for first in range(0, len(address), 4)]
+    return "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words)
+
+
+def account_name(uid: int) -> str:
+    """Return the name of an account, or its number where the system knows no name."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)
 
 
 def has_ipv6() -> bool:

@@ -4,13 +4,17 @@ An answer counts only if it is a supervisor's own, and if its certificate is bel
 """
 
 import json
+import os
 import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from http.client import HTTPConnection, HTTPException, HTTPSConnection
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import quote, urlsplit
+
+from pincette.core.listening import account_name, listener_uid
 
 API = "/api/v1"
 MOST_BYTES = 1_000_000
@@ -19,6 +23,10 @@ UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
 ESTOP_CAUSE = "estop"
 """Cause of a trip that an emergency stop has made, as ``Cause.ESTOP`` is written over REST."""
 KEY = "Authorization"
+DEFAULT_PORTS: Mapping[str, int] = {"http": 80, "https": 443}
+FIRST_USER, UNKNOWN_UID = 1000, 65534
+"""First id of accounts of people (Linux), and the one that the kernel shows for an account that a
+namespace does not know."""
 
 
 class RestStopError(Exception):
@@ -35,6 +43,19 @@ class RestStop:
     """Names of the rigs whose actuator has not confirmed."""
     notes: tuple[str, ...] = ()
     """What could not be used."""
+    proven: bool = False
+    """Whether a certificate has proven who answered. Plain HTTP proves nothing."""
+    foreign_account: str = ""
+    """Account of the program that answered, where it is another user's on this machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Reply:
+    """Reply to a request: the status, the JSON of the content or None, and who sent it."""
+
+    status: int
+    tree: object
+    foreign_account: str
 
 
 def stop_over_rest(
@@ -43,7 +64,9 @@ def stop_over_rest(
     """Stop one rig of a supervisor, or all of them.
 
     The address may be any that a person copies: see ``root_of``. Where the supervisor's certificate
-    is not believed the stop is sent without the headers, and nothing counts as confirmed.
+    is not believed the stop is sent without the headers, and nothing counts as confirmed. Over
+    plain HTTP, a program of another user of this machine does not get the key, since it may have
+    taken the supervisor's port.
 
     Raises
     ------
@@ -61,25 +84,63 @@ def stop_over_rest(
             notes.append(f"authority {authority}: {error}")
             context = ssl.create_default_context()
     try:
-        status, tree = _posted(url, path, headers, context, timeout_s)
-        if status in (401, 403) and KEY in headers:
-            bare = {name: value for name, value in headers.items() if name != KEY}
-            status, tree = _posted(url, path, bare, context, timeout_s)
+        reply = _posted(url, path, headers, context, timeout_s)
+        if reply.status in (401, 403) and KEY in headers:
+            reply = _posted(url, path, _without_key(headers), context, timeout_s)
     except ssl.SSLCertVerificationError as error:
         open_to_all = ssl.create_default_context()
         open_to_all.check_hostname, open_to_all.verify_mode = False, ssl.CERT_NONE
-        status, tree = _posted(url, path, {}, open_to_all, timeout_s)
+        reply = _posted(url, path, {}, open_to_all, timeout_s)
         raise RestStopError(
             "; ".join(
                 [
                     *notes,
-                    f"{url}: the stop was sent and answered with status {status}, but the "
+                    f"{url}: the stop was sent and answered with status {reply.status}, but the "
                     f"certificate is not believed ({error.verify_message}): name the authority's "
                     "file with --authority",
                 ]
             )
         ) from error
-    return replace(_confirmed(url, only, status, tree), notes=tuple(notes))
+    return replace(
+        _confirmed(url, only, reply.status, reply.tree),
+        notes=tuple(notes),
+        proven=context is not None,
+        foreign_account=reply.foreign_account,
+    )
+
+
+def is_same_place(one: str, other: str) -> bool:
+    """Return whether two addresses are those of one port of one machine."""
+    try:
+        parts = [urlsplit(root_of(url)) for url in (one, other)]
+        ports = {part.port or DEFAULT_PORTS.get(part.scheme) for part in parts}
+    except ValueError:
+        return False
+    hosts = {"" if _is_loopback(part.hostname or "") else part.hostname for part in parts}
+    return len(hosts) == len(ports) == 1
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _without_key(headers: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in headers.items() if name != KEY}
+
+
+def _foreign_account(line: HTTPConnection) -> str:
+    """Return the account behind a connection to this machine, if it is another user's; else empty.
+
+    The accounts of the system are believed.
+    """
+    host, port = line.sock.getpeername()[:2]
+    uid = listener_uid(host, port) if _is_loopback(host) else None
+    if uid is None or uid in (os.geteuid(), UNKNOWN_UID) or uid < FIRST_USER:
+        return ""
+    return account_name(uid)
 
 
 def root_of(url: str) -> str:
@@ -105,8 +166,8 @@ def _posted(
     headers: Mapping[str, str],
     context: ssl.SSLContext | None,
     timeout_s: float,
-) -> tuple[int, object]:
-    """Post without a body; returns the status, and the JSON of the answer or None."""
+) -> _Reply:
+    """Post without a body."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
@@ -119,7 +180,10 @@ def _posted(
     else:
         line = HTTPConnection(host, port, timeout=timeout_s)
     try:
-        line.request("POST", parts.path.rstrip("/") + path, headers=dict(headers))
+        line.connect()
+        foreign = "" if context else _foreign_account(line)
+        sent = _without_key(headers) if foreign else dict(headers)
+        line.request("POST", parts.path.rstrip("/") + path, headers=sent)
         answer = line.getresponse()
         content = answer.read(MOST_BYTES)
     except ssl.SSLCertVerificationError:
@@ -130,9 +194,9 @@ def _posted(
     finally:
         line.close()
     try:
-        return answer.status, json.loads(content)
+        return _Reply(answer.status, json.loads(content), foreign)
     except (ValueError, RecursionError):
-        return answer.status, None
+        return _Reply(answer.status, None, foreign)
 
 
 def _confirmed(url: str, only: str | None, status: int, tree: object) -> RestStop:

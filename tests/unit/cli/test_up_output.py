@@ -4,8 +4,14 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
+
+from pincette.cli import up
+from pincette.engine.fleet import Child, Fleet
 
 PROGRAM = """
 import sys
@@ -60,3 +66,42 @@ def test_every_encoding_will_do(encoding: str) -> None:
     shown = os.read(reader, 4096).decode(encoding)
     assert shown.count("rig [/demo] is up\n") == 3
     os.close(reader)
+
+
+class Process:
+    """Stands in for a process of the operating system."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+
+    def poll(self) -> None:
+        """Return that it runs."""
+
+
+def test_a_restarted_program_that_does_not_serve_shows_what_it_logs(tmp_path: Path) -> None:
+    log = tmp_path / "supervisor.log"
+    log.write_text("2026-01-01 10:00:00,000 supervisor 127.0.0.1:8000 is in use\n")
+    member = Child("supervisor", cast("subprocess.Popen[str]", Process(1)), log)
+    fleet = cast("Fleet", SimpleNamespace(members={"supervisor": member}))
+    now_s, said = [0.0], list[tuple[str, str]]()
+    restarts = up.Restarts(fleet, lambda: now_s[0])
+
+    def lines_after(duration_s: float) -> list[tuple[str, str]]:
+        now_s[0] += duration_s
+        said.clear()
+        restarts.show(lambda _member, tone, line: said.append((tone, line)))
+        return list(said)
+
+    assert lines_after(100.0) == []
+    member.process = cast("subprocess.Popen[str]", Process(2))
+    assert lines_after(1.0) == []
+    ((tone, line),) = lines_after(up.FIRST_NEWS_S)
+    assert tone == "yellow"
+    assert line.endswith("127.0.0.1:8000 is in use")
+    assert lines_after(2.0 * up.NEWS_S) == []
+    log.write_text("2026-01-01 10:00:20,000 supervisor the journal is damaged\n")
+    assert len(lines_after(0.1)) == 1
+    member.line = "serves"
+    member.ready.set()
+    assert lines_after(0.1) == [("green", "serves")]
+    assert lines_after(100.0) == []

@@ -1,7 +1,10 @@
 """Why a program cannot listen at a port: one line with the remedy for each kind of refusal."""
 
 import errno
+import os
 import socket
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import pytest
 
@@ -12,6 +15,7 @@ from pincette.config.reading import laid_over, parse_rig
 from pincette.core import listening
 from pincette.engine.fleet import FleetError, check_ports
 from pincette.sim.wires.ports import WireError, open_port
+from pincette_supervisor import program
 from pincette_supervisor.program import PortInUseError, bind
 from tests.support.rigs import demo_rig
 
@@ -58,3 +62,57 @@ def test_every_listener_names_the_remedy_where_ipv6_is_off(
 def test_a_name_without_an_address_is_named() -> None:
     with pytest.raises(OSError, match="no address is known"):
         listening.bound("no-such-host.invalid", 0)
+
+
+@pytest.mark.parametrize(
+    ("listens", "asked"),
+    [
+        ("127.0.0.1", "127.0.0.1"),
+        ("0.0.0.0", "127.0.0.1"),
+        ("::1", "::1"),
+        ("::", "::1"),
+        ("::", "127.0.0.1"),
+    ],
+)
+def test_the_account_of_a_listener_is_known(listens: str, asked: str) -> None:
+    if ":" in listens and not listening.has_ipv6():
+        pytest.skip("this machine has no IPv6")
+    with listening.bound(listens, 0) as listener:
+        port = listener.getsockname()[1]
+        assert listening.listener_uid(asked, port) is None
+        listener.listen()
+        assert listening.listener_uid(asked, port) == os.geteuid()
+        with pytest.raises(OSError, match="stop the other program of account"):
+            listening.bound(listens, port)
+
+
+def test_a_supervisor_waits_for_a_port_that_another_program_has(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(program, "TAKEN_LOOK_S", 0.01)
+    stop = Event()
+    with listening.bound("127.0.0.1", 0) as other:
+        other.listen()
+        port = other.getsockname()[1]
+        with ThreadPoolExecutor(1) as threads:
+            waiting = threads.submit(program.await_port, "127.0.0.1", port, stop)
+            with pytest.raises(TimeoutError):
+                waiting.result(0.2)
+            other.close()
+            found, taken_s = waiting.result(30.0)
+    assert found is not None
+    assert found.getsockname()[1] == port
+    assert taken_s >= 0.2
+    found.listen()
+    lines = [one for one in caplog.messages if f"127.0.0.1:{port} is in use" in one]
+    assert len(lines) == 1
+    with ThreadPoolExecutor(1) as threads:
+        waiting = threads.submit(program.await_port, "127.0.0.1", port, stop)
+        stop.set()
+        assert waiting.result(30.0) == (None, 0.0)
+    found.close()
+
+
+def test_a_supervisor_does_not_wait_for_an_address_that_the_machine_does_not_have() -> None:
+    with pytest.raises(PortInUseError, match="no interface"):
+        program.await_port("192.0.2.7", 8000, Event())

@@ -1,5 +1,6 @@
 """The process beside the supervisor: what it does, and when it ends."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from pincette_supervisor.planning import worker as worker_module
 from pincette_supervisor.planning.worker import Worker
 
 WAIT_S = 20.0
@@ -63,3 +65,18 @@ def test_it_ends_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
     while Path(f"/proc/{pid}").exists():
         assert monotonic() < deadline
         sleep(0.01)
+
+
+def test_one_that_cannot_begin_is_logged_and_begins_once_it_can(
+    worker: Worker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def no_room(*_words: object, **_settings: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_module, "ProcessPoolExecutor", no_room)
+        worker.begin()
+        assert "/dev/shm" in caplog.text
+        with pytest.raises(OSError, match="/dev/shm"):
+            worker.run(factorial, 1)
+    assert worker.run(factorial, 3) == 6

@@ -198,7 +198,9 @@ def _keep_private(path: Path) -> None:
 def _prepare(connection: sqlite3.Connection, _entry: ConnectionPoolEntry) -> None:
     # Otherwise the driver begins transactions by itself, and not before CREATE TABLE.
     connection.isolation_level = None
-    for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+    # Large sorts stay in memory: in a temporary folder that is full they would fail.
+    pragmas = "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON", "temp_store = MEMORY"
+    for pragma in pragmas:
         connection.execute(f"PRAGMA {pragma}")
 
 

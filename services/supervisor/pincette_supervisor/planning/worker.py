@@ -4,6 +4,7 @@ Worked out in the supervisor itself it would hold the interpreter's lock, for wh
 stop would have to wait in line.
 """
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -16,6 +17,9 @@ from typing import Any, TypeVar
 
 from pincette.engine.realtime.os_scheduling import lower_priority
 
+log = logging.getLogger("pincette")
+SEMAPHORES = "/dev/shm"
+"""Folder in memory where the system keeps semaphores, which the queue to the process needs."""
 A = TypeVar("A")
 R = TypeVar("R")
 
@@ -35,8 +39,13 @@ class Worker:
         """Begin the process, and do not wait for it; otherwise it begins when it is first needed.
 
         What it loads takes seconds of a processor, and much longer where others keep that busy.
+        Where it cannot begin, that is logged, and tried again when it is needed. All else works
+        without it.
         """
-        self._begun()
+        try:
+            self._begun()
+        except OSError as error:
+            log.error("%s", error.strerror)
 
     @property
     def pid(self) -> int:
@@ -58,10 +67,18 @@ class Worker:
         with self._lock:
             if self._pool is None:
                 fresh = multiprocessing.get_context("spawn")
-                self._pool = ProcessPoolExecutor(
-                    1, mp_context=fresh, initializer=_begin, initargs=self._ahead
-                )
-                self._first = self._pool.submit(os.getpid)
+                try:
+                    pool = ProcessPoolExecutor(
+                        1, mp_context=fresh, initializer=_begin, initargs=self._ahead
+                    )
+                    self._first = pool.submit(os.getpid)
+                except OSError as error:
+                    raise OSError(
+                        error.errno,
+                        f"the process that predicts motions cannot begin ({error}): it needs room "
+                        f"in {SEMAPHORES}, memory and free files",
+                    ) from error
+                self._pool = pool
             return self._pool
 
     def close(self) -> None:

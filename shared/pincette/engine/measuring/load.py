@@ -6,8 +6,9 @@ import sys
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import monotonic
+
+from pincette.core.files import temporary_folder
 
 BLOCK = 1 << 20
 BLOCKS = 64
@@ -18,8 +19,8 @@ BLOCKS = 64
 def load(for_s: float) -> Generator[None]:
     """Keep every processor and the disk busy; after ``for_s`` the programs end by themselves."""
     wanted = [["cpu"] for _ in range(os.cpu_count() or 1)]
-    with TemporaryDirectory(prefix="pincette-load-") as folder:
-        wanted.append(["disk", str(Path(folder, "block"))])
+    with temporary_folder() as folder:
+        wanted.append(["disk", str(folder / "block")])
         programs = [
             subprocess.Popen([sys.executable, "-m", __name__, str(for_s), *words])
             for words in wanted
