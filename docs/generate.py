@@ -55,19 +55,46 @@ def _table(*rows: tuple[str, ...]) -> str:
     return first + "|" + " --- |" * len(rows[0]) + "\n" + "".join(rest) + "\n"
 
 
+TOPICS_TEXT = """\
+A query without a payload on the key of a topic returns its newest message, as long as its producer
+runs. `timing` and `request_log` have a key for each service of the loop ({loop}),
+so that each key has one producer. [Subscribe from your own tools](../how-to/listen.md) shows how to
+query.
+
+The column *while* names the states of a rig in real time in which a topic is published: `latched`,
+`idle` (no job), `job` (a job plays its program). In lockstep nothing is published each tick outside
+a job, and no `timing`. After a job the newest message of a topic that is published in a job is its
+last one.
+
+"""
+
+
+REQUESTS_TEXT = """\
+Send a query with the request as payload to all queryables: `target=QueryTarget.ALL` and
+`consolidation=ConsolidationMode.NONE`. By default Zenoh asks the best matching queryable only,
+which may be a store of somebody else. A refusal is an error reply with the reason.
+
+A program returns the attachment of the query, up to 64 bytes, with its reply. With a refusal it
+returns it as the schema of the encoding, in hexadecimal digits. That tells its reply from those of
+other tools.
+
+"""
+
+
 def _topics() -> str:
     rows = [
         (
-            f"`{topics.key('{rig}', topic)}`",
+            f"`{topics.key('{rig}', topic, '{service}')}`",
             _link(topic.message),
             topic.producer,
+            ", ".join(topic.published),
             "every tick" if topic.per_tick else "not every tick",
             topic.summary,
         )
         for topic in topics.TOPICS
     ]
-    text = "A query without a payload on the key of a topic returns its newest message.\n\n"
-    return "## Topics\n\n" + text + _table(("key", "message", "from", "when", "what"), *rows)
+    head = ("key", "message", "producer", "while", "how often", "what")
+    return "## Topics\n\n" + TOPICS_TEXT.format(loop=", ".join(topics.LOOP)) + _table(head, *rows)
 
 
 def _questions() -> str:
@@ -80,11 +107,8 @@ def _questions() -> str:
         )
         for item in topics.REQUESTS
     ]
-    text = (
-        "Send a query with the request as payload. A refusal is an error reply with the reason.\n"
-    )
     table = _table(("key", "request", "reply", "what"), *rows)
-    return f"## Requests\n\n{text}\n{table}"
+    return f"## Requests\n\n{REQUESTS_TEXT}{table}"
 
 
 def _others() -> str:

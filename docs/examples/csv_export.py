@@ -1,6 +1,8 @@
 """Write what a rig does as CSV until Ctrl-C; needs zenoh and msgpack.
 
-A row is one sample. What the programs say of it is joined by its number, never by what came last.
+A row is one sample. What the programs say of it is joined by its number, never by what came last. A
+cell is empty where the value is not valid, where the output has not confirmed the voltage, or where
+the message was lost.
 """
 # pyright: basic
 
@@ -11,10 +13,9 @@ import sys
 import msgpack
 import zenoh
 
-TOPICS = ("position", "estimate", "applied")
 FIELDS = ("epoch", "seq", "t_s", "x_um", "force_mN", "force_uncertainty_mN", "voltage_V")
 WAITING = 50
-"""Samples that may wait for a topic; what waits longer has lost it and is left out."""
+"""Samples that may wait for a message; one that waits longer is written without it."""
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--router", default="tcp/127.0.0.1:7447")
@@ -23,13 +24,36 @@ parser.add_argument("--count", type=int, help="rows to write; without it, until 
 parser.add_argument("--file", type=argparse.FileType("w", encoding="utf-8"), default=sys.stdout)
 given = parser.parse_args()
 
+
+def cells(topic, message):
+    """Return what a message adds to its row: only values that may be used."""
+    if topic == "position":
+        valid = message["valid"]
+        return {"t_s": message["t_s"], "x_um": message["x_um"] if valid else None}
+    if topic == "estimate":
+        names = ("force_mN", "force_uncertainty_mN")
+        return {name: message[name] if message["valid"] else None for name in names}
+    return {"voltage_V": None if message["unconfirmed"] else message["voltage_V"]}
+
+
+def write(number, topics):
+    """Write the row of a sample, and count it."""
+    epoch, seq = number
+    row = {name: value for found in topics.values() for name, value in found.items()}
+    table.writerow({"epoch": epoch, "seq": seq, **row})
+    given.file.flush()
+    counts["rows"] += 1
+    counts["incomplete"] += len(topics) < len(TOPICS)
+
+
+TOPICS = ("position", "estimate", "applied")
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
-table = csv.DictWriter(given.file, FIELDS, extrasaction="ignore")
+table = csv.DictWriter(given.file, FIELDS)
 table.writeheader()
-rows, parts = {}, {}
-written = left_out = 0
+waiting, counts = {}, {"rows": 0, "incomplete": 0}
 with zenoh.open(config) as session, given.file:
     samples = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
+    begun = None
     try:
         for sample in samples:
             topic = str(sample.key_expr).rsplit("/", 1)[1]
@@ -37,19 +61,18 @@ with zenoh.open(config) as session, given.file:
                 continue
             message = msgpack.unpackb(sample.payload.to_bytes())
             number = message["epoch"], message["seq"]
-            rows.setdefault(number, {}).update(message)
-            parts.setdefault(number, set()).add(topic)
-            if len(parts[number]) == len(TOPICS):
-                table.writerow(rows.pop(number))
-                del parts[number]
-                given.file.flush()
-                written += 1
-            elif len(rows) > WAITING:
-                oldest = next(iter(rows))
-                del rows[oldest], parts[oldest]
-                left_out += 1
-            if written == given.count:
+            begun = begun or number  # whose other messages may have passed already
+            if number <= begun:
+                continue
+            waiting.setdefault(number, {})[topic] = cells(topic, message)
+            while waiting and counts["rows"] != given.count:
+                oldest, found = next(iter(waiting.items()))
+                if len(found) < len(TOPICS) and len(waiting) <= WAITING:
+                    break
+                write(oldest, waiting.pop(oldest))
+            if counts["rows"] == given.count:
                 break
     except KeyboardInterrupt:
-        pass
-print(f"{written} rows, {left_out} incomplete ones left out", file=sys.stderr)
+        for number, found in waiting.items():
+            write(number, found)
+print(f"{counts['rows']} rows, {counts['incomplete']} of them incomplete", file=sys.stderr)

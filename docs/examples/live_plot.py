@@ -46,7 +46,9 @@ def draw():
     """Show the newest seconds of the newest arming, whose time begins anew."""
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
-        rows.setdefault((message["epoch"], message["seq"]), {}).update(message)
+        row = rows.setdefault((message["epoch"], message["seq"]), {})
+        valid = message.get("valid", True)  # what is not valid leaves a gap in its curve
+        row.update(message if valid else {"t_s": message["t_s"]} if "t_s" in message else {})
     epoch = max(rows, default=(0, 0))[0]
     newest_s = max((row.get("t_s", 0.0) for (e, _), row in rows.items() if e == epoch), default=0.0)
     for number, row in list(rows.items()):
@@ -54,7 +56,7 @@ def draw():
             del rows[number]
     shown = [row for _, row in sorted(rows.items()) if "t_s" in row]
     for field, curve in curves.items():
-        points = [(row["t_s"], row[field]) for row in shown if field in row]
+        points = [(row["t_s"], row.get(field, float("nan"))) for row in shown]
         curve.set_data(*zip(*points, strict=True) if points else ((), ()))
     for panel in axes:
         panel.relim()

@@ -19,7 +19,7 @@ from pincette.config import RigFile
 from pincette.core.codec import encode
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Arm, Command, Message, Trip
-from pincette.core.topics import ARM, COMMAND, TOPICS, TRIP, key, live_key
+from pincette.core.topics import ARM, COMMAND, LOOP, TOPICS, TRIP, key, live_key
 from pincette.engine.process import loop_programs
 from pincette.security.establishing import enrol
 from pincette.security.folder import Folder
@@ -99,7 +99,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Generator[Site]:
 
 def test_it_says_what_its_services_say_and_nothing_else(site: Site) -> None:
     for topic in TOPICS:
-        site.pair.declare(topic)
+        for service in LOOP if topic.per_service else ("",):
+            site.pair.declare(topic, service)
     names = {type(example): example for example in (*EXAMPLES.values(), TRUE)}
     before = len(site.commands)
     for message in names.values():

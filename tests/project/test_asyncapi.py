@@ -140,7 +140,7 @@ def test_no_topic_and_no_question_is_left_out() -> None:
     whole = tree()
     operations = whole["operations"]
     for topic in TOPICS:
-        assert whole["channels"][topic.name]["address"] == key("{rig}", topic)
+        assert whole["channels"][topic.name]["address"] == key("{rig}", topic, "{service}")
         assert {f"send_{topic.name}", f"latest_{topic.name}"} <= operations.keys()
         schema = whole["components"]["schemas"][topic.message.__name__]
         names = [field.name for field in fields(topic.message) if field.name != "second"]

@@ -28,7 +28,7 @@ def test_generated_pages_are_up_to_date(root: Path) -> None:
 def test_the_page_of_keys_leaves_nothing_out(root: Path) -> None:
     page = pages(root)[root / "docs/reference/keys.md"]()
     for topic in TOPICS:
-        assert f"`{key('{rig}', topic)}`" in page
+        assert f"`{key('{rig}', topic, '{service}')}`" in page
         for field in fields(topic.message):
             assert f"| `{field.name}` |" in page
     for question in REQUESTS:

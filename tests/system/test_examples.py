@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
+from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, cast
@@ -13,12 +14,19 @@ from typing import Any, cast
 import matplotlib.image
 import pyarrow.parquet as parquet
 import pytest
+from msgspec.structs import replace
 
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.core.messages import Applied, Estimate, Position
+from pincette.core.topics import LOOP, POSITION, TOPICS, key, topic_keys
 from tests.support.checkout import ROOT, environment, run
+from tests.support.foreign import declared, outsider
 from tests.support.grips import SHORT
 from tests.support.played import RIG, Played, played_rig
 from tests.support.rigs import demo_rig
+from tests.support.routed import router
 from tests.support.running import RunningRig, running_rig
+from tests.unit.supervisor import samples
 
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
@@ -66,8 +74,31 @@ def test_no_example_is_left_out() -> None:
     assert all(f"examples/{name}.py" in told for name in FREE_OF_US)
 
 
-def test_latest_prints_every_topic_once(played: Played, tmp_path: Path) -> None:
-    said = done(listening("latest", played), tmp_path)
+def test_latest_knows_every_topic() -> None:
+    text = (EXAMPLES / "latest.py").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(text[text.index("LOOP =") : text.index("parser =")], names)
+    root = key("demo", POSITION).removesuffix(POSITION.name)
+    known = {key("demo", topic, one).removeprefix(root) for topic in TOPICS for one in LOOP}
+    assert set(names["TOPICS"]) == known
+    assert tuple(names["WILDCARDS"]) == tuple(
+        place.removeprefix(root) for place in sorted(topic_keys("demo"))
+    )
+
+
+@pytest.mark.parametrize("kind", ["", "store", "stamping store", "silent", "rubbish", "errors"])
+def test_latest_prints_every_topic_once(played: Played, tmp_path: Path, kind: str) -> None:
+    with ExitStack() as stack:
+        if kind:
+            tool = stack.enter_context(outsider("client", played.router))
+            stack.enter_context(declared(tool, kind))
+        said = done(listening("latest", played), tmp_path)
+    told = said.splitlines()[-1].removeprefix("no message: ").split(", ")
+    assert set(told) == {
+        "burst",
+        "job",
+        *(f"{topic}/{service}" for topic in ("request_log", "timing") for service in LOOP),
+    }
     seen = re.findall(r"^(\w+) +(\w+) +", said, re.MULTILINE)
     assert len(seen) == len(set(seen))
     assert {topic for topic, _ in seen} == {
@@ -97,7 +128,7 @@ def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> Non
 
 def test_csv_has_each_sample_whole(played: Played, tmp_path: Path) -> None:
     said = done(listening("csv_export", played, "--count", "60", "--file", "rig.csv"), tmp_path)
-    assert said == "60 rows, 0 incomplete ones left out\n"
+    assert said == "60 rows, 0 of them incomplete\n"
     rows = rows_of(tmp_path / "rig.csv")
     assert len(rows) == 60
     assert_is_what_was_played(rows, played)
@@ -122,8 +153,54 @@ def test_csv_ends_with_ctrl_c(played: Played, tmp_path: Path) -> None:
     _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, said
     rows = rows_of(path)
-    assert said == f"{len(rows)} rows, 0 incomplete ones left out\n"
-    assert_is_what_was_played(rows, played)
+    ended = re.fullmatch(r"(\d+) rows, (\d+) of them incomplete\n", said)
+    assert ended is not None, said
+    assert (int(ended[1]), int(ended[2]) < 3) == (len(rows), True)
+    assert_is_what_was_played(rows[: -int(ended[2]) or None], played)
+
+
+def test_csv_leaves_empty_what_is_not_valid_and_keeps_samples_with_a_lost_message(
+    tmp_path: Path,
+) -> None:
+    """Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost."""
+    last = 80
+    with router(RIG) as ends:
+        bus = ZenohBus(ends, RIG, "played")
+        words = command("csv_export", "--router", ends.connect[0], "--rig", RIG, "--count", "9")
+        process = subprocess.Popen(
+            [*words, "--file", str(tmp_path / "rig.csv")],
+            env=environment(),
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        (position, estimate, applied) = (
+            message
+            for message in samples.grip(1)[0].messages()
+            if isinstance(message, Position | Estimate | Applied)
+        )
+        end, epoch = monotonic() + PATIENCE_S, 1
+        while process.poll() is None and monotonic() < end:  # until it has subscribed
+            for seq in range(last):
+                for message in (position, estimate, applied):
+                    if seq == 4 and message is estimate:
+                        continue
+                    changes: dict[str, Any] = {"epoch": epoch, "seq": seq}
+                    if message is applied:
+                        changes["unconfirmed"] = seq == 3
+                    else:
+                        changes["valid"] = seq != 2
+                    bus.publish(cast(Any, replace)(message, **changes))
+            epoch += 1
+            sleep(0.05)
+        _, said = process.communicate(timeout=PATIENCE_S)
+        bus.close()
+    rows = {int(row["seq"]): row for row in rows_of(tmp_path / "rig.csv")}
+    measured = ("x_um", "force_mN", "voltage_V")
+    filled = {seq: [bool(row[name]) for name in measured] for seq, row in rows.items()}
+    wanted = {2: [False, False, True], 3: [True, True, False], 4: [True, False, True]}
+    assert {seq: filled[seq] for seq in wanted} == wanted
+    assert all(all(cells) for seq, cells in filled.items() if seq not in wanted)
+    assert said == "9 rows, 1 of them incomplete\n"
 
 
 def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:

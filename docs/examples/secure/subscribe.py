@@ -33,4 +33,7 @@ with zenoh.open(config) as session:
     estimates = session.declare_subscriber(f"pincette/v1/{given.rig}/estimate")
     for sample in estimates:
         e = msgpack.unpackb(sample.payload.to_bytes())
+        if not e["valid"]:
+            print("not valid:", e["fault"], flush=True)
+            continue
         print(f"{e['x_um']:8.3f} µm {e['force_mN']:8.3f} mN {e['applied_V']:8.4f} V", flush=True)

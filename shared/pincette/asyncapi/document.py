@@ -13,6 +13,7 @@ from pincette.asyncapi.schemas import Json, reachable, record_schema, summary
 from pincette.config.programs import Bus
 from pincette.core.codec.wire import ENCODING, MEDIA_TYPE
 from pincette.core.topics import (
+    LOOP,
     REQUESTS,
     TOPICS,
     WIRE,
@@ -35,6 +36,7 @@ ABOUT = (
 PARAMETERS: Json = {
     "rig": {"description": "Name of the rig, as in its rig file.", "examples": ["demo"]},
     "program": {"description": "Name of the program.", "examples": ["sensor"]},
+    "service": {"description": "Name of a service of the loop.", "examples": list(LOOP)},
 }
 QUERY: Json = {
     "name": "Query",
@@ -124,10 +126,10 @@ def _topic(topic: Topic) -> Json:
     often = "every tick" if topic.per_tick else "when there is something to say"
     stalled = "delayed for a bounded time" if topic.reliable else "dropped, except in lockstep"
     return {
-        "address": key("{rig}", topic),
+        "address": key("{rig}", topic, "{service}"),
         "summary": topic.summary,
         "description": f"From `{topic.producer}`, {often}; where a link stalls, {stalled}.",
-        "parameters": _parameters("rig"),
+        "parameters": _parameters("rig", *(("service",) if topic.per_service else ())),
         "messages": _messages(sample=topic.message.__name__, query="Query"),
     }
 

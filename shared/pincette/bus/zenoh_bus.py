@@ -22,7 +22,7 @@ from pincette.bus.topology import SessionConfig
 from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
 from pincette.core.codec.wire import explained, of_other_wires, update_which
-from pincette.core.messages import Message
+from pincette.core.messages import Message, RequestLog, Timing
 from pincette.core.topics import (
     TOPIC_OF,
     Request,
@@ -60,8 +60,8 @@ class ZenohBus:
         self._joined = open_session(config, self._name)
         self._session = self._joined.session
         self._reliable = reliable
-        self._outlets: dict[type[Message], _Publisher] = {}
-        """By what they send, since a topic takes longer to be found by."""
+        self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
+        """By the kind of message, and by service where each service has a key of its own."""
         self._declaring = threading.RLock()
         self._ways: list[Way] = []
         self._declared: list[Any] = []
@@ -140,21 +140,28 @@ class ZenohBus:
         deliver_each(source, sink, self._name)
         return source
 
-    def declare(self, topic: Topic) -> None:
-        """Prepare to publish a topic, and to answer on its key with the newest message."""
+    def declare(self, topic: Topic, service: str = "") -> None:
+        """Prepare to publish a topic, and to answer queries on its key with the newest message.
+
+        ``service``: of a topic that has a key for each service.
+        """
+        name = (topic.message, service)
         with self._declaring:
-            if topic.message in self._outlets:
+            if name in self._publishers:
                 return
-            outlet = _Publisher(key(self._rig, topic), topic, reliable=self._reliable)
-            self._declare(outlet.open)
-            self._outlets[topic.message] = outlet
+            publisher = _Publisher(key(self._rig, topic, service), topic, reliable=self._reliable)
+            self._declare(publisher.open)
+            self._publishers[name] = publisher
 
     def publish(self, message: Message) -> None:
-        """Send; see Bus."""
+        """Send a message on its topic's key; see Bus."""
         kind = type(message)
-        if kind not in self._outlets:
-            self.declare(TOPIC_OF[kind])
-        self._outlets[kind].send(encode(message))
+        service = message.service if isinstance(message, Timing | RequestLog) else ""
+        publisher = self._publishers.get((kind, service))
+        if publisher is None:
+            self.declare(TOPIC_OF[kind], service)
+            publisher = self._publishers[kind, service]
+        publisher.send(encode(message))
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
         """Return the newest message of the topic's producer; see LatestBus."""
@@ -200,7 +207,6 @@ class ZenohBus:
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Answer a question; see Bus."""
-
         place = request_key(self._rig, question)
 
         def deliver(query: zenoh.Query) -> None:

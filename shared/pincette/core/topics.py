@@ -1,12 +1,16 @@
-"""Every key on the bus, declared once: message, producer, and how it is sent.
+"""Every key on the bus, declared once: message, producer, when and how it is sent.
 
 A sample goes out at real-time priority and is dropped, not blocked, when a link stalls; in
 lockstep it is sent reliably, since there every service answers every tick. A topic that is
 not sent every tick is sent reliably, unless its producer must not be delayed. The newest message of
 every topic can be queried on the topic's own key.
+
+A key has one producer, so that a query for its newest message has one reply. A topic that every
+service of the loop publishes has a key for each of them.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pincette.core import messages
 from pincette.core.messages import Message
@@ -17,17 +21,33 @@ WIRE = 1
 ROOT = f"{NAMESPACE}/v{WIRE}"
 
 
+EACH_SERVICE = "each service of the loop"
+"""Producer of the topics that have a key for each service."""
+While = Literal["latched", "idle", "job"]
+"""State of a rig in real time: the actuator is latched, or at rest, or a job plays a program."""
+ALWAYS: tuple[While, ...] = ("latched", "idle", "job")
+
+
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One published key."""
+    """One kind of published message, and its key or keys."""
 
     name: str
     message: type[Message]
     producer: str
+    """Program that publishes it, or ``EACH_SERVICE``."""
     summary: str
+    published: tuple[While, ...] = ALWAYS
+    """States of the rig in which it is published, in real time. In lockstep there are no ticks
+    outside a job."""
     per_tick: bool = True
     urgent: bool = False
     """Sent by a program that must never wait for a link."""
+
+    @property
+    def per_service(self) -> bool:
+        """Whether each service of the loop publishes it on a key of its own."""
+        return self.producer == EACH_SERVICE
 
     @property
     def reliable(self) -> bool:
@@ -52,36 +72,51 @@ BURST = Topic(
     messages.Burst,
     "sensor",
     "buffered acquisition, if the sensor makes one",
+    published=("job",),
     per_tick=False,
 )
 ESTIMATE = Topic("estimate", messages.Estimate, "estimator", "contact force and perturbation")
 COMMAND = Topic("command", messages.Command, "controller", "commanded voltage")
 APPLIED = Topic("applied", messages.Applied, "actuator", "voltage applied, state and cause")
-TELEMETRY = Topic("telemetry", messages.Telemetry, "controller", "references and sliding function")
+TELEMETRY = Topic(
+    "telemetry",
+    messages.Telemetry,
+    "controller",
+    "references and sliding function; between jobs the last sample of the last program",
+    published=("job",),
+)
 GROUND_TRUTH = Topic(
     "ground_truth",
     messages.GroundTruth,
     "rig",
-    "true state of a simulated rig; for the record only",
+    "true state of a simulated rig at each write of its output; for the record only",
+    published=("latched", "job"),
 )
 REQUEST_LOG = Topic(
     "request_log",
     messages.RequestLog,
-    "every program of the loop",
-    "accepted requests; for the record only",
+    EACH_SERVICE,
+    "each request that the service accepts; for the record only",
     per_tick=False,
     urgent=True,
 )
 TIMING = Topic(
     "timing",
     messages.Timing,
-    "every program of the loop",
-    "timing statistics, about once a second",
+    EACH_SERVICE,
+    "timing statistics, about once a second in real time",
     per_tick=False,
     urgent=True,
 )
 
-JOB = Topic("job", messages.JobNotice, "supervisor", "a job's state and phase", per_tick=False)
+JOB = Topic(
+    "job",
+    messages.JobNotice,
+    "supervisor",
+    "a job's state and phase",
+    published=("job",),
+    per_tick=False,
+)
 
 TOPICS = (
     POSITION,
@@ -159,9 +194,24 @@ REQUESTS = (
 )
 
 
-def key(rig: str, topic: Topic) -> str:
-    """Key expression of a topic of one rig."""
-    return f"{ROOT}/{rig}/{topic.name}"
+def key(rig: str, topic: Topic, service: str = "*") -> str:
+    """Return the key of a topic of one rig.
+
+    A topic with a key for each service has that of ``service``, by default a wildcard for all.
+    """
+    place = f"{ROOT}/{rig}/{topic.name}"
+    return f"{place}/{service}" if topic.per_service else place
+
+
+def keys_of(rig: str, topic: Topic) -> dict[str, str]:
+    """Return each producer of a topic with its key."""
+    producers = LOOP if topic.per_service else (topic.producer,)
+    return {producer: key(rig, topic, producer) for producer in producers}
+
+
+def topic_keys(rig: str) -> tuple[str, ...]:
+    """Return key expressions that cover all topics of a rig, and no request or token."""
+    return f"{ROOT}/{rig}/*", *(key(rig, topic) for topic in TOPICS if topic.per_service)
 
 
 def request_key(rig: str, request: Request) -> str:

@@ -189,13 +189,11 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
             delay_seed=options.delay_seed,
             refused=bus.refused,
         )
-        for topic in (
-            *(topic for node in nodes for topic in node.service.outputs),
-            REQUEST_LOG,
-            TIMING,
-        ):
+        for topic in (topic for node in nodes for topic in node.service.outputs):
             bus.declare(topic)
         for service in member_services(name):
+            bus.declare(REQUEST_LOG, service)
+            bus.declare(TIMING, service)
             serve_rig_file(bus, rig, service)
             bus.announce(service)
 

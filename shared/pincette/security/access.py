@@ -73,8 +73,8 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
         _in(LOOKS, own.sees),
         _out(("put",), own.hears),
         _out(ANSWERS, own.hears + own.asks),
-        _out(("declare_subscriber",), (EVERY_TOPIC,) if own.tells else ()),
-        _out(("query",), own.answers + ((EVERY_TOPIC,) if own.tells else ())),
+        _out(("declare_subscriber",), EVERY_TOPIC if own.tells else ()),
+        _out(("query",), own.answers + (EVERY_TOPIC if own.tells else ())),
         _out(("liveliness_token",), own.sees),
         _out(LOOKS, (EVERY_TOKEN,) if own.lives else ()),
     )
@@ -102,8 +102,8 @@ def service_access(
 
 def _from_router(own: Rights) -> tuple[Rule, ...]:
     return (
-        _in(("declare_subscriber",), (EVERY_TOPIC,)),
-        _in(("query",), (EVERY_TOPIC, *own.answers)),
+        _in(("declare_subscriber",), EVERY_TOPIC),
+        _in(("query",), (*EVERY_TOPIC, *own.answers)),
         _in(("liveliness_token",), own.sees),
         _in(LOOKS, (EVERY_TOKEN,)),
         _out(("put",), own.tells),

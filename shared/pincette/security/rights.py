@@ -6,16 +6,14 @@ from itertools import chain
 
 from pincette.core.service import member_services
 from pincette.core.topics import (
-    LOOP,
     NAMESPACE,
     REQUESTS,
-    ROOT,
     TOPICS,
     Request,
-    Topic,
-    key,
+    keys_of,
     live_key_of_any_wire,
     request_key,
+    topic_keys,
 )
 from pincette.security.identity import (
     OF_A_RIG,
@@ -33,8 +31,8 @@ ASKS: dict[str, tuple[str, ...]] = {
 }
 """Which questions people may ask, by name. The supervisor may ask every one, no other any."""
 ANY = "*"
-EVERY_TOPIC = f"{ROOT}/*/*"
-"""Key expression of what is published by all rigs: no question's, no token's."""
+EVERY_TOPIC = topic_keys(ANY)
+"""Key expressions of all topics of all rigs; they cover no request and no token."""
 EVERY_TOKEN = live_key_of_any_wire(ANY)
 
 
@@ -60,9 +58,14 @@ def rights(identity: Identity) -> Rights:
     role, rig = identity.role, identity.rig or ANY
     if role in ROUTERS:
         return Rights()
-    published, roles = (f"{ROOT}/{rig}/*",), member_services(role) or (role,)
+    published, roles = topic_keys(rig), member_services(role) or (role,)
     return Rights(
-        tells=tuple(key(rig, one) for one in TOPICS if any(publishes(role, one) for role in roles)),
+        tells=tuple(
+            place
+            for topic in TOPICS
+            for producer, place in keys_of(rig, topic).items()
+            if producer in roles
+        ),
         answers=tuple(request_key(rig, one) for one in REQUESTS if one.service in roles),
         asks=tuple(request_key(rig, one) for one in REQUESTS if may_ask(role, one)),
         hears=published if role in (*PEOPLE, SUPERVISOR, "recorder") else (),
@@ -80,12 +83,6 @@ def united(several: Iterable[Rights]) -> Rights:
             for field in fields(Rights)
         )
     )
-
-
-def publishes(role: str, topic: Topic) -> bool:
-    """Whether a role publishes a topic; some are published by every program of the loop."""
-    roles = (*OF_A_RIG, SUPERVISOR)
-    return role == topic.producer or (role in LOOP and topic.producer not in roles)
 
 
 def may_ask(role: str, question: Request) -> bool:

@@ -13,7 +13,7 @@ from pincette.bus.endpoints import (
 from pincette.bus.protocol import BusError
 from pincette.config import ConfigError, RigFile
 from pincette.config.reading import laid_over
-from pincette.core.topics import LOOP, REQUESTS, TOPICS, key, live_key, request_key
+from pincette.core.topics import LOOP, REQUESTS, TOPICS, keys_of, live_key, request_key
 from pincette.security.access import (
     beyond_rig,
     beyond_upstream,
@@ -49,8 +49,9 @@ def test_what_reaches_the_loop_from_upstream_is_what_its_people_may(apart: bool)
     _, server = sides(apart=apart)
     at_rig = neighbour_access(UPSTREAM, server)
     for topic, rig in product(TOPICS, ("left", "right")):
-        passes = lets(at_rig, UPSTREAM, "ingress", "put", key(rig, topic))
-        assert passes == (apart and topic.producer == "supervisor")
+        for place in keys_of(rig, topic).values():
+            passes = lets(at_rig, UPSTREAM, "ingress", "put", place)
+            assert passes == (apart and topic.producer == "supervisor")
     each = router_access(KNOWN)
     for question in REQUESTS:
         wanted = request_key("left", question)
@@ -65,8 +66,10 @@ def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
     at_server = neighbour_access(ROUTER, rig)
     for topic in TOPICS:
         own = topic.producer not in ("supervisor", "recorder")
-        assert lets(at_server, ROUTER, "ingress", "put", key("left", topic)) == own
-        assert not lets(at_server, ROUTER, "ingress", "put", key("right", topic))
+        for place in keys_of("left", topic).values():
+            assert lets(at_server, ROUTER, "ingress", "put", place) == own
+        for place in keys_of("right", topic).values():
+            assert not lets(at_server, ROUTER, "ingress", "put", place)
     for name in LOOP:
         assert lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("left", name))
         assert not lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("right", name))
@@ -77,8 +80,9 @@ def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
 def test_what_one_router_lets_out_the_other_lets_in() -> None:
     rig, server = sides(apart=True)
     at_rig, at_server = neighbour_access(UPSTREAM, server), neighbour_access(ROUTER, rig)
-    for topic in TOPICS:
-        wanted = key("left", topic)
+    for topic, wanted in [
+        (one, place) for one in TOPICS for place in keys_of("left", one).values()
+    ]:
         for message in ("put", "declare_queryable", "reply"):
             if topic.producer not in ("supervisor", "recorder"):
                 assert lets(at_rig, UPSTREAM, "egress", message, wanted), (topic.name, message)

@@ -156,7 +156,11 @@ class Applied(FrozenRecord, frozen=True):
 
 
 class Telemetry(FrozenRecord, frozen=True):
-    """The controller's own view of sample ``seq``: the references that hold for this sample."""
+    """The controller's own view of sample ``seq``: the references that hold for this sample.
+
+    It is published while a program plays, so between jobs the newest one is the last sample of the
+    last program, whose ``epoch`` is over.
+    """
 
     epoch: Epoch
     seq: Seq
@@ -198,9 +202,11 @@ class Telemetry(FrozenRecord, frozen=True):
 
 
 class GroundTruth(FrozenRecord, frozen=True):
-    """What only a simulated rig knows; nothing but the record listens."""
+    """True state of a simulated rig when its output was written; only the recorder uses it."""
 
     seq: Seq
+    """Number of writes to the output since the rig program started. It belongs to no epoch, so it
+    does not join with the ``seq`` of other topics."""
     x_um: Micrometre
     force_mN: Millinewton
     voltage_V: Volt

@@ -1,0 +1,132 @@
+"""A rig beside the stores of others: stops, resets, jobs and holds; and what the rig publishes."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+from collections import Counter
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from time import monotonic, sleep
+
+import pytest
+
+from pincette.bus.endpoints import tool_endpoint
+from pincette.bus.zenoh_bus import ZenohBus
+from pincette.config.reading import laid_over
+from pincette.core.messages import GroundTruth, Position, Telemetry
+from pincette.core.topics import GROUND_TRUTH, LOOP, POSITION, TELEMETRY, TOPICS, While, keys_of
+from tests.support.foreign import KINDS, declared, outsider
+from tests.support.grips import SHORT, make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+
+STOP_S = 1.5
+"""Longest time until a stop is answered, on a busy machine."""
+LEASE_S = 2.0
+HELD_S = 4.0 * LEASE_S
+"""A hold that ends earlier if the lease of its program is not renewed."""
+LOOKED_S = 2.5
+"""Time for which the published topics are counted: timing is published once a second."""
+LEASED = laid_over(SHORT, {"safety": {"lease_s": LEASE_S}})
+SILENT_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with running_rig(demo_rig(LEASED), tmp_path_factory.mktemp("rig")) as running:
+        yield running
+
+
+@contextmanager
+def beside(rig: RunningRig, kinds: tuple[str, ...], mode: str) -> Generator[None]:
+    """Declare complete queryables of some kinds, each at a session of its own."""
+    place = f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}"
+    with ExitStack() as stack:
+        for kind in kinds:
+            stamps = kind == "stamping store"
+            session = stack.enter_context(outsider(mode, place, stamps=stamps))
+            stack.enter_context(declared(session, kind))
+        sleep(SILENT_S)
+        yield
+
+
+@pytest.mark.parametrize("mode", ["client", "peer", "router"])
+def test_stop_reset_and_a_whole_job_beside_all_of_them(rig: RunningRig, mode: str) -> None:
+    make_ready(rig)
+    with beside(rig, KINDS, mode):
+        job = rig.start_grip()
+        assert rig.ended(job)["state"] == "succeeded"
+        begun_s = monotonic()
+        answer = rig.post("/rigs/demo/estop")
+        assert monotonic() - begun_s < STOP_S
+        assert answer.status_code == 200, answer.text
+        assert rig.view()["latch"]["cause"] == "estop"
+        reset = rig.post("/rigs/demo/reset", {"acknowledge": True})
+        assert reset.status_code == 200, reset.text
+        assert rig.view()["can_start"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_hold_lasts_as_long_as_asked_beside_one(rig: RunningRig, kind: str) -> None:
+    make_ready(rig)
+    with beside(rig, (kind,), "peer"):
+        job = rig.ended(rig.start_grip(hold_s=HELD_S))
+        assert job["state"] == "succeeded", job["cause"]
+
+
+class TestWhatIsPublished:
+    """Compared with the register of topics, from which the page of keys is generated."""
+
+    def seen(self, rig: RunningRig, job: str = "") -> set[str]:
+        """Return the keys on which messages arrive for some time, or until a job has ended."""
+        counted: Counter[str] = Counter()
+        place = f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}"
+        with outsider("client", place) as session:
+            everything = session.declare_subscriber(
+                "pincette/**", lambda sample: counted.update([str(sample.key_expr)])
+            )
+            sleep(SILENT_S)
+            counted.clear()
+            if job:
+                assert rig.ended(rig.start_grip())["state"] == job
+            else:
+                sleep(LOOKED_S)
+            everything.undeclare()
+        return set(counted)
+
+    def compare(self, seen: set[str], state: While) -> None:
+        registered = {place: topic for topic in TOPICS for place in keys_of("demo", topic).values()}
+        assert seen <= {place for place, topic in registered.items() if state in topic.published}
+        steady = {
+            place
+            for place, topic in registered.items()
+            if state in topic.published and (topic.per_tick or topic.name == "timing")
+        }
+        assert steady <= seen
+
+    def test_idle_latched_and_during_a_job(self, rig: RunningRig) -> None:
+        make_ready(rig)
+        during = self.seen(rig, "succeeded")
+        self.compare(during, "job")
+        assert {f"pincette/v1/demo/request_log/{one}" for one in LOOP} <= during
+        self.compare(self.seen(rig), "idle")
+        rig.post("/rigs/demo/estop").raise_for_status()
+        sleep(SILENT_S)
+        self.compare(self.seen(rig), "latched")
+
+    def test_after_a_job_telemetry_and_ground_truth_are_what_the_page_says(
+        self, rig: RunningRig
+    ) -> None:
+        make_ready(rig)
+        assert rig.ended(rig.start_grip())["state"] == "succeeded"
+        bus = ZenohBus(tool_endpoint(rig.rig), "demo", "tool")
+        telemetry, position = bus.latest(TELEMETRY), bus.latest(POSITION)
+        first, second = bus.latest(GROUND_TRUTH), bus.latest(GROUND_TRUTH)
+        bus.close()
+        assert isinstance(telemetry, Telemetry)
+        assert isinstance(position, Position)
+        assert not telemetry.playing
+        assert position.epoch == telemetry.epoch
+        assert position.seq > telemetry.seq, "the sensor goes on, the program has ended"
+        assert isinstance(first, GroundTruth)
+        assert first == second, "the output of an idle rig is not written"
