@@ -47,6 +47,15 @@ class Intake:
             return
         self._queue.append((self._clock_ns(), message))
 
+    @property
+    def waiting_s(self) -> float:
+        """Age of the oldest message that waits to be written, in s; 0 without any."""
+        try:
+            arrival_ns, _ = self._queue[0]
+        except IndexError:
+            return 0.0
+        return 1e-9 * (self._clock_ns() - arrival_ns)
+
     def drain(self) -> list[tuple[int, Message]]:
         """What has come since the last call, each with its arrival in ns of UTC."""
         taken: list[tuple[int, Message]] = []

@@ -1,15 +1,18 @@
-"""Closes what a crash has left and deletes what shall not stay, beside the thread that records.
+"""Closes, repairs and deletes records, beside the thread that records.
 
 To close a long record takes many seconds, in which a job that is about to begin gets its answer.
 """
 
 import logging
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from pincette.core.messages import Finish, Message, Recorded
 from pincette.engine.threads import log_failure
+from pincette.records import folder as files
 from pincette.records import mcap_reading
 from pincette.records.mcap_file import NAME
 from pincette_recorder import record_repair, retention
@@ -17,6 +20,8 @@ from pincette_recorder.config import RecorderConfig
 from pincette_recorder.counted_time import CountedTime
 
 log = logging.getLogger(__name__)
+CHECKED = 10
+"""Number of the newest records that a start compares with their manifests."""
 MOST_TEXT = 380
 """Length of a reply's detail; see ``codec.MAX_TEXT``."""
 Reply = Callable[[Message | str], None]
@@ -31,37 +36,45 @@ class Mender:
         self._pool = ThreadPoolExecutor(1, "mender")
         self.mended = self.deleted = 0
         """Records since the start."""
+        self.damaged: dict[str, list[str]] = {}
+        """Files that differ from the manifest and could not be made again, by record."""
 
     def tidy(self, left: Iterable[Path]) -> None:
         """Close these, then delete what the rig file asks for; errors are logged."""
         self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
-        """Tell what became of a record that was closed without being asked, or broke off.
-
-        One that broke off is closed first, and the reply comes later.
-        """
+        """Reply how a record ended that is not open, once it is closed and repaired."""
         folder = self._config.records / request.job
 
-        def answer(*, mending: bool) -> None:
+        def answer() -> None:
             try:
-                if mending:
-                    self._mend(folder)
-                reply(_end_of(folder / NAME, request))
+                self._repair(folder)
+                ended = _end_of(folder / NAME, request)
+                lost = self.damaged.get(folder.name)
+                if lost and isinstance(ended, Recorded):
+                    ended = replace(ended, complete=False, detail=_lost_words(folder, lost))
+                reply(ended)
             except OSError as error:
                 reply(f"the record of job {request.job} cannot be read: {error}")
 
-        try:
-            whole = mcap_reading.is_closed(folder / NAME)
-        except FileNotFoundError:
+        if not (folder / NAME).exists():
             reply(f"there is no record of job {request.job[:90]!r}")
             return
-        except OSError:
-            whole = True  # it is read once more, for the answer
-        if whole:
-            answer(mending=False)
-        else:
-            self._pool.submit(answer, mending=True).add_done_callback(log_failure)
+        self._pool.submit(answer).add_done_callback(log_failure)
+
+    def check_newest(self) -> Future[None]:
+        """Compare the newest records with their manifests, and repair them; errors are logged."""
+        checking = self._pool.submit(self._check_newest)
+        checking.add_done_callback(log_failure)
+        return checking
+
+    def _check_newest(self) -> None:
+        for folder in files.newest(self._config.records, CHECKED):
+            try:
+                self._repair(folder)
+            except OSError as error:
+                log.error("%s cannot be compared with its manifest: %s", folder, error)
 
     def close(self) -> None:
         """End what has begun, and begin nothing more."""
@@ -72,6 +85,17 @@ class Mender:
         if not mcap_reading.is_closed(folder / NAME):
             record_repair.mend(folder, record_repair.KILLED)
             self.mended += 1
+
+    def _repair(self, folder: Path) -> None:
+        """Close a record that broke off, and make again what differs from its manifest."""
+        self._mend(folder)
+        # The supervisor makes its own documents again.
+        lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
+        if not lost:
+            self.damaged.pop(folder.name, None)
+        elif self.damaged.get(folder.name) != lost:
+            self.damaged[folder.name] = lost
+            log.error("%s", _lost_words(folder, lost))
 
     def tidy_now(self, left: tuple[Path, ...]) -> None:
         """Do the same in the thread of the caller; raises OSError."""
@@ -86,6 +110,11 @@ class Mender:
         for name in retention.records_to_delete(kept, ages_s, config.keep_s, config.keep_bytes):
             retention.delete(config.records, name)
             self.deleted += 1
+
+
+def _lost_words(folder: Path, lost: list[str]) -> str:
+    """Return which files of a record are damaged, with place and remedy."""
+    return f"{folder}: {', '.join(lost)} lost or changed: copy it from a backup"
 
 
 def _end_of(path: Path, request: Finish) -> Recorded | str:

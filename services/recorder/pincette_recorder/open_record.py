@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
+from pincette.core.files import make_folder, sync_folder
 from pincette.core.messages import (
     Applied,
     Command,
@@ -21,6 +22,7 @@ from pincette.records.mcap_file import NAME, McapFile
 from pincette.records.record_times import BEGIN, utc_text
 from pincette.records.record_times import NAMES as TIMES
 from pincette.records.tables import Tables, write_tables_of_file
+from pincette_recorder.background_sync import BackgroundSync
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
@@ -48,8 +50,11 @@ class OpenRecord:
         self.job, self.epoch, self.folder = folder.name, epoch, folder
         self.about = {**about, BEGIN: utc_text(start_ns)}
         """Metadata of the record; the times of its samples are added with the tables."""
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
+        self._sync = BackgroundSync(self.file.duplicate())
+        self._chunks = 0
+        """Number of the file's chunks that the thread knows of."""
         self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
         self.trouble = ""
         """Why the disk takes no more."""
@@ -65,6 +70,18 @@ class OpenRecord:
         self._timings: dict[str, tuple[Timing, int]] = {}
         """The newest of each program that is not written yet, with its arrival."""
         self._timed_at_s = now_s
+
+    def begin(self, documents: Mapping[str, str], at_ns: int) -> None:
+        """Put documents into the file, and bring its begin to the disk; raises OSError."""
+        for name, content in documents.items():
+            self.file.attach(name, "application/json", content.encode(), at_ns)
+        self.file.sync()
+        sync_folder(self.folder)
+
+    @property
+    def unsynced_s(self) -> float:
+        """Age of the oldest data that a power cut would take now, in s."""
+        return 0.0 if self.trouble else self._sync.unsynced_s
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
         """Write a message."""
@@ -96,6 +113,7 @@ class OpenRecord:
             return
         try:
             self.file.add(message, arrival_ns)
+            self._note_chunks()
             self._tables.add(message, arrival_ns)
         except ValueError as error:  # a number that no file has room for
             self.refused[topic] += 1
@@ -107,10 +125,20 @@ class OpenRecord:
         """Write messages that have been in memory for long."""
         if self.trouble:
             return
+        if self._sync.error is not None:
+            self._give_up(self._sync.error)
+            return
         try:
             self.file.flush_aged(now_ns)
+            self._note_chunks()
         except OSError as error:
             self._give_up(error)
+
+    def _note_chunks(self) -> None:
+        """Have chunks synced that were passed to the operating system since the last call."""
+        if self.file.chunks != self._chunks:
+            self._chunks = self.file.chunks
+            self._sync.note_write()
 
     def has(self, seq: int | None) -> bool:
         """Whether all messages of a sample have come, each by its own link; None: of the last."""
@@ -127,6 +155,7 @@ class OpenRecord:
         try:
             if not self.trouble:
                 self.file.flush()
+                self._note_chunks()
                 wrong, missing = self._tables.write(), self._tables.missing
                 times = self._tables.times
             else:  # the file may lack messages that the tables have
@@ -148,14 +177,23 @@ class OpenRecord:
     def finish(self, closing: Mapping[str, str]) -> str:
         """Close the file; returns why that was not possible."""
         self._tables.close()
+        self._sync.stop()
         if not self.trouble:
             try:
+                if self._sync.error is not None:
+                    raise self._sync.error
                 self.file.finish(closing)
             except OSError as error:
                 self._give_up(error)
         return self.trouble
 
+    def abandon(self, error: OSError) -> None:
+        """Leave the file as it is; messages that come later are counted as refused."""
+        self._tables.close()
+        self._give_up(error)
+
     def _give_up(self, error: OSError) -> None:
+        self._sync.stop()
         self.trouble = f"the record cannot be written: {error}"
         self._log_error(self.trouble)
         try:

@@ -15,9 +15,10 @@ from pincette.core.messages import Finish, Message, Record, Status
 from pincette.core.topics import FINISH, RECORD, STATUS, TOPICS
 from pincette.engine.program import Context
 from pincette_recorder import record_repair
+from pincette_recorder.background_sync import BEHIND_S
 from pincette_recorder.config import RecorderConfig, configure
 from pincette_recorder.intake import Intake
-from pincette_recorder.mender import Mender
+from pincette_recorder.mender import MOST_TEXT, Mender
 from pincette_recorder.record_keeper import Keeper, Reply
 from pincette_recorder.wall_clock import WallClock
 
@@ -62,6 +63,12 @@ class Recorder:
         findings = [fault(FaultCode.RECORDER_STATE, doing, **counted)]
         if record is not None and record.trouble:
             findings.append(fault(FaultCode.RECORD_TROUBLE, record.trouble))
+        if (behind_s := self._behind_s()) > BEHIND_S:
+            findings.append(fault(FaultCode.RECORD_BEHIND, behind_s=behind_s, limit_s=BEHIND_S))
+        if damaged := dict(self._mender.damaged):
+            words = "; ".join(f"{name}: {', '.join(names)}" for name, names in damaged.items())
+            place = f"{self._config.records}: {words}"[:MOST_TEXT]
+            findings.append(fault(FaultCode.RECORD_DAMAGED, place, records=float(len(damaged))))
         if (step_s := self._mender.counted.step_s) is not None:
             findings.append(fault(FaultCode.CLOCK_STEPPED, step_s=step_s))
         if (refused := self._bus.refused.finding()) is not None:
@@ -78,9 +85,16 @@ class Recorder:
             findings=tuple(findings),
         )
 
+    def _behind_s(self) -> float:
+        """Return the age of the oldest message that a power cut would take now, in s."""
+        record = self._keeper.record
+        unsynced_s = 0.0 if record is None else record.unsynced_s
+        return max(unsynced_s, self._intake.waiting_s)
+
     def work(self, stop: threading.Event) -> None:
         """Write until ``stop``, then close the open record; a fault stops the program too."""
         try:
+            self._mender.check_newest()
             while not stop.is_set():
                 self._answer_one()
                 self._mender.counted.count()

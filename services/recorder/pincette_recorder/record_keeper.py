@@ -11,6 +11,7 @@ from typing import Any, cast
 from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
+from pincette.core.files import make_folder
 from pincette.core.messages import Ack, Finish, Record, Recorded
 from pincette.core.topics import TOPIC_OF
 from pincette.records import folder as files
@@ -106,7 +107,7 @@ class Keeper:
 
     def _open(self, request: Record, about: Mapping[str, str], period_s: float) -> Ack | str:
         config = self._config
-        config.records.mkdir(parents=True, exist_ok=True)
+        make_folder(config.records)
         free = shutil.disk_usage(config.records).free
         if free < config.min_free_bytes:
             return (
@@ -125,8 +126,11 @@ class Keeper:
             start_ns=now_ns,
             now_s=self._clock_s(),
         )
-        for name, content in self._documents(about).items():
-            record.file.attach(name, "application/json", content.encode(), now_ns)
+        try:
+            record.begin(self._documents(about), now_ns)
+        except OSError as error:
+            record.abandon(error)
+            raise
         self.record = record
         self._intake.open(request.job, request.epoch)
         return Ack(0)

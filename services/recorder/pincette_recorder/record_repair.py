@@ -1,14 +1,13 @@
-"""Closes records whose writer was killed, or whose disk was full."""
+"""Closes records that broke off, and repairs records that are not as their manifests state."""
 
-import json
 import logging
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import mcap.records as mcap
 
+from pincette.core.files import DRAFT, publish
 from pincette.core.topics import POSITION
 from pincette.records import folder as files
 from pincette.records import mcap_reading, record_times
@@ -19,6 +18,11 @@ log = logging.getLogger(__name__)
 BOUNDED = 10_000
 """Messages after which the index of a copy is bounded."""
 KILLED = "the recorder ended while this was being recorded"
+LOST_LATER = f"{NAME} has lost data after it was closed; the tables have all samples"
+TABLES = frozenset((files.SAMPLES, files.BURST, files.TIMING))
+"""Files that can be made again from the messages."""
+OWN = frozenset((files.LIVE, *TABLES))
+"""Files that a recorder writes."""
 
 
 def unclosed(records: Path) -> Iterator[Path]:
@@ -30,12 +34,21 @@ def unclosed(records: Path) -> Iterator[Path]:
 
 def mend(folder: Path, why: str) -> dict[str, str]:
     """Close a record that broke off, with tables and manifest; returns its end; raises OSError."""
-    path = folder / NAME
-    try:
-        written = write_tables_of_file(folder)
-    except ValueError as error:  # of another version; the file itself can be closed all the same
-        written = Written([f"no table: {error}"], {}, {})
-    why = _manifest(folder).get("detail") or why
+    path, manifest = folder / NAME, files.read_manifest(folder)
+    for name in OWN:  # drafts of a recorder that was killed
+        for draft in folder.glob(f"{name}*{DRAFT}"):
+            draft.unlink()
+    if manifest.get("complete") is True and files.SAMPLES in _sound(folder):
+        # Its tables have samples that the file has lost.
+        written, why = Written([], {}, files.times(folder)), LOST_LATER
+    else:
+        try:
+            written = write_tables_of_file(folder)
+        except (
+            ValueError
+        ) as error:  # of another version; the file itself can be closed all the same
+            written = Written([f"no table: {error}"], {}, {})
+    why = manifest.get("detail") or why
     closing = repair(
         path,
         {
@@ -51,23 +64,91 @@ def mend(folder: Path, why: str) -> dict[str, str]:
     return closing
 
 
-def write_manifest(folder: Path, about: Mapping[str, str], closing: Mapping[str, str]) -> None:
-    """Write a manifest that keeps what the supervisor has written in its own; raises OSError."""
+def _sound(folder: Path) -> set[str]:
+    """Return the names of files that are as the manifest lists them; raises OSError."""
+    lost = files.damaged(folder)
+    return {entry["name"] for entry in files.listed(folder)} - {*lost}
+
+
+def restore(folder: Path) -> list[str]:
+    """Compare a closed record with its manifest, and make its tables and manifest again.
+
+    Returns the names of files that stay damaged; none is deleted. Raises OSError.
+    """
+    found = files.damaged(folder)
+    if found == [files.MANIFEST]:
+        _restore_manifest(folder)
+    elif files.LIVE in found:
+        _state_incomplete(folder, f"{files.LIVE} is not as it was when the record was closed")
+    elif tables := TABLES & {*found}:
+        try:
+            wrong = write_tables_of_file(folder).wrong
+        except ValueError as error:  # of another version
+            wrong = [str(error)]
+        if wrong:
+            _state_incomplete(folder, f"{', '.join(sorted(tables))}: {'; '.join(wrong)}")
+        else:
+            names = sorted(tables)
+            log.warning("%s: %s: made again from %s", folder, ", ".join(names), files.LIVE)
+            write_manifest(folder, {}, _end(files.read_manifest(folder)), tables)
+    return [] if not found else files.damaged(folder)
+
+
+def _restore_manifest(folder: Path) -> None:
+    """Make the tables and the manifest of a record again from its messages; raises OSError."""
+    path = folder / NAME
+    about, closing = mcap_reading.read_closing(path)
+    closing = closing or {"complete": "false", "detail": f"{NAME} does not state its end"}
+    try:
+        written = write_tables_of_file(folder)
+    except ValueError as error:  # of another version
+        written = Written([f"no table: {error}"], {}, {})
+    kept = sum(isinstance(one, mcap.Message) for one in mcap_reading.entries(path))
+    if str(kept) != closing.get("messages", str(kept)):
+        written.wrong.append(f"{kept} of {closing['messages']} messages of {NAME} can be read")
+    if written.wrong:
+        detail = "; ".join(filter(None, (closing["detail"], *written.wrong)))
+        closing |= {"complete": "false", "detail": detail}
+    write_manifest(folder, about | written.times, closing)
+    log.warning("%s: tables and %s made again from %s", folder, files.MANIFEST, files.LIVE)
+
+
+def _state_incomplete(folder: Path, why: str) -> None:
+    """Have the manifest say that a record is damaged; the entries of its files stay."""
+    manifest = files.read_manifest(folder)
+    why = f"{why}; copy it from a backup to {folder}"
+    if manifest.get("complete") is not True and why in str(manifest.get("detail", "")):
+        return
+    detail = "; ".join(filter(None, (manifest.get("detail"), why)))
+    write_manifest(folder, {}, {"complete": "false", "detail": detail}, ())
+
+
+def _end(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Return the end of a record as its manifest states it."""
+    complete = manifest.get("complete") is True
+    return {
+        "complete": "true" if complete else "false",
+        "detail": str(manifest.get("detail", "")),
+    }
+
+
+def write_manifest(
+    folder: Path,
+    about: Mapping[str, str],
+    closing: Mapping[str, str],
+    names: Collection[str] = OWN,
+) -> None:
+    """Write a manifest that lists the files in ``names`` as they are now; raises OSError.
+
+    It keeps what the supervisor has written in its own, other files among it.
+    """
     kept: dict[str, Any] = {name: text for name, text in about.items() if name != "request"}
-    kept |= _manifest(folder)
+    kept |= files.read_manifest(folder)
     kept |= {name: about[name] for name in record_times.NAMES if name in about}
     kept.pop("files", None)
     complete = closing["complete"] == "true"
-    files.write_manifest(folder, {**kept, "complete": complete, "detail": closing["detail"]})
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    """The manifest; empty where there is none that can be read."""
-    with suppress(OSError, ValueError):
-        tree: Any = json.loads((folder / files.MANIFEST).read_text(encoding="utf-8"))
-        if isinstance(tree, dict):
-            return cast("dict[str, Any]", tree)
-    return {}
+    kept |= {"complete": complete, "detail": closing["detail"]}
+    files.write_manifest(folder, kept, names)
 
 
 def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
@@ -76,7 +157,7 @@ def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
     The closing also has the number of messages, and the numbers of the first and the last sample.
     """
     # The file is replaced only once the copy of it is complete and on the disk.
-    draft = path.with_name(path.name + ".part")
+    draft = path.with_name(path.name + DRAFT)
     stream = Unbuffered(draft, "wb")
     try:
         written = _copy(path, stream, closing)
@@ -86,7 +167,7 @@ def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
         draft.unlink(missing_ok=True)
         raise
     stream.close()
-    draft.replace(path)
+    publish(draft, path)
     return written
 
 

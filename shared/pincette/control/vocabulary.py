@@ -112,5 +112,7 @@ class FaultCode(StrEnum):
     RECORDER_STATE = auto()
     RECORD_TROUBLE = auto()
     CLOCK_STEPPED = auto()
+    RECORD_BEHIND = auto()
+    RECORD_DAMAGED = auto()
     # Any program.
     MESSAGES_REFUSED = auto()

@@ -1,6 +1,7 @@
-"""Files: text that people and other programs wrote, and files that are replaced whole."""
+"""Decode text files from other programs; replace files so that a power cut cannot damage them."""
 
 import codecs
+import errno
 import os
 import secrets
 import tempfile
@@ -17,6 +18,9 @@ MARKS = (
 """Byte order marks of other encodings; those of UTF-32 begin as those of UTF-16 do."""
 LOOKED_AT = 200
 """Bytes at the begin of a text in which zeros show an encoding without a mark."""
+
+DRAFT = ".part"
+"""End of the name of a file that is still being written."""
 
 
 @contextmanager
@@ -64,30 +68,60 @@ def _remedy(encoding: str) -> str:
 
 
 def replace_file(path: Path, content: bytes, mode: int = 0o666) -> None:
-    """Write a file whole: on the disk when this returns, and as it was before on any error.
+    """Replace a file by new content, which is on the disk when this returns; raises OSError.
 
-    A reader sees the old content or the new one, also after a loss of power. ``mode`` is that of
-    the file from its first byte on, less what the process does not allow. Raises OSError.
+    See ``replacing``.
     """
-    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    number = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with replacing(path, mode) as draft:
+        draft.write_bytes(content)
+
+
+@contextmanager
+def replacing(path: Path, mode: int = 0o666) -> Generator[Path]:
+    """Yield a draft in the same folder; it replaces the file when the block ends without an error.
+
+    A reader sees the old content or the new content, also after a power cut. After an error the
+    file is as it was. The draft exists when the block begins, with ``mode`` less what the umask
+    of the process forbids. Raises OSError.
+    """
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}{DRAFT}")
+    os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode))
     try:
-        with os.fdopen(number, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        draft.replace(path)
+        yield draft
+        publish(draft, path)
     except BaseException:
         with suppress(OSError):
             draft.unlink()
         raise
+
+
+def publish(draft: Path, path: Path) -> None:
+    """Sync a complete draft, move it to its path in the same folder, and sync the folder.
+
+    Raises OSError.
+    """
+    with draft.open("rb") as stream:
+        os.fsync(stream.fileno())
+    draft.replace(path)
     sync_folder(path.parent)
 
 
+def make_folder(folder: Path, mode: int = 0o777) -> None:
+    """Make a folder and those above it, and sync the entry of each; raises OSError."""
+    if folder.is_dir():
+        return
+    make_folder(folder.parent, mode)
+    folder.mkdir(mode=mode, exist_ok=True)
+    sync_folder(folder.parent)
+
+
 def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk; raises OSError."""
-    number = os.open(folder, os.O_RDONLY)
+    """Sync the entries of a folder: its files' names, not their content; raises OSError."""
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(number)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # a file system that cannot sync a folder
+            raise
     finally:
         os.close(number)

@@ -104,6 +104,13 @@ TEXTS: Mapping[FaultCode, str] = {
         "lease: nothing heard from the supervisor for {silent_s:.1f} s, limit {limit_s:g} s"
     ),
     FaultCode.RECORDER_STATE: "",
+    FaultCode.RECORD_BEHIND: (
+        "the newest {behind_s:.1f} s of the record are not on the disk yet, limit {limit_s:g} s: "
+        "look at what else writes to the disk"
+    ),
+    FaultCode.RECORD_DAMAGED: (
+        "{records:.0f} records are not as their manifests state: copy the files from a backup"
+    ),
     FaultCode.CLOCK_STEPPED: (
         "the time of day has stepped by {step_s:+.0f} s against what the recorder has counted; "
         "records stay until a person has set the clock right, or acknowledges the alarm"

@@ -2,14 +2,21 @@
 
 import hashlib
 import json
-import os
 import shutil
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from pincette.core.files import (
+    DRAFT,
+    make_folder,
+    publish,
+    replace_file,
+    replacing,
+    sync_folder,
+)
 from pincette.records import mcap_file, parquet, record_times
 from pincette.records.columns import COLUMNS, SECOND_COLUMNS, Columns
 from pincette.records.parquet import Field
@@ -51,7 +58,7 @@ OF_A_BURST = (
 
 def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
     """Write columns as Parquet."""
-    with _replacing(path) as draft:
+    with replacing(path) as draft:
         two = SECOND_COLUMNS if SECOND_COLUMNS[0].name in table else ()
         parquet.write(draft, (*OF_SAMPLES, *two), table, about)
 
@@ -62,7 +69,7 @@ class SamplesDraft:
     def __init__(self, path: Path, about: Mapping[str, str], *, two_arms: bool) -> None:
         self._path, self._about = path, about
         self._fields = (*OF_SAMPLES, *(SECOND_COLUMNS if two_arms else ()))
-        self._draft = path.with_name(path.name + ".part")
+        self._draft = path.with_name(path.name + DRAFT)
         self._writer: parquet.Writer | None = None
         self._rows = 0
         """Rows that were added."""
@@ -91,7 +98,7 @@ class SamplesDraft:
         writer.describe(about)
         writer.close()
         self._writer = None
-        self._draft.replace(self._path)
+        publish(self._draft, self._path)
 
     def discard(self) -> None:
         """Delete the draft."""
@@ -115,55 +122,43 @@ def write_burst(
     path: Path, x_um: Sequence[float], drive_V: Sequence[float], about: Mapping[str, str]
 ) -> None:
     """Write a buffered acquisition as Parquet; its rate is in ``about``."""
-    with _replacing(path) as draft:
+    with replacing(path) as draft:
         parquet.write(draft, OF_A_BURST, {"x_um": x_um, "drive_V": drive_V}, about)
 
 
 def write_json(path: Path, tree: Mapping[str, Any]) -> None:
     """Write a document that people read."""
-    with _replacing(path) as draft:
-        text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False)
-        draft.write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False)
+    replace_file(path, f"{text}\n".encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file as it is."""
-    with _replacing(path) as draft:
-        draft.write_bytes(content)
-
-
-@contextmanager
-def _replacing(path: Path) -> Generator[Path]:
-    """A draft that takes the place of a file at once, so that no reader sees half of it."""
-    draft = path.with_name(path.name + ".part")
-    try:
-        yield draft
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
-    with draft.open("rb") as stream:
-        os.fsync(stream.fileno())
-    draft.replace(path)
+    replace_file(path, content)
 
 
 def pin(folder: Path, *, pinned: bool) -> None:
     """Mark a record that is not to be deleted for its age, or take the mark away."""
     if pinned:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         (folder / PINNED).touch()
-    else:
-        (folder / PINNED).unlink(missing_ok=True)
+        sync_folder(folder)
+    elif (folder / PINNED).exists():
+        (folder / PINNED).unlink()
+        sync_folder(folder)
 
 
 def agree_to_clock(records: Path) -> None:
     """Note for the recorder that a person agrees to the time of day; raises OSError."""
     (records / CLOCK_AGREED).touch()
+    sync_folder(records)
 
 
 def delete(records: Path, name: str) -> None:
     """Delete a record; at once it is no longer found under its name. Raises OSError."""
     grave = records / f"{DOOMED}{name}"
     (records / name).rename(grave)
+    sync_folder(records)
     shutil.rmtree(grave)
 
 
@@ -196,7 +191,70 @@ def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write_manifest(folder: Path, about: Mapping[str, Any]) -> None:
-    """Write which files the record has, whose they are, and whether the record is complete."""
-    files = [entry for entry in artifacts(folder) if entry["name"] != MANIFEST]
+def write_manifest(
+    folder: Path, about: Mapping[str, Any], names: Collection[str] | None = None
+) -> None:
+    """Write which files the record has, whose they are, and whether the record is complete.
+
+    Called when all of these files are on the disk. ``names``: the files to list as they are now;
+    the entries of all others stay as the present manifest has them. None: all files.
+    Raises OSError.
+    """
+    files = [
+        entry
+        for entry in artifacts(folder)
+        if entry["name"] != MANIFEST and (names is None or entry["name"] in names)
+    ]
+    if names is not None:
+        files += [entry for entry in listed(folder) if entry["name"] not in names]
     write_json(folder / MANIFEST, {**about, "files": files})
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest; empty where there is none that can be read."""
+    with suppress(OSError, ValueError):
+        tree: Any = json.loads((folder / MANIFEST).read_bytes())
+        if isinstance(tree, dict):
+            return cast("dict[str, Any]", tree)
+    return {}
+
+
+def listed(folder: Path) -> list[dict[str, Any]]:
+    """Return the files that the manifest lists; empty where it cannot be read."""
+    found = read_manifest(folder).get("files")
+    entries = cast("list[Any]", found) if isinstance(found, list) else []
+    return [
+        cast("dict[str, Any]", one)
+        for one in entries
+        if isinstance(one, dict) and isinstance(cast("dict[str, Any]", one).get("name"), str)
+    ]
+
+
+def newest(records: Path, count: int) -> list[Path]:
+    """Return the folders of the records that were written to last; raises OSError."""
+    found = [path.parent for path in records.glob(f"*/{LIVE}") if not path.parent.is_symlink()]
+    alive = [folder for folder in found if not folder.name.startswith(DOOMED)]
+    return sorted(alive, key=lambda folder: folder.stat().st_mtime)[-count:]
+
+
+def damaged(folder: Path) -> list[str]:
+    """Return the names of files that are missing or differ from the manifest.
+
+    A manifest that is missing or cannot be read is named alone. Raises OSError.
+    """
+    entries = listed(folder)
+    if not entries:
+        return [MANIFEST]
+    return [entry["name"] for entry in entries if not _is_as_listed(folder, entry)]
+
+
+def _is_as_listed(folder: Path, entry: Mapping[str, Any]) -> bool:
+    path = folder / Path(entry["name"]).name
+    try:
+        state = path.stat()
+        # Equal sizes first: most damage is a file that was cut, and costs no digest.
+        return state.st_size == entry.get("bytes") and entry.get("sha256") == _sha256(
+            path, state.st_size, state.st_mtime_ns
+        )
+    except FileNotFoundError:
+        return False

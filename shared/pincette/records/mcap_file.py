@@ -52,8 +52,12 @@ class Unbuffered:
         """Nothing is kept back."""
 
     def sync(self) -> None:
-        """Wait until it is on the disk."""
+        """Wait until the file is on the disk; raises OSError."""
         os.fsync(self._file.fileno())
+
+    def duplicate(self) -> int:
+        """Return another descriptor of the open file, which its owner closes."""
+        return os.dup(self._file.fileno())
 
     def close(self) -> None:
         """Close the file."""
@@ -113,6 +117,8 @@ class McapFile:
         self._oldest_ns: int | None = None
         """Arrival of the oldest message of the chunk that is being filled."""
         self._bytes = 0
+        self.chunks = 0
+        """Number of chunks that were closed and passed to the operating system."""
         self.counts: Counter[str] = Counter()
         """Messages written, by topic."""
         self._begin = {record_times.BEGIN: utc_text(start_ns)}
@@ -187,6 +193,15 @@ class McapFile:
         """Close the chunk; raises OSError."""
         self._chunks.flush()
         self._oldest_ns, self._bytes = None, 0
+        self.chunks += 1
+
+    def sync(self) -> None:
+        """Sync the file with what was flushed so far; raises OSError."""
+        self._stream.sync()
+
+    def duplicate(self) -> int:
+        """Return another descriptor of the open file, which its owner closes; raises OSError."""
+        return self._stream.duplicate()
 
     def finish(self, closing: Mapping[str, str]) -> None:
         """Write how it ended and the summary, and close; raises OSError."""

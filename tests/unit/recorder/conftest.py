@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
 
@@ -91,6 +92,14 @@ class Bench:
         self.replies.clear()
         self.keeper.finish(carried(Finish(job, epoch, last_seq)), self.replies.append)
         return self.reply
+
+    def ended(self, last_seq: int | None, job: str = "j-1", epoch: int = EPOCH) -> Recorded | str:
+        """Ask for the end of a record that is not open, and wait for the answer."""
+        answers = SimpleQueue[Message | str]()
+        self.keeper.finish(carried(Finish(job, epoch, last_seq)), answers.put)
+        answer = answers.get(timeout=60.0)
+        assert isinstance(answer, Recorded | str)
+        return answer
 
     @property
     def reply(self) -> Recorded | str | None:

@@ -197,14 +197,14 @@ def test_a_pause_is_not_silent(bench: Bench) -> None:
 def test_finishing_twice_gives_the_same_answer(bench: Bench) -> None:
     _whole(bench)
     first = bench.finish(29)
-    assert bench.finish(29) == first
+    assert bench.ended(29) == first
 
 
 def test_finishing_what_was_given_up_says_so(bench: Bench) -> None:
     _whole(bench)
     bench.wait(1.0)
     bench.wait(10.5)
-    recorded = bench.finish(29)
+    recorded = bench.ended(29)
     assert isinstance(recorded, Recorded)
     assert not recorded.complete
     assert "nobody finished it" in recorded.detail
