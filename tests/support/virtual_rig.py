@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic, sleep
 from unittest.mock import patch
 
 from msgspec import UNSET, UnsetType
@@ -80,14 +81,38 @@ class VirtualRig:
         for topic in (TELEMETRY, APPLIED):
             self.bus.subscribe(topic, self._hear)
         self._late_s = 0.0
-        intake = Intake(self._now_ns)
-        wall = WallClock(self._now_ns, self._now_ns)
-        config = configure(rig, data)
-        self._mender = Mender(config)
-        self.keeper = Keeper(config, intake, wall, self._mender, self._recorder_s)
+        self._intake = Intake(self._now_ns)
+        self._config = configure(rig, data)
+        self.keeper, self._mender = self._recorder()
         for topic in TOPICS:
-            self.bus.subscribe(topic, intake.take)
+            self.bus.subscribe(topic, self._intake.take)
         self.bus.serve(STATUS["recorder"], self._recorder_status)
+
+    def _recorder(self) -> tuple[Keeper, Mender]:
+        """Start a recorder, which checks the newest records."""
+        mender = Mender(self._config)
+        mender.check_newest().result()
+        wall = WallClock(self._now_ns, self._now_ns)
+        return Keeper(self._config, self._intake, wall, mender, self._recorder_s), mender
+
+    def restart_recorder(self) -> None:
+        """End the recorder, and start another one."""
+        with self.turn:
+            self.keeper.close()
+            self._mender.close()
+            self.keeper, self._mender = self._recorder()
+
+    def sync_record(self) -> None:
+        """Let the recorder close its chunk, and wait until the disk has it."""
+        record = self.keeper.record
+        assert record is not None
+        with self.turn:
+            record.file.flush()
+            record.flush_aged(0)
+        deadline_s = monotonic() + 30.0
+        while record.unsynced_s > 0.0:
+            assert monotonic() < deadline_s
+            sleep(0.01)
 
     def _hear(self, _topic: Topic, said: Message) -> None:
         if isinstance(said, Telemetry):

@@ -4,6 +4,7 @@ To close a long record takes many seconds, in which a job that is about to begin
 """
 
 import logging
+from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -22,6 +23,8 @@ from pincette_recorder.counted_time import CountedTime
 log = logging.getLogger(__name__)
 CHECKED = 10
 """Number of the newest records that a start compares with their manifests."""
+KNOWN = 100
+"""Number of records of which it is known that they are sound."""
 MOST_TEXT = 380
 """Length of a reply's detail; see ``codec.MAX_TEXT``."""
 Reply = Callable[[Message | str], None]
@@ -38,6 +41,12 @@ class Mender:
         """Records since the start."""
         self.damaged: dict[str, list[str]] = {}
         """Files that differ from the manifest and could not be made again, by record."""
+        self._sound: deque[str] = deque(maxlen=KNOWN)
+        """Records that this process has written or checked."""
+
+    def note_written(self, name: str) -> None:
+        """Note that a record was closed and its manifest written."""
+        self._sound.append(name)
 
     def tidy(self, left: Iterable[Path]) -> None:
         """Close these, then delete what the rig file asks for; errors are logged."""
@@ -47,9 +56,10 @@ class Mender:
         """Reply how a record ended that is not open, once it is closed and repaired."""
         folder = self._config.records / request.job
 
-        def answer() -> None:
+        def answer(*, check: bool) -> None:
             try:
-                self._repair(folder)
+                if check:
+                    self._repair(folder)
                 ended = _end_of(folder / NAME, request)
                 lost = self.damaged.get(folder.name)
                 if lost and isinstance(ended, Recorded):
@@ -60,17 +70,23 @@ class Mender:
 
         if not (folder / NAME).exists():
             reply(f"there is no record of job {request.job[:90]!r}")
-            return
-        self._pool.submit(answer).add_done_callback(log_failure)
+        elif folder.name in self._sound:
+            answer(check=False)
+        else:
+            self._pool.submit(answer, check=True).add_done_callback(log_failure)
 
     def check_newest(self) -> Future[None]:
-        """Compare the newest records with their manifests, and repair them; errors are logged."""
-        checking = self._pool.submit(self._check_newest)
+        """Compare the newest records with their manifests, and repair them; errors are logged.
+
+        Called while no record is open.
+        """
+        newest = files.newest(self._config.records, CHECKED)
+        checking = self._pool.submit(self._check, newest)
         checking.add_done_callback(log_failure)
         return checking
 
-    def _check_newest(self) -> None:
-        for folder in files.newest(self._config.records, CHECKED):
+    def _check(self, folders: Iterable[Path]) -> None:
+        for folder in folders:
             try:
                 self._repair(folder)
             except OSError as error:
@@ -93,6 +109,7 @@ class Mender:
         lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
         if not lost:
             self.damaged.pop(folder.name, None)
+            self._sound.append(folder.name)
         elif self.damaged.get(folder.name) != lost:
             self.damaged[folder.name] = lost
             log.error("%s", _lost_words(folder, lost))

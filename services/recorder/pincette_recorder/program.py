@@ -94,7 +94,7 @@ class Recorder:
     def work(self, stop: threading.Event) -> None:
         """Write until ``stop``, then close the open record; a fault stops the program too."""
         try:
-            self._mender.check_newest()
+            self._check_newest()
             while not stop.is_set():
                 self._answer_one()
                 self._mender.counted.count()
@@ -118,6 +118,12 @@ class Recorder:
         else:
             self._keeper.finish(cast(Finish, request), reply)
             self._tidy_at_s = min(self._tidy_at_s, monotonic() + 1.0)
+
+    def _check_newest(self) -> None:
+        try:
+            self._mender.check_newest()
+        except OSError as error:
+            log.error("%s: %s", self._config.records, error)
 
     def _tidy(self) -> None:
         self._tidy_at_s = monotonic() + TIDY_S

@@ -235,6 +235,7 @@ class Keeper:
         """Say in the folder itself how it ended, since the supervisor may be gone."""
         try:
             record_repair.write_manifest(record.folder, record.about, closing)
+            self._mender.note_written(record.folder.name)
         except OSError as error:
             log.error("%s: %s", record.job, error, extra={"job": record.job})
 

@@ -7,12 +7,14 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from pincette.api.job_kinds import job_kinds
 from pincette.api.results import JobResult
 from pincette.api.states import STATES
 from pincette.bus.protocol import Bus, BusError, RefusalError
 from pincette.core.faults import ActionCode, Mode
 from pincette.core.messages import Action, Applied, Recorded
 from pincette.core.topics import ACTION
+from pincette.engine.threads import log_failure
 from pincette.records import folder, mcap_reading, parquet
 from pincette.records.mcap_file import NAME
 from pincette_supervisor.jobs import policies
@@ -35,6 +37,8 @@ log = logging.getLogger(__name__)
 ASK_S = 1.0
 RECENT = CAPACITY + 4
 """Jobs among which those with a record left open are sought: those that wait are newer."""
+COMPARED = 10
+"""Number of the newest jobs whose records a start compares with their manifests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +81,9 @@ def recover_from_crash(
         closed = context.closer.submit(_closed, context.bus, left.id, epoch, last_seq)
         stored[left.id] = context.archivist.submit(_store_end, context, left, closed)
         stored[left.id].add_done_callback(lambda _: notify())
+    for row in _recorded(context):
+        if row.id not in stored:
+            context.archivist.submit(_compare, context, row).add_done_callback(log_failure)
     return Left(stored)
 
 
@@ -87,6 +94,60 @@ def _unwritten(context: RigContext) -> list[JobRow]:
     """
     found = context.store.newest(RECENT, JobFilter(rig=context.rig.rig.name))
     return [row for row in reversed(found) if row.epoch is not None and _is_left(row)]
+
+
+def _recorded(context: RigContext) -> list[JobRow]:
+    """Return the newest jobs whose records were written and not deleted."""
+    found = context.store.newest(COMPARED, JobFilter(rig=context.rig.rig.name))
+    return [
+        row
+        for row in found
+        if row.epoch is not None
+        and not _is_left(row)
+        and "deleted_at" not in row.plan.get("record", {"deleted_at": ""})
+    ]
+
+
+def _compare(context: RigContext, row: JobRow) -> None:
+    """Compare a record with its manifest; have it repaired, and state what stays damaged."""
+    where = context.records / row.id
+    lost = _lost(where, row)
+    if not lost:
+        return
+    log.warning("%s: %s lost or changed since the record was written", where, ", ".join(lost))
+    # The recorder repairs its own files before it answers.
+    recorded = _closed(context.bus, row.id, int(row.epoch or 0), None)
+    state = completeness(recorded)
+    why = ""
+    if lost := _lost(where, row):
+        try:
+            if folder.LIVE not in lost and where.is_dir():
+                _gathered(context, row).write(where, recorded)
+                lost = _lost(where, row)
+        except Exception as error:  # whatever it was, the job says that they are lacking
+            log.exception("the documents of job %s were not made again", row.id)
+            why = f" ({str(error) or type(error).__name__})"
+    if lost:
+        words = f"{', '.join(lost)} lost or changed in {where}{why}: copy it from a backup"
+        state = {
+            "complete": False,
+            "detail": "; ".join(filter(None, (str(state["detail"]), words))),
+        }
+    if row.plan["record"] != state:
+        context.store.change(row.id, plan={**row.plan, "record": state})
+
+
+def _lost(where: Path, row: JobRow) -> list[str]:
+    """Return the names of files of a record that are missing, or differ from its manifest."""
+    found = folder.damaged(where)
+    if found == [folder.MANIFEST]:
+        return found
+    kind = job_kinds().get(row.kind)
+    wanted: list[str] = []
+    if row.result is not None and kind is not None:
+        wanted = [folder.REQUEST, folder.RESULT, folder.REPORT, kind.plot]
+    names = {entry["name"] for entry in folder.listed(where)}
+    return [*found, *(name for name in wanted if name not in names)]
 
 
 def _is_left(row: JobRow) -> bool:

@@ -1,6 +1,5 @@
 """What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
 
-import json
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.live import LoopTiming
+from pincette.core.files import make_folder
 from pincette.core.messages import Recorded
 from pincette.records import folder as files
 from pincette_supervisor.journal.store import JobRow
@@ -39,7 +39,7 @@ def write_documents(
     recorded: Recorded | str,
 ) -> None:
     """Write everything but the samples, which are the recorder's; raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     kind, state = job_kinds()[planned.plan.kind], completeness(recorded)
     whose = {**whose, **files.times(folder)}
     files.write_bytes(folder / kind.plot, picture.png)
@@ -77,9 +77,8 @@ def restate(folder: Path, job: JobRow) -> None:
     Files of samples are never written again: they say what was said when they were made.
     """
     kind = job_kinds().get(job.kind)
-    try:
-        manifest: dict[str, Any] = json.loads((folder / files.MANIFEST).read_bytes())
-    except (FileNotFoundError, ValueError):
+    manifest = files.read_manifest(folder)
+    if not manifest:
         return
     state = {name: manifest.pop(name) for name in ("complete", "detail") if name in manifest}
     manifest.pop("files", None)
@@ -88,7 +87,7 @@ def restate(folder: Path, job: JobRow) -> None:
         for name, value in manifest.items()
         if name not in SAID and not name.startswith(LABEL)
     }
-    picture = folder / (kind.plot if kind else "")
+    picture, written = folder / (kind.plot if kind else ""), set[str]()
     if kind is not None and job.result is not None and picture.is_file():
         page = report(
             kind=kind,
@@ -100,7 +99,8 @@ def restate(folder: Path, job: JobRow) -> None:
             timing=_timing(folder),
         )
         files.write_bytes(folder / files.REPORT, page.encode())
-    files.write_manifest(folder, {**whose, **state})
+        written = {files.REPORT}
+    files.write_manifest(folder, {**whose, **state}, written)
 
 
 def _timing(folder: Path) -> LoopTiming | None:
