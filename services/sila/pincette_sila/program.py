@@ -12,6 +12,7 @@ from sila2.framework import Feature
 from sila2.server import FeatureImplementationBase, SilaServer
 
 from pincette import __version__
+from pincette.core.files import make_folder, replace_file
 from pincette.engine.program import Context, require_port
 from pincette_sila.background import Background
 from pincette_sila.callers import Authentication, Authorization, Callers
@@ -100,9 +101,9 @@ def identity(path: Path) -> uuid.UUID:
     try:
         return uuid.UUID(path.read_text(encoding="ascii").strip())
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         found = uuid.uuid4()
-        path.write_text(f"{found}\n", encoding="ascii")
+        replace_file(path, f"{found}\n".encode("ascii"))
         return found
 
 

@@ -15,6 +15,7 @@ from typing import IO, Any, cast
 from zlib import error as ZlibError
 
 from pincette import __version__
+from pincette.core.files import make_folder, sync_folder
 
 JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
     "supervisor.sqlite",
@@ -26,6 +27,8 @@ JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
 MANIFEST = "backup.json"
 PRIVATE = 0o600
 """The journal and the keys are read by their owner alone."""
+OWNED = 0o700
+"""Mode of the folders of restored data."""
 CHUNK = 2**20
 """Bytes that are in memory at once."""
 MOST_FILES = 500_000
@@ -79,26 +82,29 @@ class _Bounded(io.RawIOBase):
 
 
 def write(draft: Path, journal: Path, data: Path, *, records: bool) -> list[str]:
-    """Write a backup with a copy of the journal; returns the names of its files."""
+    """Write a backup with a copy of the journal; returns the names of its files.
+
+    The caller publishes the draft, which syncs it.
+    """
     digests: dict[str, str] = {}
     opener = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE)
-    with os.fdopen(opener, "wb") as stream:
-        with tarfile.open(fileobj=stream, mode="w:gz", compresslevel=6) as archive:
-            for name, path in [(JOURNAL, journal), *_files(data, records=records)]:
-                with path.open("rb") as source:
-                    state, hashed = os.fstat(source.fileno()), _Hashed(source)
-                    _add(archive, name, state.st_size, cast("IO[bytes]", hashed), state.st_mtime)
-                digests[name] = hashed.sum.hexdigest()
-            now = datetime.now(UTC)
-            about = {
-                "pincette": __version__,
-                "made_at": now.isoformat(timespec="seconds"),
-                "files": digests,
-            }
-            content = json.dumps(about, indent=2).encode()
-            _add(archive, MANIFEST, len(content), io.BytesIO(content), now.timestamp())
-        stream.flush()
-        os.fsync(stream.fileno())
+    with (
+        os.fdopen(opener, "wb") as stream,
+        tarfile.open(fileobj=stream, mode="w:gz", compresslevel=6) as archive,
+    ):
+        for name, path in [(JOURNAL, journal), *_files(data, records=records)]:
+            with path.open("rb") as source:
+                state, hashed = os.fstat(source.fileno()), _Hashed(source)
+                _add(archive, name, state.st_size, cast("IO[bytes]", hashed), state.st_mtime)
+            digests[name] = hashed.sum.hexdigest()
+        now = datetime.now(UTC)
+        about = {
+            "pincette": __version__,
+            "made_at": now.isoformat(timespec="seconds"),
+            "files": digests,
+        }
+        content = json.dumps(about, indent=2).encode()
+        _add(archive, MANIFEST, len(content), io.BytesIO(content), now.timestamp())
     return sorted(digests)
 
 
@@ -134,13 +140,15 @@ def restore(file: Path, data: Path) -> list[str]:
     and leaves the folder as it was.
     """
     made = not data.exists()
-    data.mkdir(parents=True, exist_ok=True)
+    make_folder(data, OWNED)
     aside = Path(tempfile.mkdtemp(prefix=".restore-", dir=data))
     try:
         names = _unpack(file, aside)
         # The journal last: without it the folder is not taken for one with data.
         for path in sorted(aside.iterdir(), key=lambda path: path.name == JOURNAL):
+            sync_folder(data)  # the names before it outlast a power cut if the journal's does
             path.rename(data / path.name)
+        sync_folder(data)
     except BaseException:
         shutil.rmtree(aside, ignore_errors=True)
         if made:
@@ -202,7 +210,7 @@ def _chunks(content: IO[bytes]) -> Iterable[bytes]:
 def _write(path: Path, content: IO[bytes], entry: tarfile.TarInfo) -> str:
     """Write one file; returns its digest. ValueError where a file has the name of a folder."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent, OWNED)
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE)
     except (FileExistsError, NotADirectoryError) as error:
         raise ValueError(f"it has {entry.name!r} as a file and as a folder") from error
@@ -215,6 +223,7 @@ def _write(path: Path, content: IO[bytes], entry: tarfile.TarInfo) -> str:
         os.fsync(stream.fileno())
     if written != entry.size:
         raise ValueError(f"it ends within {entry.name!r}")
+    sync_folder(path.parent)
     return digest.hexdigest()
 
 

@@ -11,6 +11,7 @@ from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.options import MOMENTS, Limit, choice, moment
+from pincette.cli.output_file import write_output
 from pincette.cli.results import outcome
 from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
@@ -126,10 +127,7 @@ def export(
         content = wanted.supervisor().export(form, **wanted.filters)
     if spreadsheet is not None and form == "csv":
         content = for_spreadsheet(content, spreadsheet)
-    try:
-        out.write_bytes(content)
-    except OSError as error:
-        raise CliError(f"{out} cannot be written ({error.strerror}): name another") from error
+    write_output(out, content)
     wanted.answer(str(out), str(out))
 
 

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from pincette.cli.readers import literal, number
 from pincette.cli.terminal import command, group, named
 from pincette.config.bench_form import NUMBERED, Question, Value
 from pincette.core import plugins
+from pincette.core.files import sync_folder
 
 if TYPE_CHECKING:
     from pincette.config import Table
@@ -68,6 +70,9 @@ def _init(path: Path, yes: bool, **given: Any) -> int:
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        sync_folder(path.absolute().parent)
     except OSError as error:
         raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
     print(f"{path} is written. Next:\n  export PINCETTE_RIG={path}\n  pincette doctor")

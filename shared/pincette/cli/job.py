@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from typer import Argument, Option, Typer
@@ -18,6 +17,7 @@ from pincette.cli.options import (
     request_parameters,
     stated_fields,
 )
+from pincette.cli.output_file import write_output
 from pincette.cli.results import show_plan, show_result
 from pincette.cli.terminal import clock, command, group, patience, screen, table
 from pincette.cli.watch import followed
@@ -114,7 +114,7 @@ def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[
         status = _planned(target, rig, kind, fields)
         if plot is not None:
             with patience("drawing"):
-                written(plot, rig.plot(kind.name, **fields))
+                write_output(plot, rig.plot(kind.name, **fields))
             if not target.json:
                 print(f"plot: {plot}")
         return status
@@ -138,14 +138,6 @@ def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str
 
     target.answer(plan, show)
     return Exit.DONE if plan.feasible else Exit.LIMIT
-
-
-def written(path: Path, content: bytes) -> None:
-    """Write a file; raises CliError if it cannot be written."""
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
 
 
 def _add_kinds() -> None:

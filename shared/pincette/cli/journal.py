@@ -18,6 +18,7 @@ from pincette.cli.access import Address
 from pincette.cli.backup_file import JOURNAL
 from pincette.cli.options import DATA, DataFolder, Limit, integer
 from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
+from pincette.core.files import publish
 
 if TYPE_CHECKING:
     from pincette.api.access import AuditChain, AuditEntry
@@ -57,7 +58,7 @@ def backup(
             copy = Path(work) / JOURNAL
             _copied(journal, copy)
             names = backup_file.write(draft, copy, data, records=records)
-        draft.replace(file)
+        publish(draft, file)
     except (OSError, sqlite3.Error, tarfile.TarError) as error:
         draft.unlink(missing_ok=True)
         raise CliError(f"{file} cannot be written: {error}") from error

@@ -15,6 +15,7 @@ from typer import Option
 
 from pincette.cli import CliError, Exit, chosen, opened
 from pincette.cli.options import DATA, DataFolder, Picture
+from pincette.cli.output_file import write_output
 from pincette.cli.readers import number_within
 from pincette.cli.rigs import milliseconds
 from pincette.cli.terminal import Json, command, emit, group, screen, table
@@ -106,7 +107,7 @@ def latency(
         # Only this loads the drawing library.
         from pincette.cli.latency import plot
 
-        picture.write_bytes(plot(found))
+        write_output(picture, plot(found))
         if not form.json:
             print(f"plot: {picture}")
     return Exit.FAILED if supported_s is None else Exit.DONE

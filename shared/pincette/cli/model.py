@@ -9,6 +9,7 @@ from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, opened
 from pincette.cli.access import Target
+from pincette.cli.output_file import write_output
 from pincette.cli.readers import integer, literal
 from pincette.cli.results import Tree, measured, quantity
 from pincette.cli.terminal import RigOption, clock, command, figures, group, screen, table, tree
@@ -252,7 +253,7 @@ def teach(
         )
         tables += table
     if write is not None:
-        write.write_text(tables, encoding="utf-8")
+        write_output(write, tables.encode())
 
 
 def as_toml(found: "Identification") -> str:

@@ -11,6 +11,7 @@ from pincette import __version__
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.access import Target
 from pincette.cli.options import Limit
+from pincette.cli.output_file import write_output
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.rigs import timing_table
@@ -119,7 +120,7 @@ def csv(target: Target, name: JobName, out: Out = None, spreadsheet: ForSpreadsh
     """Download the samples of a record as CSV."""
     for path in _download(target, target.job(name), [SAMPLES], out):
         if spreadsheet is not None:
-            path.write_bytes(for_spreadsheet(path.read_bytes(), spreadsheet))
+            write_output(path, for_spreadsheet(path.read_bytes(), spreadsheet))
 
 
 @command(records_app, "delete")

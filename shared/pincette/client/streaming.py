@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from pincette.api.events import Event
 from pincette.client.errors import DamagedFileError, ForeignAnswerError
+from pincette.core.files import make_folder, publish
 
 MEDIA_TYPE = "text/event-stream"
 SILENCE_S = 30.0
@@ -23,7 +24,7 @@ class Download:
     def __init__(self, name: str, folder: Path, sha256: str | None) -> None:
         if Path(name).name != name:
             raise ValueError(f"{name!r} is no name of a file: it has no folder in it")
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         self._path, self._part = folder / name, folder / f"{name}.part"
         self._sha256 = sha256
         self._file: BinaryIO | None = None
@@ -50,7 +51,7 @@ class Download:
             raise DamagedFileError(
                 f"{self._path.name}: SHA-256 is {found}, the record states {self._sha256}"
             )
-        self._part.replace(self._path)
+        publish(self._part, self._path)
         return self._path
 
     def discard(self) -> None:

@@ -15,7 +15,7 @@ import msgspec
 from pincette.config import RigFile
 from pincette.control.quantities import Whole
 from pincette.core.faults import Predecessor
-from pincette.core.files import replace_file
+from pincette.core.files import make_folder, replace_file
 
 RUNNING = "running"
 
@@ -71,7 +71,7 @@ class BootNote:
         if self._write(RUNNING, None):
             return
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(self._path.parent)
             with self._path.open("wb") as stream, suppress(OSError):
                 os.fsync(stream.fileno())
         except OSError as error:
@@ -100,7 +100,7 @@ class BootNote:
 
     def _write(self, ended: str, instance: int | None) -> bool:
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(self._path.parent)
             replace_file(self._path, msgspec.json.encode(_Note(ended, instance)) + b"\n")
         except OSError as error:
             _log.warning(

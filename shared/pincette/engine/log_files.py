@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
+from pincette.core import files
+
 FULL_BYTES = 4_000_000
 """Length at which a file is rotated."""
 KEPT = 4
@@ -19,7 +21,7 @@ KEPT = 4
 
 def make_folder(folder: Path) -> None:
     """Make the folder of log files, which other accounts may not enter."""
-    folder.mkdir(parents=True, exist_ok=True)
+    files.make_folder(folder, 0o700)
     folder.chmod(0o700)
 
 

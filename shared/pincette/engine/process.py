@@ -43,7 +43,7 @@ READY = "ready: "
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
 
-OTHERS = 0o027
+OTHERS = 0o077
 MOST_FILES = 4096
 """That a program may have open; strangers hold far fewer of them."""
 
@@ -119,7 +119,7 @@ def _allow_files() -> None:
 
 
 def keep_from_others() -> None:
-    """Let what is written from here on be closed to other accounts; a group may read it."""
+    """Close what is written from here on to all other accounts."""
     os.umask(os.umask(OTHERS) | OTHERS)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 
+from pincette.core.files import replace_file
 from pincette.security.folder import SOON, Folder
 from pincette.security.identity import (
     OPERATOR,
@@ -57,7 +58,7 @@ def establish(
         person(OPERATOR, OPERATOR),
     ]
     folder.begin(now, max(days, AUTHORITY_DAYS))
-    (folder.path / README).write_text(EXPLAINED, encoding="utf-8")
+    replace_file(folder.path / README, EXPLAINED.encode())
     _issue(folder, wanted, hosts, now, days)
 
 

@@ -1,11 +1,11 @@
 """The folder of certificates: an authority, one for each program and person; and their check."""
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from pincette.core.files import make_folder, replace_file, sync_folder
 from pincette.security import certificates
 from pincette.security.certificates import Facts, Pair
 from pincette.security.identity import AUTHORITY, Credentials, Identity, SecurityError
@@ -26,7 +26,7 @@ class Folder:
     def begin(self, now: datetime, days: float) -> None:
         """Make an empty folder, for its owner alone, with a new authority; raises SecurityError."""
         try:
-            self.path.mkdir(mode=OWNED, parents=True, exist_ok=True)
+            make_folder(self.path, OWNED)
             taken = any(self.path.iterdir())
         except OSError as error:
             raise SecurityError(f"folder {self.path}: {error.strerror}") from error
@@ -69,6 +69,7 @@ class Folder:
         """Take a certificate, and its key where it is here, out of the folder."""
         for suffix in (CERTIFICATE, KEY):
             self._place(identity.name, suffix).unlink(missing_ok=True)
+        sync_folder(self._place(identity.name, KEY).parent)
 
     def credentials(self, identity: Identity) -> Credentials:
         """Where the files of an identity are, whether they are there or not."""
@@ -136,18 +137,12 @@ class Folder:
         """Write both files, each whole or not at all; the key first, that none is without one."""
         parts = ((KEY, SECRET, pair.private_key), (CERTIFICATE, PUBLIC, pair.certificate))
         try:
-            self._place(name, KEY).parent.mkdir(mode=OWNED, exist_ok=True)
+            make_folder(self._place(name, KEY).parent, OWNED)
             for suffix, mode, text in parts:
                 place = self._place(name, suffix)
                 if place.exists() and not again:
                     raise SecurityError(f"{place} is there already, and is not written over")
-                draft = place.with_name(place.name + ".part")
-                draft.unlink(missing_ok=True)
-                with os.fdopen(
-                    os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb"
-                ) as file:
-                    file.write(text)
-                draft.replace(place)
+                replace_file(place, text, mode)
         except OSError as error:
             raise SecurityError(f"{name} in {self.path}: {error.strerror}") from error
 

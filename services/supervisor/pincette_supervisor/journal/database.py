@@ -15,6 +15,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Select, inspect
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
 
+from pincette.core.files import make_folder
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal import engines
 
@@ -77,7 +78,7 @@ class Database:
                 remedy, self._place = SEE_SERVER, "of PINCETTE_STORE"
                 server = engines.server_url(url)
                 self._place = server.render_as_string(hide_password=True)
-                path.parent.mkdir(parents=True, exist_ok=True)
+                make_folder(path.parent)
                 self._engine = engines.open_server(server)
             else:
                 self._engine = engines.open_file(path)

@@ -26,6 +26,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from pincette.core.files import make_folder
+
 BUSY_S = 10.0
 """How long a statement waits for another program that has the file, or for the server."""
 POOL, OVERFLOW = 8, 64
@@ -54,7 +56,7 @@ def server_url(url: str) -> URL:
 
 def open_file(path: Path) -> Engine:
     """Open an SQLite file that its owner alone can read; it is made where there is none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     _keep_private(path)
     engine = create_engine(
         URL.create("sqlite+pysqlite", database=str(path)),

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pincette.config import Calibration, ConfigError
-from pincette.core.files import replace_file
+from pincette.core.files import make_folder, replace_file
 from pincette.core.validation_wording import refusal
 
 FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -107,7 +107,7 @@ class ModelFiles:
 
     def write(self, model: StoredModel) -> None:
         """Write a version, wholly or not at all; raises OSError."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self.folder)
         path = self.folder / f"{model.version:04d}-{model.digest}.json"
         text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False)
         replace_file(path, text.encode() + b"\n")

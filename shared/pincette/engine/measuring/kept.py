@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from msgspec.structs import asdict
 
 from pincette.config import RigFile
+from pincette.core.files import make_folder, replace_file
 from pincette.core.service import member_services
 from pincette.engine.measuring.machine import Findings, distribution
 from pincette.latency.advice import Asked, Change, changes
@@ -41,8 +42,8 @@ def keep(data: Path, found: Findings, measured_at: str) -> None:
         "refused": found.refused,
     }
     with suppress(OSError):  # it was told already, and nothing depends on it
-        data.mkdir(parents=True, exist_ok=True)
-        (data / FILE).write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")
+        make_folder(data, 0o700)
+        replace_file(data / FILE, f"{json.dumps(tree, indent=1)}\n".encode(), 0o600)
 
 
 def kept(data: Path) -> Kept | None:
