@@ -116,9 +116,9 @@ def _restore_manifest(folder: Path) -> None:
 def _state_incomplete(folder: Path, why: str) -> None:
     """Have the manifest say that a record is damaged; the entries of its files stay."""
     manifest = files.read_manifest(folder)
-    why = f"{why}; copy it from a backup to {folder}"
-    if manifest.get("complete") is not True and why in str(manifest.get("detail", "")):
+    if manifest.get("complete") is not True:  # the recorder's status names the files
         return
+    why = f"{why}; copy it from a backup to {folder}"
     detail = "; ".join(filter(None, (manifest.get("detail"), why)))
     write_manifest(folder, {}, {"complete": "false", "detail": detail}, ())
 
