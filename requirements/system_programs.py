@@ -36,6 +36,7 @@ PROGRAMS = (
         ("chromium", "fonts-dejavu-core"),
         "of the page",
     ),
+    Program("Firefox", ("firefox-esr", "firefox"), ("firefox-esr",), "of the page in Firefox"),
     Program("nginx", ("nginx",), ("nginx-light",), PROXIES),
     Program("HAProxy", ("haproxy",), ("haproxy",), PROXIES),
     Program("Caddy", ("caddy",), ("caddy",), PROXIES),

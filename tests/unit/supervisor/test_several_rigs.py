@@ -256,3 +256,7 @@ def test_the_page_is_of_the_own_rig_or_of_the_one_named(both: RigsHarness) -> No
     assert 'data-rig="left"' in both.call("GET", "/").text
     assert 'data-rig="right"' in both.call("GET", "/?rig=right").text
     assert both.call("GET", "/?rig=up").status_code == 404
+    assert 'data-rig="right"' in both.call("GET", "/?%72ig=r%69ght").text
+    # The scripts take the name from the page, so that no other reading of the address counts.
+    for repeated in ("rig=left&rig=right", "rig=right&rig=right", "rig=left&%72ig=right"):
+        assert both.call("GET", f"/?{repeated}").status_code == 422

@@ -3,8 +3,8 @@
 
 import { setNow } from "./words.js";
 
-/** The rig that the whole page is about: that of the address, else the first of the supervisor. */
-export const RIG = new URLSearchParams(location.search).get("rig") || document.documentElement.dataset.rig;
+/** Name of the page's rig. The supervisor has read it in the address, or chosen its own rig. */
+export const RIG = document.documentElement.dataset.rig;
 export const BASE = "api/v1";
 export const RIG_PATH = `/rigs/${encodeURIComponent(RIG)}`;
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;

@@ -15,8 +15,7 @@
   var OTHERWISE = "Stop it another way now: pincette estop on the rig's computer, or the button of the "
     + "amplifier's supply.";
   var root = document.documentElement;
-  var asked = /[?&]rig=([^&]+)/.exec(location.search);
-  var rig = asked ? decodeURIComponent(asked[1].replace(/\+/g, " ")) : root.getAttribute("data-rig");
+  var rig = root.getAttribute("data-rig"); // the supervisor has read it in the address of the page
   var supervisor = root.getAttribute("data-supervisor");
   var KEPT = "pincette:estop:" + rig;
   var pressed = 0; // number of the press that is not yet confirmed; 0 for none
@@ -347,7 +346,7 @@
   function begin() {
     byId("estop-form").action = RIG_PATH + "/estop";
     byId("estop-rig").textContent = rig;
-    byId("estop-rig").hidden = !asked;
+    byId("estop-rig").hidden = location.search === "";
     if (broken) breakDown(broken);
     setTimeout(watchStart, START_MS);
     if (said) say(said[0], said[1]);

@@ -1,0 +1,118 @@
+"""The page in Firefox: stops, typed numbers, keys, the wheel, and eight windows."""
+
+from collections.abc import Generator
+from pathlib import Path
+from time import monotonic
+
+import pytest
+
+from tests.support.firefox import Firefox, open_firefox
+from tests.support.rigs import demo_rig
+from tests.support.served import served
+from tests.unit.supervisor.harness import Harness
+
+WINDOWS = 8
+STOP_S = 1.0
+CONNECTED = "return document.querySelector('#connection').textContent === 'connected'"
+CONFIRMED = "return document.querySelector('#estop-said').dataset.tone === 'good'"
+VALUE = "return document.querySelector('#field-force_mN').value"
+COMPOSED = """
+for (const press of arguments[0]) document.body.dispatchEvent(new KeyboardEvent('keydown',
+  { key: 'Escape', bubbles: true, cancelable: true, ...press }));
+"""
+ESCAPE, UP, DOWN = "\ue00c", "\ue013", "\ue015"
+
+
+@pytest.fixture(scope="module")
+def firefox(tmp_path_factory: pytest.TempPathFactory) -> Generator[Firefox]:
+    with open_firefox(tmp_path_factory.mktemp("firefox")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Generator[Harness]:
+    made = Harness(demo_rig(time="lockstep"), tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(firefox: Firefox, desk: Harness) -> Generator[Firefox]:
+    """The page of a canned rig, once it is connected."""
+    with served(desk.app) as address:
+        firefox.command("Navigate", url=address)
+        firefox.until(CONNECTED)
+        yield firefox
+        firefox.command("Navigate", url="about:blank")
+
+
+def stop(desk: Harness, page: Firefox) -> float:
+    """Press E-STOP, wait for the confirmation, and return the time that took, in s."""
+    before, begun_s = len(desk.bus.trips), monotonic()
+    page.click("#estop")
+    page.until(CONFIRMED)
+    taken_s = monotonic() - begun_s
+    assert len(desk.bus.trips) > before
+    desk.manager.latch.reset("test")
+    return taken_s
+
+
+def test_a_press_stops_the_rig(page: Firefox, desk: Harness) -> None:
+    stop(desk, page)
+    page.run("delete AbortSignal.timeout; delete window.AbortController")
+    stop(desk, page)
+
+
+def test_a_typed_number_is_the_number_of_the_plan(page: Firefox) -> None:
+    page.type_into("#field-force_mN", "2,5")
+    assert page.text("#field-force_mN-read") == "= 2.5 mN"
+    page.click("#dry-run")
+    page.until("return document.querySelector('#plan-sent')?.textContent.includes('2.5 mN')")
+    page.type_into("#field-force_mN", "5e")
+    page.click("#dry-run")
+    page.until("return document.querySelector('#field-force_mN-fault')?.textContent")
+    assert page.run(VALUE) == "5e"
+
+
+def test_wheel_and_arrow_keys_change_no_value(page: Firefox) -> None:
+    page.type_into("#field-force_mN", "15")
+    page.wheel("#field-force_mN", 300)
+    page.press(UP, DOWN, UP)
+    assert page.run(VALUE) == "15"
+
+
+def test_only_plain_presses_of_escape_stop(page: Firefox, desk: Harness) -> None:
+    for press in ({"isComposing": True}, {"ctrlKey": True}, {"repeat": True}, {"keyCode": 229}):
+        page.run(COMPOSED, [press, press])
+    assert desk.bus.trips == []
+    page.press(ESCAPE, ESCAPE)
+    page.until(CONFIRMED)
+    assert len(desk.bus.trips) > 0
+
+
+def test_each_of_eight_windows_is_live_and_stops_the_rig(
+    page: Firefox, desk: Harness, figures: list[str]
+) -> None:
+    first = page.command("GetWindowHandle")
+    address = page.run("return location.href")
+    alone_s = min(stop(desk, page) for _ in range(3))
+    handles = [first]
+    for _ in range(WINDOWS - 1):
+        handles.append(page.command("NewWindow", type="window", focus=True)["handle"])
+        page.command("SwitchToWindow", handle=handles[-1])
+        page.command("Navigate", url=address)
+        page.until(CONNECTED)
+    taken_s: list[float] = []
+    for handle in handles:
+        page.command("SwitchToWindow", handle=handle)
+        page.until(CONNECTED)
+        taken_s.append(stop(desk, page))
+    for handle in handles[1:]:
+        page.command("SwitchToWindow", handle=handle)
+        page.command("CloseWindow")
+    page.command("SwitchToWindow", handle=first)
+    figures.append(
+        f"e-stop in Firefox: {alone_s:.2f} s from one window, {max(taken_s):.2f} s at most from "
+        f"each of {WINDOWS}"
+    )
+    assert max(taken_s) <= max(STOP_S, 4.0 * alone_s)
