@@ -86,16 +86,28 @@ def test_the_account_of_a_listener_is_known(listens: str, asked: str) -> None:
             listening.bound(listens, port)
 
 
+def test_a_rig_does_not_come_up_where_another_program_has_the_port_of_rest() -> None:
+    rig = demo_rig()
+    with listening.bound(rig.supervisor.host, rig.supervisor.port) as other:
+        other.listen()
+        with pytest.raises(FleetError, match=f"supervisor: .*:{rig.supervisor.port} is in use"):
+            check_ports(rig)
+    check_ports(rig)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
 def test_a_supervisor_waits_for_a_port_that_another_program_has(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    host: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    if ":" in host and not listening.has_ipv6():
+        pytest.skip("this machine has no IPv6")
     monkeypatch.setattr(program, "TAKEN_LOOK_S", 0.01)
     stop = Event()
-    with listening.bound("127.0.0.1", 0) as other:
+    with listening.bound(host, 0) as other:
         other.listen()
         port = other.getsockname()[1]
         with ThreadPoolExecutor(1) as threads:
-            waiting = threads.submit(program.await_port, "127.0.0.1", port, stop)
+            waiting = threads.submit(program.await_port, host, port, stop)
             with pytest.raises(TimeoutError):
                 waiting.result(0.2)
             other.close()
@@ -104,10 +116,10 @@ def test_a_supervisor_waits_for_a_port_that_another_program_has(
     assert found.getsockname()[1] == port
     assert taken_s >= 0.2
     found.listen()
-    lines = [one for one in caplog.messages if f"127.0.0.1:{port} is in use" in one]
+    lines = [one for one in caplog.messages if f":{port} is in use" in one]
     assert len(lines) == 1
     with ThreadPoolExecutor(1) as threads:
-        waiting = threads.submit(program.await_port, "127.0.0.1", port, stop)
+        waiting = threads.submit(program.await_port, host, port, stop)
         stop.set()
         assert waiting.result(30.0) == (None, 0.0)
     found.close()
