@@ -22,6 +22,8 @@ HARDENED = {
     "SupplementaryGroups": "dialout",
     "LimitRTPRIO": "10",
     "LimitMEMLOCK": "infinity",
+    "StateDirectoryMode": "0700",
+    "UMask": "0077",
     "Restart": "on-failure",
     "RestartPreventExitStatus": "2",
 }

@@ -1,8 +1,8 @@
 """Power cuts at random moments of grips: what the disk has then, and what the next start does.
 
 The programs run on a file system of their own. Its image is copied without a sync, each copy is
-mounted, and all programs are started on it. ``PINCETTE_CUTS`` is the number of cuts in each phase, and
-``PINCETTE_SEED`` the seed.
+mounted, and all programs are started on it. ``PINCETTE_CUTS`` is the number of cuts in each phase,
+and ``PINCETTE_SEED`` the seed.
 """
 
 import json
