@@ -124,10 +124,12 @@ def test_a_lease_ends_by_itself_and_lives_on_over_a_restart(harness: Harness) ->
         return now_s
 
     events = EventLog(harness.store, "demo")
-    claims = Claims(harness.store, events, clock)
+    claims = Claims(harness.store, events, harness.manager.context.write_queue, clock)
     claims.take(MINE, by="me", note="night run", lease_s=30.0)
     now_s += 10.0
-    later = Claims(harness.store, events, clock)  # the wall clock says when it ends
+    later = Claims(
+        harness.store, events, harness.manager.context.write_queue, clock
+    )  # the wall clock says when it ends
     found = later.current()
     assert found is not None
     assert (found.by, found.note) == ("me", "night run")

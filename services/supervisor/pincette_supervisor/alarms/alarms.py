@@ -53,8 +53,10 @@ class AlarmLog:
 
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
         """Raise the alarm of a trip, once however often it is noticed; ``detail``: what failed."""
+        # Asked without the lock, which an emergency stop takes, too: the journal may hang.
+        stands = self._stands_already(reason.cause)
         with self._lock:
-            if self._tripped == reason or self._stands_already(reason.cause):
+            if self._tripped == reason or stands:
                 self._tripped = reason
                 return
             self._tripped = reason

@@ -35,7 +35,7 @@ KEPT_S = 15.0
 
 
 class JobActions:
-    """Takes actions on jobs; each is stored with its requester before anything is done."""
+    """Takes actions on jobs; each is stored with its requester, and waits for no disk."""
 
     def __init__(self, context: RigContext) -> None:
         self._context = context
@@ -66,9 +66,7 @@ class JobActions:
             return True
         if action not in allowed:
             raise invalid_action(action, state, allowed)
-        trips = action == "abort" and state in ARMED
-        if not trips:
-            live.record_action(action, by)
+        live.record_action(action, by)
         try:
             if action in ("release", "continue"):
                 self._context.bus.call(ACTION, Action(ActionCode(action)))
@@ -78,17 +76,15 @@ class JobActions:
                     live.confirm_wait(waiting)
             elif not _moved(live, action, state):
                 raise TransitionError(f"the job has just become {live.state}")
-            if trips:  # before anything is written
-                trip = policies.abort_trip(live.request, "")
-                try:
-                    reply = self._context.trip(trip)
-                finally:
-                    live.record_action(action, by)
+            if action == "abort" and state in ARMED:
+                reply = self._context.trip(policies.abort_trip(live.request, ""))
                 live.record_effect("abort", reply.seq)
         except (RefusalError, TransitionError) as error:
             raise invalid_action(action, live.state, allowed, str(error)) from error
         except BusError as error:
             raise unanswered(error) from error
+        finally:
+            self._context.write_queue.flush()
         return False
 
 

@@ -7,7 +7,6 @@ emergency stop, and touches no job that was taken before it.
 import hashlib
 import hmac
 import json
-import logging
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -17,13 +16,13 @@ from time import monotonic
 from pincette.api.access import Claim
 from pincette.api.states import ActionType
 from pincette_supervisor.journal.events import EventLog
-from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
+from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
 
 ALWAYS: tuple[ActionType, ...] = ("stop", "abort")
 """Actions that no claim bars."""
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +45,14 @@ class Claims:
     """The claim on one rig; safe to use from several threads."""
 
     def __init__(
-        self, store: Store, events: EventLog, clock: Callable[[], float] = monotonic
+        self,
+        store: Store,
+        events: EventLog,
+        write_queue: WriteQueue,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
         self._store, self._events, self._clock = store, events, clock
+        self._write_queue = write_queue
         self._lock = threading.RLock()
         self._name = f"claim {events.rig}"
         self._held: _Held | None = None
@@ -135,12 +139,14 @@ class Claims:
             self._keep(how, by, holder)
 
     def _keep(self, how: str | None, by: str, holder: str = "") -> None:
+        """Have the claim stored; it holds all the same, but not beyond a restart."""
         held = self._held
-        try:
-            text = "" if held is None else json.dumps(asdict(held), ensure_ascii=False)
+        text = "" if held is None else json.dumps(asdict(held), ensure_ascii=False)
+        until = None if held is None else held.expires_at
+
+        def write() -> None:
             self._store.set_note(self._name, text)
             if how is not None:
-                until = None if held is None else held.expires_at
                 self._events.append("claim", change=how, by=by, holder=holder or by, until=until)
-        except StoreError as error:  # it holds all the same, but not beyond a restart
-            log.error("%s", error)
+
+        self._write_queue.submit(write)

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from pincette.api.endings import Ending, EndingCode
@@ -20,6 +21,8 @@ from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
+URGENT: tuple[Event, ...] = ("stop", "abort", "trip", "overdue")
+"""Events that stop a rig: they take effect before they are stored."""
 PLAYING = ("running", "pausing")
 """States in which the program plays."""
 
@@ -67,6 +70,8 @@ class LiveJob:
         out: ChangeNotifier,
     ) -> None:
         self.id, self.kind, self.request = row.id, row.kind, request
+        self.row = row
+        """The journal's row as it was at the start, with the actions since then."""
         self.planned = planned
         """None for a queued job until it starts."""
         self.state: JobState = row.state
@@ -103,6 +108,7 @@ class LiveJob:
         self.recorded.set()
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
+        self._entering = threading.Lock()
         self._actions: list[tuple[int, ActionType]] = []
         """Actions without effect so far, each with its number within the job."""
         self._action_count = len(row.actions)
@@ -147,30 +153,39 @@ class LiveJob:
                 values |= {"ended_at": now, "ending": self.ending.model_dump(mode="json")}
                 body["ending"] = self.ending.code
             entered = self.moves + 1
+            urgent = event in URGENT
+            if urgent:  # what acts on the state waits for no disk
+                self._enter(state, self.revision + 1, entered)
+                self.wake.set()
             log.info("job %s is %s", self.id, state, extra={"job": self.id, **body})
 
             def write() -> None:
                 events = self._context.events
                 with events.transaction("state", self.id, **body, event=event) as callbacks:
                     revision = self._store.change(self.id, **values)
-                    if self.moves < entered:
-                        # A listener may act at once, so the state is set before the event is out.
-                        callbacks.append(partial(self._enter, state, revision))
+                    # A listener may act at once, so the state is set before the event is out.
+                    callbacks.append(partial(self._enter, state, revision, entered))
 
-            if not self._context.write_queue.submit(write):
-                self._enter(state, self.revision + 1)
+            if urgent:
+                self._context.write_queue.post(write)
+            elif not self._context.write_queue.submit(write):
+                self._enter(state, self.revision + 1, entered)
             self.notify()
         self.wake.set()
         self._changes.notify_all()
         return True
 
-    def _enter(self, state: JobState, revision: int) -> None:
-        self.revision = revision
-        moment = self._context.clock()
-        if self.state in PLAYING:
-            self.played_s += moment - self.entered_at
-        self.state, self.entered_at = state, moment
-        self.moves += 1
+    def _enter(self, state: JobState, revision: int, entered: int) -> None:
+        """Set the state, unless the count of moves has reached ``entered`` already."""
+        with self._entering:
+            self.revision = max(self.revision, revision)
+            if self.moves >= entered:
+                return
+            moment = self._context.clock()
+            if self.state in PLAYING:
+                self.played_s += moment - self.entered_at
+            self.state, self.entered_at = state, moment
+            self.moves = entered
 
     def store(self, **values: object) -> None:
         """Store values of the journal's row; see ``Store.change``."""
@@ -249,7 +264,7 @@ class LiveJob:
             self.store()
 
     def record_action(self, action: ActionType, by: str) -> None:
-        """Store an action."""
+        """Note an action, and have it stored; waits for no disk."""
         row = ActionRow(action, utc_now(), by)
 
         def write() -> None:
@@ -257,12 +272,14 @@ class LiveJob:
                 "action", self.id, type=action, by=by, applied=False, seq=None
             ):
                 self._store.add_action(self.id, row)
+            self.revision = max(self.revision, self._store.change(self.id))
+            self._changes.notify_all()
 
         with self._lock:
-            self._context.write_queue.submit(write)
+            self.row = replace(self.row, actions=(*self.row.actions, row))
             self._actions.append((self._action_count, action))
             self._action_count += 1
-            self.store()
+            self._context.write_queue.post(write)
 
     def record_effect(self, action: ActionType | Acted, seq: int | None) -> None:
         """Store the sample at which the oldest open action of a type took effect."""

@@ -39,7 +39,13 @@ class JobIndex:
         self._lives = (*(one for one in self._lives if not one.recorded.is_set()), live)
 
     def job(self, name: str) -> Job:
-        """One job; raises ProblemError if there is none of this name."""
+        """One job; raises ProblemError if there is none of this name.
+
+        While the journal does not answer, a job that was started is told from memory.
+        """
+        live = self._live(name)
+        if live is not None and self._context.write_queue.late:
+            return self.view(live.row)
         return self.view(refusals.require_job(self._context.store, name))
 
     def view(self, row: JobRow) -> Job:

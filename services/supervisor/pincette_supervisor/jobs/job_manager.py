@@ -46,7 +46,7 @@ class JobManager:
         self.predictions = PredictionCache(play)
         self.queue = JobQueue(context.store, context.events)
         self.index = JobIndex(context, self.queue, self.changes)
-        self.claims = Claims(context.store, context.events, context.clock)
+        self.claims = Claims(context.store, context.events, context.write_queue, context.clock)
         self._lock = threading.RLock()
         self._acting = JobActions(context)
         self.turns = KeyTurns()
@@ -213,13 +213,16 @@ class JobManager:
 
     def perform(self, name: str, action: ActionType, by: str) -> tuple[Job, bool]:
         """Perform an action on a job; the flag: nothing was left to do; raises ProblemError."""
-        with self._lock:
-            entry = self.queue.entry(name)
-            if entry is not None:
-                self._acting.on_queued(self.queue, entry, action, by)
-                self.changes.notify_all()
-                return self.index.job(name), False
         live = self.active
+        if live is None or live.id != name:
+            # Whoever holds the lock may wait for a disk, which a stop of the live job must not.
+            with self._lock:
+                entry = self.queue.entry(name)
+                if entry is not None:
+                    self._acting.on_queued(self.queue, entry, action, by)
+                    self.changes.notify_all()
+                    return self.index.job(name), False
+                live = self.active
         if live is None or live.id != name:
             holds = self._acting.on_ended(refusals.require_job(self.context.store, name), action)
         else:
@@ -252,6 +255,7 @@ class JobManager:
             thread.join(JOIN_S)
         self.latch.close()
         self.alarm_monitor.close()
+        self.context.write_queue.flush()
 
     def release(self) -> None:
         """Release threads and bus, once no request needs them."""

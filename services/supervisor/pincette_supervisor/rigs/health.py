@@ -1,6 +1,5 @@
 """Whether the programs of a rig can take part in a job, and if not, why, in words."""
 
-import logging
 import threading
 from collections.abc import Callable
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -22,10 +21,10 @@ from pincette.engine.arming import status
 from pincette.engine.timing_budget import budget, lets_go_s
 from pincette.records.timings import program_timing
 from pincette_supervisor.alarms.trips import TripReason, reason_of
-from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.rigs.observer import Observer
 
-log = logging.getLogger(__name__)
 ASK_S = 0.7
 FRESH_S = 0.5
 """For how long an answer counts before the programs are asked again."""
@@ -74,6 +73,8 @@ class Health:
     ) -> None:
         self._rig, self._bus, self._observer, self._store = rig, bus, observer, store
         self.clock = clock
+        self._write_queue = WriteQueue()
+        """Of notes, so that no reset waits for a disk."""
         self._met, self._cleared = (f"{note}: {rig.rig.name}" for note in (MET, CLEARED))
         self._too_slow = _too_slow(rig)
         self.lets_go_s = lets_go_s(rig)
@@ -200,10 +201,7 @@ class Health:
 
     def _note(self, name: str, instance: int) -> None:
         """Store a note for the next supervisor, which otherwise asks for one more reset."""
-        try:
-            self._store.set_note(name, str(instance))
-        except StoreError as error:
-            log.error("%s", error)
+        self._write_queue.submit(partial(self._store.set_note, name, str(instance)))
 
     def latched(self) -> TripReason | None:
         """Why a person must reset the actuator before a job; None if not needed."""

@@ -122,6 +122,9 @@ class Rigs:
 
     def of_job(self, name: str) -> JobManager:
         """The rig of a job; the supervisor's own if there is no such job."""
+        known = next((one for one in self.all() if one.index.has_job(name)), None)
+        if known is not None:
+            return known
         row = self.store.get(name)
         return self.own if row is None else self.of_row(row.rig)
 
