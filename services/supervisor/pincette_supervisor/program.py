@@ -44,6 +44,7 @@ from pincette_supervisor.rest.tls import server_context
 from pincette_supervisor.rigs.rig_finder import RigFinder
 from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
+from pincette_supervisor.unheard import UnheardWatch, can_join, restart
 
 log = logging.getLogger("pincette")
 STOP_S = 5.0
@@ -120,11 +121,19 @@ def run(context: Context) -> None:
         senders = senders_of(context.rig.supervisor, context.data)
         stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()
+        own_buses: list[ZenohBus] = []
+
+        def open_bus(rig: str, *, lockstep: bool) -> ZenohBus:
+            opened = context.open_bus(rig, lockstep=lockstep)
+            if rig == context.rig.rig.name:
+                own_buses.append(opened)
+            return opened
+
         factory = RigFactory(
             store,
             listeners,
             context.data,
-            context.open_bus,
+            open_bus,
             partial(worker.run, played),
             clock,
             partial(_trip_directly, context.rig),
@@ -152,6 +161,14 @@ def run(context: Context) -> None:
                 severity="alarm",
                 clears="acknowledge",
             )
+        if not context.rig.lockstep:  # where programs may take as long as they like
+            watch = UnheardWatch(
+                # Another session than the one that holds the token.
+                lambda: SUPERVISOR in own_buses[-1].alive(),
+                partial(can_join, context.open_bus),
+                partial(restart, rigs.own.context),
+            )
+            stack.enter_context(closing(watch)).start()
         context.ready(f"serves at {config.url}/api/v1")
         context.stop.wait()
 

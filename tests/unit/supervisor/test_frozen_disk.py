@@ -1,0 +1,162 @@
+"""A disk that has stopped answering: actions on a rig wait for no write of the journal."""
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from time import monotonic
+
+import pytest
+from sqlalchemy import Connection
+
+from pincette_supervisor.journal.database import Database
+from pincette_supervisor.journal.write_queue import WAIT_S, WriteQueue
+
+from .canned import IN_APPROACH, IN_HOLD
+from .harness import Harness
+
+PATIENCE_S = 20.0
+LIMIT_S = 4.0 * WAIT_S + 3.0
+"""Longest time of an answer: each step waits for ``WAIT_S`` at most; the rest is the machine's."""
+
+
+@contextmanager
+def frozen_disk(monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[[], None]]:
+    """Every write hangs, with the lock of the writers held, until the disk is thawed."""
+    thawed, writing = threading.Event(), Database.writing
+
+    @contextmanager
+    def hang(base: Database) -> Generator[Connection]:
+        with base._turn:  # pyright: ignore[reportPrivateUsage]  what a writer holds
+            assert thawed.wait(PATIENCE_S)
+        with writing(base) as connection:
+            yield connection
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Database, "writing", hang)
+        try:
+            yield thawed.set
+        finally:
+            thawed.set()
+
+
+def test_what_hangs_delays_one_caller_for_a_moment_and_then_nobody() -> None:
+    queue, thawed, written = WriteQueue(wait_s=0.1), threading.Event(), list[int]()
+
+    def write(number: int) -> None:
+        assert thawed.wait(PATIENCE_S)
+        written.append(number)
+
+    begun_s = monotonic()
+    for number in range(100):
+        assert not queue.submit(lambda number=number: write(number))
+    queue.post(lambda: write(100))
+    assert not queue.flush()
+    assert queue.late
+    assert monotonic() - begun_s < 2.0
+    thawed.set()
+    deadline = monotonic() + PATIENCE_S
+    while len(queue):
+        assert monotonic() < deadline
+        queue.flush()
+    assert written == list(range(101))
+    assert not queue.late
+
+
+def test_what_is_posted_and_fails_by_itself_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    queue, written = WriteQueue(), list[int]()
+
+    def wrong() -> None:
+        raise LookupError("there is no job 'a'")
+
+    queue.post(wrong)
+    assert queue.submit(lambda: written.append(1))
+    assert written == [1]
+    assert "there is no job 'a'" in caplog.text
+
+
+@pytest.mark.parametrize("action", ["stop", "abort"])
+def test_a_stop_acts_and_is_answered(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, action: str
+) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    live = harness.manager.active
+    assert live is not None
+    with frozen_disk(monkeypatch) as thaw:
+        begun_s = monotonic()
+        answer = harness.act(job, action)
+        assert answer.status_code == 202, answer.text
+        assert monotonic() - begun_s < LIMIT_S
+        assert answer.json()["state"] in ("stopping", "aborting", "stopped", "aborted")
+        assert [one["type"] for one in answer.json()["actions"]][-1] == action
+        harness.until(lambda: harness.bus.latch != "" or "stop" in harness.bus.acts)
+        thaw()
+        assert live.done.wait(PATIENCE_S)
+        harness.manager.alarm_monitor.poll()
+        harness.until(lambda: len(harness.manager.context.write_queue) == 0)
+        ended = harness.get(f"/jobs/{job}")
+    assert ended["state"] == {"stop": "stopped", "abort": "aborted"}[action]
+    (stored,) = [one for one in ended["actions"] if one["type"] == action]
+    assert stored["applied_at"] is not None
+    states = [row.body["state"] for row in harness.told("state", job=job)]
+    assert states[-2:] == [{"stop": "stopping", "abort": "aborting"}[action], ended["state"]]
+
+
+def test_a_part_is_released(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = harness.playing_to(IN_HOLD)
+    with frozen_disk(monkeypatch):
+        begun_s = monotonic()
+        answer = harness.act(job, "release")
+        assert answer.status_code == 202, answer.text
+        assert monotonic() - begun_s < LIMIT_S
+        assert harness.bus.acts == ["release"]
+
+
+def test_an_emergency_stop_and_a_reset_are_answered(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    live = harness.manager.active
+    assert live is not None
+    with frozen_disk(monkeypatch) as thaw:
+        begun_s = monotonic()
+        assert harness.post("/rigs/demo/estop").status_code == 200
+        assert harness.bus.latch == "estop"
+        assert monotonic() - begun_s < LIMIT_S
+        harness.until(lambda: live.state != "running")
+        begun_s = monotonic()
+        assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
+        assert harness.bus.latch == ""
+        assert monotonic() - begun_s < LIMIT_S
+        thaw()
+        assert live.done.wait(PATIENCE_S)
+    assert harness.ended(job)["state"] == "failed"
+
+
+def _is_held(lock: "threading.RLock") -> bool:
+    """Return whether another thread holds a lock."""
+    if not lock.acquire(blocking=False):
+        return True
+    lock.release()
+    return False
+
+
+def test_a_request_that_waits_for_the_disk_keeps_no_stop_from_the_rig(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever has a job taken holds the manager's lock while the job is stored."""
+    job = harness.playing_to(IN_APPROACH)
+    with frozen_disk(monkeypatch):
+        body = {"kind": "grip", "autostart": True, "queue": True}
+        others = [
+            threading.Thread(target=harness.post, args=("/jobs", body), daemon=True)
+            for _ in range(3)
+        ]
+        for other in others:
+            other.start()
+        harness.until(lambda: _is_held(harness.manager._lock))  # pyright: ignore[reportPrivateUsage]
+        begun_s = monotonic()
+        assert harness.act(job, "stop").status_code == 202
+        assert monotonic() - begun_s < LIMIT_S
+        harness.until(lambda: harness.bus.acts == ["stop"])
+    for other in others:
+        other.join(PATIENCE_S)
