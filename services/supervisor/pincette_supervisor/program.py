@@ -147,7 +147,7 @@ def run(context: Context) -> None:
         stack.callback(rigs.release)
         finder = stack.enter_context(closing(RigFinder(rigs, context.open_bus, create)))
         finder.start(bus)
-        stack.enter_context(_rest_server(listener, create_app(rigs, access), tls, context.stop))
+        stack.enter_context(rest_server(listener, create_app(rigs, access), tls, context.stop))
         # These end before the server, so that no request waits for them.
         for close in (listeners.close, rigs.close, finder.close):
             stack.callback(close)
@@ -210,7 +210,7 @@ def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
 
 
 @contextmanager
-def _rest_server(
+def rest_server(
     listener: socket.socket, app: FastAPI, tls: ssl.SSLContext | None, stop: threading.Event
 ) -> Generator[None]:
     """Serve in a thread of its own, which leaves signals to the program's start-up."""

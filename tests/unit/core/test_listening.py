@@ -3,10 +3,12 @@
 import errno
 import os
 import socket
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 
 import pytest
+from fastapi import FastAPI
 
 from pincette.bus.protocol import BusError
 from pincette.bus.session import open_session
@@ -14,6 +16,7 @@ from pincette.bus.topology import SessionConfig
 from pincette.config.reading import laid_over, parse_rig
 from pincette.core import listening
 from pincette.engine.fleet import FleetError, check_ports
+from pincette.engine.threads import FailedThreads
 from pincette.sim.wires.ports import WireError, open_port
 from pincette_supervisor import program
 from pincette_supervisor.program import PortInUseError, bind
@@ -128,3 +131,20 @@ def test_a_supervisor_waits_for_a_port_that_another_program_has(
 def test_a_supervisor_does_not_wait_for_an_address_that_the_machine_does_not_have() -> None:
     with pytest.raises(PortInUseError, match="no interface"):
         program.await_port("192.0.2.7", 8000, Event())
+
+
+def test_a_port_that_another_program_takes_before_it_is_served_ends_the_supervisor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """``up`` and systemd restart it then, and it waits for the port."""
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)  # restored at the end
+    failed, stop = FailedThreads(), Event()
+    failed.end_program(stop.set)
+    with (
+        listening.bound("127.0.0.1", 0) as listener,
+        listening.bound("127.0.0.1", listener.getsockname()[1]) as other,
+    ):
+        other.listen()
+        with program.rest_server(listener, FastAPI(), None, stop):
+            assert stop.wait(30.0)
+    assert failed.names == ["rest"]
