@@ -3,6 +3,7 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import threading
 from collections.abc import Callable, Generator, Iterable
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -22,9 +23,11 @@ from pincette.bus.stopping import trip_at
 from pincette.bus.zenoh_bus import EMPTY, ZenohBus
 from pincette.config import RigFile
 from pincette.core.codec import encode
-from pincette.core.faults import Cause
-from pincette.core.messages import Ack, Applied, Message, Reset, Trip
-from pincette.core.topics import APPLIED, RESET, TRIP, Request, request_key
+from pincette.core.faults import Cause, FaultCode
+from pincette.core.messages import Ack, Applied, Message, Reset, Status, StatusRequest, Trip
+from pincette.core.topics import APPLIED, RESET, STATUS, TRIP, Request, key, request_key
+from pincette.engine.loop import Loop
+from pincette.engine.node import Node
 from pincette.engine.process import loop_services
 from pincette.security.folder import Folder
 from pincette.security.identity import program
@@ -273,3 +276,41 @@ def test_an_empty_query_on_a_request_key_is_answered_and_not_counted(plain: Site
                 errors = [reply.err.payload.to_string() for reply in replies if reply.err]
                 assert EMPTY in errors
     assert plain.actuator.refused.count == before
+
+
+@pytest.mark.parametrize("service", ["estimator", "controller"])
+def test_each_program_of_the_loop_counts_and_shows_what_it_refuses(
+    plain: Site, service: str
+) -> None:
+    """A stranger sends rubbish on a topic that the service takes, and on one of its requests."""
+    services, rig = loop_services(), "stranger"
+    config = program_endpoint(plain.rig, "recorder", lockstep=False)
+    bus, asker = ZenohBus(config, rig, service), ZenohBus(config, rig, "asker")
+    loop = Loop([Node(services[service], plain.rig)], bus, refused=bus.refused)
+    thread = threading.Thread(target=loop.run)
+    thread.start()
+    try:
+        until(lambda: _status(asker, service) is not None)
+        sent = [item.topic for item in services[service].inputs if item.role != "pace"]
+        with outsider("client", config.connect[0]) as tool:
+            for topic in sent:
+                tool.put(key(rig, topic), b"rubbish")
+            with Query(tool, request_key(rig, STATUS[service]), 1.0, b"rubbish") as query:
+                assert [reply.refused for reply in query] == [True]
+        until(lambda: bus.refused.count > len(sent))
+        status = _status(asker, service)
+        assert status is not None
+        assert status.refused == 1 + len(sent)
+        assert [one.code for one in status.findings].count(FaultCode.MESSAGES_REFUSED) == 1
+    finally:
+        loop.stop()
+        thread.join()
+        bus.close()
+        asker.close()
+
+
+def _status(bus: ZenohBus, service: str) -> Status | None:
+    try:
+        return cast(Status, bus.call(STATUS[service], StatusRequest(), 0.5))
+    except BusError:
+        return None

@@ -13,6 +13,7 @@ from unittest.mock import patch
 from sqlalchemy import Connection
 
 from pincette.bus.protocol import BusError, RequestHandler, Sink
+from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Message
 from pincette.core.topics import Request, Topic
 from pincette_supervisor.jobs import job_manager as job_manager_module
@@ -41,6 +42,8 @@ class Line:
     def publish(self, message: Message) -> None:
         with self._rig.turn:
             self._rig.bus.publish(message)
+
+    refused = RefusedMessages("supervisor")
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         def hear(topic: Topic, message: Message) -> None:

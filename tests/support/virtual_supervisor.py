@@ -5,6 +5,7 @@ from contextlib import suppress
 from typing import Any, cast
 
 from pincette.bus.protocol import BusError, RefusalError, Sink
+from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Applied, Message, Position
 from pincette.core.topics import TOPIC_OF, Request, Topic
 from pincette_supervisor.alarms.trips import TripReason
@@ -32,6 +33,7 @@ class VirtualBus:
 
     def __init__(self, loop: VirtualLoop) -> None:
         self._loop = loop
+        self.refused = RefusedMessages("supervisor")
         self._sinks: dict[Topic, list[Sink]] = {}
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:

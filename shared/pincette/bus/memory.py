@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
+from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Message
 from pincette.core.topics import TOPIC_OF, Request, Topic
 
@@ -18,6 +19,8 @@ class MemoryBus:
         self._queue: deque[tuple[Topic, Message]] = deque()
         self._latest: dict[type[Message], Message] = {}
         self._step: Callable[[], bool] | None = None
+        self.refused = RefusedMessages("memory")
+        """Empty: messages are passed on as they are, so none is invalid."""
 
     def step_when_empty(self, step: Callable[[], bool]) -> None:
         """Let ``pump`` make a step of a loop where no message waits; it says whether it did."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
+from pincette.bus.refused import RefusedMessages
 from pincette.config import RigFile, parse_calibration
 from pincette.control.quantities import Document
 from pincette.control.record import replace
@@ -41,6 +42,7 @@ class CannedRig:
         self.told = rig.model_dump_json()
         """What its programs say when they are asked for their rig file."""
         self.silent: set[str] = set()
+        self.refused = RefusedMessages("supervisor")
         self.latch = "boot"
         self.epoch = 0
         self.asked: list[str] = []

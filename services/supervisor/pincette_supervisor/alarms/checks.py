@@ -50,6 +50,7 @@ def of_rig(context: RigContext, active: LiveJob | None) -> list[Check]:
         _latch(context),
         _disk(context),
         _recorder(context),
+        _refused(context),
         _memory(context),
         *_forces(context),
         _lease(context, active),
@@ -153,6 +154,29 @@ def _recorder(context: RigContext) -> Check:
         words = f"recorder: {status_text(answer) or 'idle'}; {lost} messages lost"
     return _check(
         "recorder.lost", lost == 0, words, needed=False, value=lost, limit=0, unit="messages"
+    )
+
+
+def _refused(context: RigContext) -> Check:
+    """Whether a program, this supervisor included, has refused messages in the last minute."""
+    answers = ((program, context.health.status(program)) for program in PROGRAMS)
+    found = [
+        (program, one)
+        for program, answer in answers
+        for one in (() if answer is None else answer.findings)
+        if one.code is FaultCode.MESSAGES_REFUSED
+    ]
+    if (own := context.bus.refused.finding()) is not None:
+        found.append(("supervisor", own))
+    words = "; ".join(f"{program}: {fault_text(one)}" for program, one in found)
+    return _check(
+        "bus.refused",
+        not found,
+        words or "no message was refused in the last minute",
+        needed=False,
+        value=len(found),
+        limit=0,
+        unit="programs",
     )
 
 

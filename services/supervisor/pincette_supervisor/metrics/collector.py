@@ -140,7 +140,9 @@ def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
     )
     yield _metric(families.UNANSWERED, [((rig,), counters.unanswered) for rig, counters in of])
     yield _metric(families.DEGRADED, [((rig,), counters.degraded) for rig, counters in of])
-    dropped: list[tuple[tuple[str, ...], int]] = []
+    dropped: list[tuple[tuple[str, ...], int]] = [
+        ((one.name, "supervisor", "refused"), one.context.bus.refused.count) for one in exported
+    ]
     for rig, counters in of:
         gaps: dict[str, int] = dict.fromkeys(LOOP, 0)
         for topic in NUMBERED:

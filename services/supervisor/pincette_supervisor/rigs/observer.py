@@ -6,6 +6,7 @@ from time import monotonic
 from typing import Protocol, TypeVar, cast
 
 from pincette.bus.protocol import BusError, LatestBus, Sink
+from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Applied, Message, Position
 from pincette.core.topics import (
     APPLIED,
@@ -31,7 +32,9 @@ FETCHED_AT_START = (POSITION, APPLIED, TELEMETRY)
 
 
 class WatchedBus(LatestBus, Protocol):
-    """A bus that tells which programs come and go."""
+    """A bus that tells which programs come and go, and counts what it refuses."""
+
+    refused: RefusedMessages
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Tell ``sink`` of every program that comes (true) or goes (false)."""

@@ -1,0 +1,46 @@
+"""Every query and request on the bus goes through one function."""
+
+import ast
+from pathlib import Path
+
+QUERIES = {"declare_querier"}
+ONE = "shared/pincette/bus/query.py"
+EXAMPLE = "docs/examples/latest.py"
+"""Shows readers who do not use pincette the same call."""
+ARGUMENTS = {"target", "consolidation", "attachment", "timeout"}
+
+
+def queries(path: Path) -> list[ast.Call]:
+    """Return the calls of a file that query a Zenoh session; liveliness tokens are no queries."""
+    text = path.read_text(encoding="utf-8")
+    if "zenoh" not in text:
+        return []
+    calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
+    return [
+        call
+        for call in calls
+        if isinstance(call.func, ast.Attribute)
+        and (
+            call.func.attr in QUERIES
+            or (
+                call.func.attr == "get"
+                and any(word.arg == "timeout" for word in call.keywords)
+                and "liveliness" not in ast.unparse(call.func.value)
+                and "_arrived" not in ast.unparse(call.func.value)
+            )
+        )
+    ]
+
+
+def test_one_function_queries_the_bus_and_asks_all(root: Path) -> None:
+    places = [
+        path for part in ("shared", "services", "docs") for path in root.glob(f"{part}/**/*.py")
+    ]
+    found = {str(path.relative_to(root)): made for path in places if (made := queries(path))}
+    assert set(found) == {ONE, EXAMPLE}
+    for calls in found.values():
+        (call,) = calls
+        named = {word.arg: ast.unparse(word.value) for word in call.keywords}
+        assert set(named) >= ARGUMENTS
+        assert named["target"] == "zenoh.QueryTarget.ALL"
+        assert named["consolidation"] == "zenoh.ConsolidationMode.NONE"
