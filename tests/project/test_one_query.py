@@ -1,6 +1,7 @@
 """Every query and request on the bus goes through one function."""
 
 import ast
+import re
 from pathlib import Path
 
 QUERIES = {"declare_querier"}
@@ -13,7 +14,7 @@ ARGUMENTS = {"target", "consolidation", "attachment", "timeout"}
 def queries(path: Path) -> list[ast.Call]:
     """Return the calls of a file that query a Zenoh session; liveliness tokens are no queries."""
     text = path.read_text(encoding="utf-8")
-    if "zenoh" not in text:
+    if re.search(r"^(import|from) zenoh", text, re.MULTILINE) is None:
         return []
     calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
     return [
