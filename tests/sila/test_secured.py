@@ -85,7 +85,7 @@ def test_a_motion_wants_a_login_with_a_key_that_may_operate(
 ) -> None:
     with stock_client(rig, **believed) as client:
         gripper = client.Microgripper
-        assert gripper.RigState.get() != "unknown"
+        until(lambda: gripper.RigState.get() != "unknown", "the rig is not read")
         with pytest.raises(InvalidMetadata):
             gripper.Grip(FORCE_MN, 0.3, "")
         with pytest.raises(DefinedExecutionError) as caught:

@@ -11,6 +11,7 @@ from typing import Any, cast
 from pincette.bus.protocol import BusError
 from pincette.security.certificates import Pair, issue, new_authority
 from pincette.security.identity import VIEWER, Credentials, Identity
+from pincette.security.latest_time import LatestTime
 from pincette.security.revocation import RevocationList
 
 DAYS = 36500.0
@@ -24,10 +25,12 @@ class Vouching:
     Raises SecurityError where the list of revoked certificates cannot be read.
     """
 
-    def __init__(self, credentials: Credentials) -> None:
+    def __init__(self, credentials: Credentials, time: LatestTime | None = None) -> None:
+        """``time``: by which the ends of certificates are judged."""
         self._authority = new_authority(datetime.now(UTC), DAYS)
         self._credentials = credentials
         self._contexts: dict[tuple[str, float], ssl.SSLContext] = {}
+        self._time = time or LatestTime()
         self.revoked = RevocationList(credentials.authority.parent)
         self.outer = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         self.outer.minimum_version = ssl.TLSVersion.TLSv1_3
@@ -44,11 +47,14 @@ class Vouching:
     def inner(self, shown: Any) -> ssl.SSLContext:
         """A client's context with a certificate of the same name and end as the one shown.
 
-        That is as ``getpeercert`` gives it; raises BusError where it was revoked.
+        That is as ``getpeercert`` gives it; raises BusError where it was revoked, or had ended
+        before the time of day was set back.
         """
         if self.revoked.holds(serial_of(shown)):
             raise BusError(f"the certificate of {_name(shown)} was revoked")
         name, ends_s = _name(shown), float(ssl.cert_time_to_seconds(shown["notAfter"]))
+        if ends_s <= self._time.now().timestamp():
+            raise BusError(f"the certificate of {name} has ended")
         found = self._contexts.get((name, ends_s))
         if found is None:
             if len(self._contexts) >= MOST_KEPT:

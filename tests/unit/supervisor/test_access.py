@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,6 @@ from pincette_supervisor.access.authentication import (
     Authenticator,
     Caller,
     digest_of,
-    hours_before,
     new_cookie,
     new_key,
     require_scope,
@@ -20,6 +20,7 @@ from pincette_supervisor.access.authentication import (
 from pincette_supervisor.journal.access_rows import SESSIONS_MAX, KeyRepository
 from pincette_supervisor.journal.key_file import KeyNameTakenError
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.problems import ProblemError
 
 NOW = "2126-03-01T12:00:00.000Z"
@@ -45,13 +46,20 @@ def book(store: Store) -> KeyRepository:
 
 
 class Clock:
-    """A time in UTC that a test moves."""
+    """A time of day that a test moves or sets, and the time that has passed."""
 
     def __init__(self) -> None:
-        self.now = NOW
+        self.now, self.passed_s = NOW, 0.0
 
-    def __call__(self) -> str:
-        return self.now
+    def wall(self) -> datetime:
+        return datetime.fromisoformat(self.now)
+
+    def pass_s(self, duration_s: float) -> None:
+        self.passed_s += duration_s
+        self.now = utc_text(self.wall() + timedelta(seconds=duration_s))
+
+    def authenticator(self) -> Authenticator:
+        return Authenticator(wall=self.wall, clock=lambda: self.passed_s)
 
 
 @pytest.fixture
@@ -61,7 +69,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def authenticator(clock: Clock) -> Authenticator:
-    return Authenticator(now=clock)
+    return clock.authenticator()
 
 
 def made(
@@ -170,16 +178,15 @@ def test_a_session_ends_when_its_page_is_silent_for_long(
     key, cookie = made(book, "ann"), new_cookie()
     authenticator.refresh(book)
     authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
-    clock.now = hours_before(NOW, -IDLE_H + 0.1)
-    assert authenticator.identify(HERE, None, cookie).way == "session"
-    for _ in range(2):  # keeps that it was seen just then, and looks at what is kept
-        authenticator.refresh(book)
-    clock.now = hours_before(clock.now, -IDLE_H + 0.1)
-    assert authenticator.identify(HERE, None, cookie).name == "ann"
     for _ in range(2):
-        authenticator.refresh(book)
-    clock.now = hours_before(clock.now, -IDLE_H - 0.1)
+        clock.pass_s(3600.0 * (IDLE_H - 0.1))
+        for _ in range(2):  # stores the last use, and reads what is stored
+            authenticator.refresh(book)
+        assert authenticator.identify(HERE, None, cookie).way == "session"
+    clock.pass_s(3600.0 * (IDLE_H + 0.1))
+    authenticator.refresh(book)
     assert authenticator.identify(HERE, None, cookie).scope is None
+    assert book.sessions() == []
 
 
 def test_a_wrong_key_is_not_passed_over_for_a_cookie(

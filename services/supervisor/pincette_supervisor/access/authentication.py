@@ -8,19 +8,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from ipaddress import IPv6Address, IPv6Network
-from time import monotonic
 from typing import Literal, TypeVar
 
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
+from pincette.security.latest_time import LatestTime, since_boot_s, utc
 from pincette_supervisor.access.passwords import PasswordCheck
 from pincette_supervisor.journal.access_rows import KeyRepository, SessionRow
 from pincette_supervisor.journal.key_file import KeyRow
-from pincette_supervisor.journal.tables import utc_now, utc_text
+from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.problems import ProblemError
 
 REALM = 'Bearer realm="pincette"'
 IDLE_H = 12.0
 """A session ends when its page has not asked for so long; an open page asks every second."""
+HOUR = len("2026-01-01T00")
+"""Characters of a time up to its hour."""
 UNCONFIRMED_S = 15.0
 """Longest time without a successful reading of the keys after which they still count, in s."""
 BYTES = 32
@@ -97,7 +99,7 @@ class Caller:
 
 @dataclass(frozen=True, slots=True)
 class KeySnapshot:
-    """Keys and sessions as the journal had them when last read."""
+    """Keys and sessions as they were when last read."""
 
     keys: Sequence[KeyRow] = ()
     sessions: Sequence[SessionRow] = ()
@@ -108,9 +110,9 @@ class KeySnapshot:
         return found if found is not None and found.usable(now) else None
 
     def session(self, cookie: str, now: str) -> tuple[SessionRow, KeyRow] | None:
-        """The session of a cookie and its key; None if either is not valid at that time."""
+        """The session of a cookie and its key; None if the key is not valid at that time."""
         found = _found(self.sessions, cookie)
-        if found is None or found.used_at < hours_before(now, IDLE_H):
+        if found is None:
             return None
         for key in self.keys:
             if key.name == found.key and key.usable(now):
@@ -128,10 +130,15 @@ class Authenticator:
         *,
         always: bool = False,
         supervisor: str = "",
-        now: Callable[[], str] = utc_now,
-        clock: Callable[[], float] = monotonic,
+        wall: Callable[[], datetime] = utc,
+        clock: Callable[[], float] = since_boot_s,
     ) -> None:
-        self._always, self._now, self._clock = always, now, clock
+        """``wall``: the time of day; ``clock``: a time in s that never steps."""
+        self._always, self._clock = always, clock
+        self.time = LatestTime(wall, clock)
+        """Time by which the ends of keys are judged; never goes back."""
+        self._noted: tuple[str, frozenset[str]] | None = None
+        """Hour and valid keys when the time was last stored; None before it was read."""
         self.supervisor = supervisor
         """Identifier of the supervisor, which distinguishes its cookies and replies."""
         self._confirmed_s: float | None = None
@@ -141,6 +148,8 @@ class Authenticator:
         self._passwords = PasswordCheck()
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
+        self._session_used_s: dict[str, float] = {}
+        """Time of the last use of each session, by the clock that never steps."""
 
     @property
     def keys_wanted(self) -> bool:
@@ -150,24 +159,61 @@ class Authenticator:
     @property
     def has_usable_key(self) -> bool:
         """Whether any key is valid now."""
-        now = self._now()
-        return any(row.usable(now) for row in self._snapshot.keys)
+        return bool(_usable(self._snapshot.keys, self._now()))
+
+    def _now(self) -> str:
+        return utc_text(self.time.now())
 
     def refresh(self, repository: KeyRepository) -> None:
         """Read keys that another program may have changed, and store uses; raises StoreError."""
         with self._turn:
             asked_s = self._clock()
             rows = repository.all()
+            if self._noted is None:
+                # Before any key is judged: a clock that was set back may have begun this program.
+                self.time.learn(repository.latest_at() or self.time.now())
             self._confirmed_s = asked_s
             # Never open again while it runs, whatever becomes of the files.
             self._always = self._always or bool(rows)
             # A key that was revoked opens nothing, also while the journal cannot be used.
             self._snapshot = KeySnapshot(rows, self._snapshot.sessions)
             repository.copy(rows)
-            self._snapshot = KeySnapshot(rows, repository.sessions())
+            self._snapshot = KeySnapshot(rows, self._active_sessions(repository))
             keys, sessions = _drained(self._keys_used), _drained(self._sessions_used)
             if keys or sessions:
                 repository.note_use(keys, sessions)
+            self._note_time(repository)
+
+    def _active_sessions(self, repository: KeyRepository) -> list[SessionRow]:
+        """The sessions; those without a use for too long are deleted."""
+        rows, now, clock_s = repository.sessions(), self.time.now(), self._clock()
+        for row in rows:  # of an earlier program, or new
+            idle = max(timedelta(0), now - datetime.fromisoformat(row.used_at))
+            self._session_used_s.setdefault(row.digest, clock_s - idle.total_seconds())
+        for digest in self._session_used_s.keys() - {row.digest for row in rows}:
+            self._session_used_s.pop(digest, None)
+        ended = {row.digest for row in rows if self._is_idle(row)}
+        if ended:
+            repository.sign_out(*ended)
+        return [row for row in rows if row.digest not in ended]
+
+    def _is_idle(self, session: SessionRow) -> bool:
+        used_s = self._session_used_s.get(session.digest)
+        return used_s is None or self._clock() - used_s > 3600.0 * IDLE_H
+
+    def _note_time(self, repository: KeyRepository) -> None:
+        """Store the time once an hour, and whenever a key has ended."""
+        now, rows = self.time.now(), self._snapshot.keys
+        noted = utc_text(now)[:HOUR], _usable(rows, utc_text(now))
+        if noted != self._noted and rows:
+            repository.note_latest(now)
+        self._noted = noted
+
+    def agree_to_time(self, repository: KeyRepository) -> None:
+        """Judge by the present time of day from here on, whatever was seen; raises StoreError."""
+        with self._turn:
+            self.time.agree()
+            repository.note_latest(self.time.now())
 
     @property
     def unconfirmed(self) -> bool:
@@ -193,6 +239,9 @@ class Authenticator:
         if found is None:
             return Caller(address, showed=cookie is not None)
         session, key = found
+        if self._is_idle(session):
+            return Caller(address, showed=True)
+        self._session_used_s[session.digest] = self._clock()
         self._note_use(key, now)
         if not _same_minute(session.used_at, now):
             self._sessions_used[session.digest] = now
@@ -231,6 +280,11 @@ class Authenticator:
         """End the session of a cookie."""
         repository.sign_out(digest_of(cookie))
         self.refresh(repository)
+
+
+def _usable(rows: Sequence[KeyRow], now: str) -> frozenset[str]:
+    """Names of the keys that are valid at a time."""
+    return frozenset(row.name for row in rows if row.usable(now))
 
 
 def _same_minute(used_at: str | None, now: str) -> bool:

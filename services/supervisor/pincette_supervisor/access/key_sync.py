@@ -1,14 +1,25 @@
 """Copies keys from the journal into memory, and audit entries from memory into the journal."""
 
+from datetime import timedelta
+
 from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import utc_text
 
 EVERY_S = 0.5
 """Time within which a key that another program added or revoked takes effect, in s."""
 KEYS = "keys"
 """Cause of the alarm that is raised while keys cannot be read, or their use not be written."""
+KEY_CLOCK = "key-clock"
+"""Cause of the alarm that is raised while the time of day is behind the latest time seen.
+
+To acknowledge it is to agree to the time of day.
+"""
+HOUR = timedelta(hours=1)
+BEHIND = HOUR
+"""Time by which the time of day may be behind without an alarm: less than an error of a zone."""
 
 
 class KeySync:
@@ -35,6 +46,15 @@ class KeySync:
             self._store.troubles[KEYS] = f"keys and audit log: {error}"
             raise
         self._store.troubles.pop(KEYS, None)
+        time = self._authenticator.time
+        if self._authenticator.keys_wanted and time.ahead >= BEHIND:
+            self._store.troubles[KEY_CLOCK] = (
+                f"the time of day is {time.ahead / HOUR:.0f} h behind {utc_text(time.now())}, the "
+                "latest time seen by this supervisor, and the ends of keys are judged by the "
+                "latter: set the clock of this machine, or acknowledge this alarm if it is right"
+            )
+        else:
+            self._store.troubles.pop(KEY_CLOCK, None)
 
     def close(self) -> None:
         """Stop, and write what waits."""

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from hashlib import sha256
 
 from sqlalchemy import delete, func, insert, select, update
@@ -82,6 +83,14 @@ class KeyRepository:
                 connection.execute(put.on_conflict_do_update(index_elements=["name"], set_=values))
         self._copied = rows
 
+    def latest_at(self) -> datetime | None:
+        """Return the latest time that a supervisor has noted; None before the first."""
+        return self._file.latest_at()
+
+    def note_latest(self, latest_at: datetime) -> None:
+        """Keep the latest time that was seen."""
+        self._file.note_latest(latest_at)
+
     def revoke(self, name: str) -> bool:
         """Take a key out of force and end its sessions; false where there is none to be."""
         self.all()
@@ -111,10 +120,10 @@ class KeyRepository:
             connection.execute(delete(SESSIONS).where(SESSIONS.c.digest.not_in(kept)))
             connection.execute(insert(SESSIONS).values(digest=digest, key=key, used_at=at))
 
-    def sign_out(self, digest: str) -> None:
-        """End a session."""
+    def sign_out(self, *digests: str) -> None:
+        """End sessions."""
         with self._store.writing() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.digest == digest))
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.digest.in_(digests)))
 
     def note_use(self, keys: Mapping[str, str], sessions: Mapping[str, str]) -> None:
         """Keep when keys, by name, and sessions, by digest, were last used."""

@@ -6,16 +6,17 @@ import os
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, StringConstraints, ValidationError
 
 from pincette.api.access import Scope
 from pincette.core.files import decoded, replace_file
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import KEY_FILE, SEE_DISK, USE_LOCAL_DISK, StoreError
-from pincette_supervisor.journal.tables import utc_now
+from pincette_supervisor.journal.tables import utc_now, utc_text
 
 
 class KeyNameTakenError(Exception):
@@ -47,6 +48,8 @@ class _Content(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     version: int
     keys: list[KeyRow]
+    latest_at: AwareDatetime | None = None
+    """Latest time that a supervisor has seen; ends of keys are judged by it too."""
 
 
 class KeyFile:
@@ -57,6 +60,15 @@ class KeyFile:
 
     def read(self) -> list[KeyRow] | None:
         """Every key there is or was, by name; None without a file."""
+        content = self._content()
+        return None if content is None else sorted(content.keys, key=lambda row: row.name)
+
+    def latest_at(self) -> datetime | None:
+        """Return the latest time that a supervisor has noted; None before the first."""
+        content = self._content()
+        return None if content is None else content.latest_at
+
+    def _content(self) -> _Content | None:
         try:
             content = _Content.model_validate_json(decoded(self._path.read_bytes()))
             if content.version != 1:
@@ -72,7 +84,7 @@ class KeyFile:
             ) from error
         except ValueError as error:
             raise self._damaged(str(error)) from error
-        return sorted(content.keys, key=lambda row: row.name)
+        return content
 
     def all(self) -> list[KeyRow]:
         """Every key there is or was, by name; none without a file."""
@@ -118,6 +130,11 @@ class KeyFile:
             for name in used_at.keys() & keys.keys():
                 keys[name] = replace(keys[name], used_at=used_at[name])
 
+    def note_latest(self, latest_at: datetime) -> None:
+        """Keep the latest time that was seen; has no effect without a file."""
+        with self._changed(latest_at):
+            pass
+
     def restore(self, rows: Sequence[KeyRow]) -> None:
         """Write keys where there is no file."""
         with self._changed() as keys:
@@ -125,8 +142,8 @@ class KeyFile:
                 keys.update({row.name: row for row in rows})
 
     @contextmanager
-    def _changed(self) -> Generator[dict[str, KeyRow]]:
-        """The keys by name, written as they are left; one program at a time."""
+    def _changed(self, latest_at: datetime | None = None) -> Generator[dict[str, KeyRow]]:
+        """The keys by name, written as they are left, and a time; one program at a time."""
         try:
             folder = os.open(self._path.parent, os.O_RDONLY)
         except OSError as error:
@@ -139,17 +156,21 @@ class KeyFile:
                     f"the key file {self._path} cannot be locked: {error.strerror}; its file "
                     f"system has no locks: {USE_LOCAL_DISK}. No key was changed"
                 ) from error
-            before = {row.name: row for row in self.all()}
+            content = self._content() or _Content(version=1, keys=[])
+            before = {row.name: row for row in content.keys}
             keys = dict(before)
             yield keys
-            if keys != before:
-                self._write(list(keys.values()))
+            if keys and (keys != before or latest_at is not None):
+                self._write(list(keys.values()), latest_at or content.latest_at)
         finally:
             os.close(folder)
 
-    def _write(self, rows: Sequence[KeyRow]) -> None:
+    def _write(self, rows: Sequence[KeyRow], latest_at: datetime | None) -> None:
         """Replace the file whole; another program reads the old one or the new one."""
-        text = json.dumps({"version": 1, "keys": [asdict(row) for row in rows]}, indent=1)
+        content: dict[str, Any] = {"version": 1, "keys": [asdict(row) for row in rows]}
+        if latest_at is not None:
+            content["latest_at"] = utc_text(latest_at)
+        text = json.dumps(content, indent=1)
         try:
             replace_file(self._path, text.encode() + b"\n", 0o600)
         except OSError as error:

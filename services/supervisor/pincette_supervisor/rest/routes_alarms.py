@@ -3,17 +3,28 @@
 from dataclasses import asdict
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
 from pydantic import Field
 
 from pincette.api.events import Alarm, AlarmAction, AlarmList
 from pincette.api.problems import responses
 from pincette.records.folder import agree_to_clock
 from pincette_supervisor import problems
+from pincette_supervisor.access.key_sync import KEY_CLOCK
 from pincette_supervisor.alarms.checks import CLOCK
+from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, AllRigs, Journal, Note, Operator
+from pincette_supervisor.rest.dependencies import (
+    OBSERVE,
+    OPERATE,
+    AccessState,
+    AllRigs,
+    Journal,
+    Note,
+    Operator,
+    authorize,
+)
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1
@@ -62,11 +73,20 @@ def one(alarm: Number, store: Journal) -> Alarm:
 
 
 @router.post("/{alarm}/actions", responses=responses(404, 422, 503), dependencies=[OPERATE])
-def act(alarm: Number, body: AlarmAction, rigs: AllRigs, by: Operator, note: Note) -> Alarm:
+def act(
+    request: Request,
+    alarm: Number,
+    body: AlarmAction,
+    rigs: AllRigs,
+    access: AccessState,
+    by: Operator,
+    note: Note,
+) -> Alarm:
     """Acknowledge an alarm; done twice, it stays with who was first.
 
     To acknowledge the alarm `clock` is to agree to the present time of day: records may be deleted
-    for their age again.
+    for their age again. To acknowledge `key-clock`, which needs the scope `admin`, is to agree that
+    the ends of keys are judged by the present time of day.
     """
     note(body.type)
     row = _found(AlarmRepository(rigs.store).get(alarm), alarm)
@@ -78,6 +98,9 @@ def act(alarm: Number, body: AlarmAction, rigs: AllRigs, by: Operator, note: Not
             raise ProblemError(
                 503, "store-failed", "The records' folder cannot be written", str(error)
             ) from error
+    if row.cause == KEY_CLOCK and row.cleared_at is None:
+        authorize(request, ("admin",))
+        access.authenticator.agree_to_time(KeyRepository(rigs.store))
     return alarm_of(_found(context.alarms.acknowledge(alarm, by), alarm))
 
 
