@@ -169,7 +169,9 @@ def test_a_clock_that_is_behind_raises_an_alarm_that_an_admin_acknowledges(
 
         def rows() -> list[dict[str, object]]:
             harness.manager.alarm_monitor.poll()
-            answer = harness.call("GET", "/api/v1/alarms?open=true", headers=keys.headers("observe"))
+            answer = harness.call(
+                "GET", "/api/v1/alarms?open=true", headers=keys.headers("observe")
+            )
             found = answer.json()
             return [row for row in found["alarms"] if row["cause"] == KEY_CLOCK]
 
