@@ -5,7 +5,6 @@ import logging
 import os
 import socket
 import ssl
-import sys
 import threading
 from collections.abc import Generator
 from contextlib import ExitStack, closing, contextmanager
@@ -50,9 +49,6 @@ log = logging.getLogger("pincette")
 STOP_S = 5.0
 TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
 """Time between two tries to bind a port that another program has, and between two log lines."""
-SWITCH_S = 0.001
-"""Interval at which threads of the interpreter take turns; Python's own is 0.005 s. A stop needs
-the interpreter some ten times, and each time waits for all threads that work."""
 GONE_S, LOOK_S = 5.0, 0.1
 """For how long the token of a supervisor that was killed or cut off may still be seen."""
 
@@ -93,7 +89,6 @@ def await_port(host: str, port: int, stop: threading.Event) -> tuple[socket.sock
 
 def run(context: Context) -> None:
     """Serve REST until the program is stopped."""
-    sys.setswitchinterval(SWITCH_S)
     config = configure(context.rig, context.data)
     # Without a folder that it may write to, matplotlib takes a temporary one, or draws nothing.
     os.environ.setdefault("MPLCONFIGDIR", str(context.data.absolute() / "matplotlib"))

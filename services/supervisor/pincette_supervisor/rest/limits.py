@@ -17,6 +17,7 @@ from pincette_supervisor.access.access import TokenBuckets
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import HELD, SHARE, caller_of
+from pincette_supervisor.rest.request_target import JOB_STOPS
 
 Kind = Literal["short", "long"]
 """``long``: a stream or a long poll, which waits; ``short``: any other request."""
@@ -32,8 +33,6 @@ the server busy with refusals."""
 SEND_S = 30.0
 """How long a client may take for one block of an answer."""
 ESTOP = "/estop"
-JOB_STOPS = ("/actions", "/stop")
-"""Ends of the paths below ``/jobs`` that stop a job."""
 SMALL_BYTES, LARGE_BYTES = 16_384, 262_144
 """Largest body of a route; large where a request has points, labels or notes: a path of 200 points
 takes some 20 kB, and 4000 characters of notes up to 48 kB."""

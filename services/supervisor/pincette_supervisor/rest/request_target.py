@@ -12,6 +12,8 @@ _AFTER_PATH = re.compile("[?#;]")
 _REQUEST_LINE = re.compile(rb"\s*post[ \t]+(\S+)", re.IGNORECASE)
 _FROM_BROWSER = re.compile(rb"^(?:origin|sec-fetch-[a-z]+)[ \t]*:", re.IGNORECASE | re.MULTILINE)
 _HEAD_END = re.compile(rb"\r?\n\r?\n")
+JOB_STOPS = ("/actions", "/stop")
+"""Ends of the paths below ``/jobs`` that stop a job."""
 
 
 def estop_path(method: str, path: str) -> str | None:
@@ -41,6 +43,15 @@ def estop_of_malformed(head: bytes) -> bytes | None:
     path = _origin_form(line[1].decode("latin-1"))[1]
     found = estop_path("POST", _percent_decoded(path))
     return None if found is None else b"POST %b HTTP/1.0\r\n\r\n" % found.encode("latin-1")
+
+
+def is_stop(head: bytes) -> bool:
+    """Whether a request that begins so stops a rig or a job, as far as its first line tells."""
+    line = _REQUEST_LINE.match(head)
+    if line is None:
+        return False
+    path = _origin_form(line[1].decode("latin-1"))[1]
+    return path.endswith(JOB_STOPS) or estop_path("POST", _percent_decoded(path)) is not None
 
 
 def _percent_decoded(path: str) -> str:

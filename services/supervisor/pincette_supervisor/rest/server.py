@@ -15,11 +15,12 @@ from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from pincette_supervisor.rest.dependencies import HELD
-from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path
+from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path, is_stop
 from pincette_supervisor.rest.tls import Doorway
+from pincette_supervisor.rest.work_queue import WorkQueue
 
-MOST = 384
-"""Connections; each is an open file, of which a process usually has 1024."""
+MOST = 600
+"""Connections; each is an open file, of which the program has 4096 where the system allows it."""
 HEAD_S = 10.0
 """From the first sign of a request to the end of its head."""
 HEAD_BYTES = 16_384
@@ -27,7 +28,9 @@ HEAD_BYTES = 16_384
 HEADERS_MAX = 100
 """Headers of a request; more are refused with 431."""
 SLICE_BYTES = 2048
-"""Bytes of one connection that are processed in one turn of the event loop."""
+"""Bytes of one connection that are processed before others have their turn."""
+LINE_BYTES = 512
+"""Bytes of a request in which its line is looked for, to serve a stop first."""
 REQUEST_BYTES = 1_048_576
 """Bytes of one request on the wire, of which the framing of tiny chunks may be the most."""
 LINGER_S = 2.0
@@ -36,6 +39,10 @@ TOO_MANY_HEADERS = (
     b"HTTP/1.1 431 Request Header Fields Too Large\r\nContent-Type: text/plain\r\n"
     b"Connection: close\r\n\r\nmore than %d headers: send fewer\n" % HEADERS_MAX
 )
+ACCEPT_BATCH = 32
+"""Connections accepted in one turn of the event loop; asyncio takes its ``backlog`` for that."""
+BACKLOG = 1024
+"""Connections that wait in the system to be accepted."""
 KEEP_S = 75
 """An idle connection is kept for longer than clients do, or a request crosses with its end."""
 STOP_S = 2
@@ -64,37 +71,33 @@ class Connection(H11Protocol):
     So a flood of connections shuts nobody out: whoever comes in order to stop the rig finds one.
     ``limit_concurrency`` of uvicorn would refuse by number alone, whoever comes.
 
-    Data are processed in slices, one in each turn of the event loop, so that what one client sends
-    at once delays the others by one slice at most.
+    Data are processed in slices, which wait for their turn in a queue of all connections. Only the
+    data of a stop are processed as soon as they arrive.
     """
 
     _head: asyncio.TimerHandle | None = None
     _head_data = b""
     """Data of the request whose head is being read, to recognise a stop that is no valid HTTP."""
-    _turn: asyncio.Handle | None = None
     _lingers = False
     _size = _lines = 0
     _is_stop = False
+    """Whether the request that is being read or answered stops a rig or a job."""
+
+    def __init__(self, queue: WorkQueue, **given: Any) -> None:
+        super().__init__(**given)
+        self._queue = queue
+        self._received = bytearray()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
         """Take a connection, at the cost of another one where there are too many."""
         super().connection_made(transport)
         self.flow = SlicedReading(transport, self._go_on)
-        self._received = bytearray()
         self._await_head()
-        quiet = self._quiet
-        quiet[self] = None
-        # What was ended a moment ago is one of the connections until the loop comes to it.
+        self._queue.add_silent(self)
         if len(self.connections) > MOST:
-            oldest = next(iter(quiet), None) or self._held()
-            if oldest is not None:
-                quiet.pop(oldest, None)
-                oldest.transport.abort()
-
-    @property
-    def _quiet(self) -> "dict[Connection, None]":
-        """Those of this server over which nothing is asked, the longest so first."""
-        return vars(self.server_state).setdefault("quiet", {})
+            other = self._queue.pop_silent() or self._held() or self._queue.pop_last()
+            if other is not None:
+                other.abort()
 
     def _held(self) -> "Connection | None":
         """Return a connection whose request is refused, and whose answer is being held back."""
@@ -108,18 +111,36 @@ class Connection(H11Protocol):
         return cycle is None or cycle.response_complete
 
     def data_received(self, data: bytes) -> None:
-        """Process data, or keep them for the next turn."""
+        """Process data of a stop at once; all others wait for their turn."""
         if self._lingers:
             return
         self._received += data
-        if self._turn is None and not self.flow.read_paused:
+        if self.flow.read_paused:
+            self.transport.pause_reading()
+            return
+        if self.idle:
+            self._is_stop = is_stop(self._head_data + self._received[:LINE_BYTES])
+        if self._is_stop:
             self._process()
-        elif self._received:
+        else:
+            self._enqueue()
+
+    def _enqueue(self) -> None:
+        self._queue.add(self)
+        if len(self._received) > SLICE_BYTES:
             self.transport.pause_reading()
 
+    def work(self) -> bool:
+        """Process one slice or a pipelined request; returns whether a request has begun."""
+        begun = len(self.tasks)
+        if self.idle and self.conn.our_state is h11.DONE:
+            super().on_response_complete()
+        else:
+            self._process()
+        return len(self.tasks) > begun
+
     def _process(self) -> None:
-        """Process one slice; the rest has to wait for the next turn of the event loop."""
-        self._turn = None
+        """Process one slice, and enqueue the rest."""
         if not self._received or self.flow.read_paused:  # empty data mean the end to h11
             return
         data = bytes(self._received[:SLICE_BYTES])
@@ -136,35 +157,43 @@ class Connection(H11Protocol):
             return
         if self.idle:
             self._await_head()
+            self._queue.add_silent(self)
         else:
-            self._quiet.pop(self, None)
+            self._queue.discard(self)
             self._cancel()
         if self._size > REQUEST_BYTES:
-            self.transport.abort()
+            self.abort()
         elif not self.flow.read_paused:
             self._go_on()
 
     def _go_on(self) -> None:
-        """Process what there is in the next turn, or else read again."""
-        if not self._received or self._lingers:
+        """Enqueue what has been received, or else read again."""
+        if self._received and not self._lingers:
+            self._enqueue()
+        else:
             self.transport.resume_reading()
-        elif self._turn is None:
-            self.transport.pause_reading()
-            self._turn = self.loop.call_soon(self._process)
 
     def _has_too_many_headers(self, data: bytes) -> bool:
         """Whether a head is too long before its end is seen; a stop is parsed however long."""
-        if self._lines == 0:
-            self._is_stop = b"estop" in data.lstrip().partition(b"\n")[0].lower()
         ends = b"\n\r\n" in data or b"\n\n" in data
         self._lines = 0 if ends else self._lines + data.count(b"\n")
         return self._lines > HEADERS_MAX and not self._is_stop
+
+    def eof_received(self) -> bool:  # pyright: ignore[reportIncompatibleMethodOverride]  as in asyncio
+        """Keep a connection whose client has sent its stop and closed its side, to answer it."""
+        if not self._is_stop or self.idle or self.scheme == "https":  # TLS has no half-closed state
+            return False
+        self.cycle.keep_alive = False
+        return True
 
     def send_400_response(self, msg: str) -> None:
         """Refuse what is no valid HTTP, except an emergency stop, for example without ``Host``."""
         estop = estop_of_malformed(self._head_data)
         if estop is None:
-            super().send_400_response(msg)
+            if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+                super().send_400_response(msg)
+            else:  # in the middle of an answer, or after the last one
+                self.transport.close()
             return
         self._head_data = b""
         self.conn = h11.Connection(h11.SERVER)  # the old one accepts nothing more
@@ -173,37 +202,47 @@ class Connection(H11Protocol):
     def on_response_complete(self) -> None:
         """Wait for the next request, or end where the body of this one has not been read."""
         self._head_data = b""
-        self._quiet[self] = None
         self._size = self._lines = 0
+        self._is_stop = False
         if self.conn.their_state is h11.SEND_BODY and not self.transport.is_closing():
             self.server_state.total_requests += 1
             self._linger()
+        elif self.conn.trailing_data[0]:
+            self._queue.add(self)  # the next request is there, and waits for its turn
         else:
+            self._queue.add_silent(self)
             super().on_response_complete()
 
     def _linger(self) -> None:
         """End the connection; ignore what comes until the client has read its answer."""
         self._lingers = True
         self._received.clear()
-        if self.transport.can_write_eof():
-            self.transport.write_eof()
-            self.transport.resume_reading()
-            self.loop.call_later(LINGER_S, self.transport.abort)
-        else:
+        self._queue.add_silent(self)
+        if not self.transport.can_write_eof():  # TLS
             self.transport.close()
+            return
+        try:
+            self.transport.write_eof()
+        except OSError:  # the client has reset the connection
+            self.abort()
+            return
+        self.transport.resume_reading()
+        self.loop.call_later(LINGER_S, self.abort)
+
+    def abort(self) -> None:
+        """End the connection at once."""
+        self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it."""
-        self._quiet.pop(self, None)
+        self._queue.discard(self)
         self._cancel()
         self._received.clear()
-        if self._turn is not None:
-            self._turn.cancel()
         super().connection_lost(exc)
 
     def _await_head(self) -> None:
         if self._head is None:
-            self._head = self.loop.call_later(HEAD_S, self.transport.abort)
+            self._head = self.loop.call_later(HEAD_S, self.abort)
 
     def _cancel(self) -> None:
         if self._head is not None:
@@ -263,27 +302,27 @@ class Server(uvicorn.Server):
         """Begin to serve."""
         current_default_thread_limiter().total_tokens = WORKERS
         await super().startup(sockets)
-
-
-def _doorway(tls: ssl.SSLContext, pending: dict[Doorway, None], **given: Any) -> Doorway:
-    """What takes the part of a connection until its handshake is done."""
-    return Doorway(tls, pending, partial(Connection, **given))
+        for listener in sockets or ():
+            listener.listen(BACKLOG)
 
 
 def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server:
     """The server of an application; nothing of a request is logged, least of all its head."""
-    door: Any = Connection if tls is None else partial(_doorway, tls, {})
+    door: Any = partial(Connection, WorkQueue())
+    if tls is not None:
+        door = partial(Doorway, tls, WorkQueue(), door)
     return Server(
         uvicorn.Config(
             UnambiguousLength(app),
             http=door,
             ws="none",
             log_config=None,
-            log_level="warning",
+            log_level="error",
             access_log=False,
             lifespan="off",
             proxy_headers=False,
             server_header=False,
+            backlog=ACCEPT_BATCH,
             h11_max_incomplete_event_size=HEAD_BYTES,
             timeout_keep_alive=KEEP_S,
             timeout_graceful_shutdown=STOP_S,

@@ -1,20 +1,24 @@
 """TLS of the REST server: a connection is one of the server's once its handshake is done.
 
-asyncio would begin a handshake with all who connect, however many, and wait for each for a minute.
-Here one begins when its first message is there, which has three seconds, and so has the rest; of
-more than 128 the oldest goes, as at the ports of the bus. A stranger who says nothing costs little.
+asyncio would begin a handshake with each client at once, and wait a minute for it. Here a handshake
+begins when its first message has arrived, and each turn of the event loop begins a few, so that a
+flood of handshakes does not stop the loop. A client has three seconds for its first message, and
+three for the rest. At most 600 handshakes are pending.
 """
 
 import asyncio
 import ssl
+from asyncio.sslproto import SSLProtocol
 from collections.abc import Callable
-from typing import cast
+from functools import partial
+from typing import Any
 
 from pincette.security.identity import Credentials
+from pincette_supervisor.rest.work_queue import WorkQueue
 
-HANDSHAKE_S = 3.0
+HANDSHAKE_S = 3
 """For the first message of a handshake, and for all that follows."""
-MOST_PENDING = 128
+MOST_PENDING = 600
 """Connections whose handshake is not done."""
 HANDSHAKE = b"\x16\x03"
 """How it begins: a record of that type, of version 3."""
@@ -31,48 +35,38 @@ def server_context(credentials: Credentials) -> ssl.SSLContext:
     return context
 
 
-class Early(asyncio.Protocol):
-    """Keeps what comes between the end of a handshake and the begin of the connection."""
-
-    def __init__(self) -> None:
-        self.data = b""
-        self.ended = False
-
-    def data_received(self, data: bytes) -> None:
-        """Keep it."""
-        self.data += data
-
-    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  asyncio's name
-        """Note that nobody is there any more."""
-        self.ended = True
-
-
 class Doorway(asyncio.Protocol):
-    """A connection that shakes hands, and is then what ``connection`` makes."""
+    """A connection before and during its handshake; afterwards it has the protocol ``connection``.
+
+    ``queue`` is shared by all handshakes of a server.
+    """
 
     _transport: asyncio.Transport
     _until: asyncio.TimerHandle
-    _shaking: "asyncio.Task[None] | None" = None
 
     def __init__(
         self,
         context: ssl.SSLContext,
-        pending: "dict[Doorway, None]",
-        connection: Callable[[], asyncio.Protocol],
+        queue: WorkQueue,
+        connection: Callable[..., asyncio.Protocol],
+        **given: Any,
     ) -> None:
-        self._context, self._pending, self._connection = context, pending, connection
+        self._context, self._queue = context, queue
+        self._connection = partial(connection, **given)
         self._first = b""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as asyncio calls it
-        """Wait for a handshake, at the cost of the oldest one where there are too many."""
+        """Wait for a handshake, at the cost of another one where there are too many."""
         self._transport = transport
-        if len(self._pending) >= MOST_PENDING:
-            next(iter(self._pending)).abort()
-        self._pending[self] = None
+        if len(self._queue) >= MOST_PENDING:
+            other = self._queue.pop_silent() or self._queue.pop_last()
+            if other is not None:
+                other.abort()
+        self._queue.add_silent(self)
         self._until = asyncio.get_running_loop().call_later(HANDSHAKE_S, self.abort)
 
     def data_received(self, data: bytes) -> None:
-        """Begin the handshake once its first message is whole; tell one who speaks plain HTTP."""
+        """Enqueue the handshake once its first message is whole; refuse plain HTTP."""
         self._first += data
         if self._first[:2] != HANDSHAKE[: len(self._first)]:
             self._transport.write(BAD_REQUEST + PLAIN)
@@ -82,7 +76,33 @@ class Doorway(asyncio.Protocol):
         if len(self._first) >= max(size, HEAD_BYTES + 1):
             self._until.cancel()
             self._transport.pause_reading()
-            self._shaking = asyncio.get_running_loop().create_task(self._shake())
+            self._queue.add(self)
+
+    def work(self) -> bool:
+        """Begin the handshake; most of its cost is in this call."""
+        loop = asyncio.get_running_loop()
+        done: asyncio.Future[None] = loop.create_future()
+        done.add_done_callback(self._shaken)
+        # As loop.start_tls does, without its tasks, which take several turns of the loop.
+        tls = SSLProtocol(
+            loop,
+            self._connection(),
+            self._context,
+            done,
+            server_side=True,
+            ssl_handshake_timeout=HANDSHAKE_S,
+        )
+        self._queue.add_silent(self)
+        self._transport.set_protocol(tls)
+        tls.connection_made(self._transport)
+        _feed(tls, self._first)
+        self._transport.resume_reading()
+        return False
+
+    def _shaken(self, done: "asyncio.Future[None]") -> None:
+        self._forget()
+        if not done.cancelled():
+            done.exception()  # of the client's making; the connection is ended
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  asyncio's name
         """Forget it."""
@@ -95,39 +115,7 @@ class Doorway(asyncio.Protocol):
 
     def _forget(self) -> None:
         self._until.cancel()
-        self._pending.pop(self, None)
-
-    async def _shake(self) -> None:
-        early = Early()
-        loop = asyncio.get_running_loop()
-        begun = loop.create_task(
-            loop.start_tls(
-                self._transport,
-                early,
-                self._context,
-                server_side=True,
-                ssl_handshake_timeout=HANDSHAKE_S,
-            )
-        )
-        # From when on it reads: what is known already comes before all that is still to come.
-        while not (self._transport.is_reading() or begun.done()):
-            await asyncio.sleep(0)
-        if not begun.done():
-            _feed(cast("asyncio.BufferedProtocol", self._transport.get_protocol()), self._first)
-        try:
-            shaken = await begun
-        except OSError:  # no handshake, none in time, or ended to make room
-            self._transport.abort()
-            return
-        finally:
-            self._forget()
-        if shaken is None or early.ended:
-            return
-        connection = self._connection()
-        shaken.set_protocol(connection)
-        connection.connection_made(shaken)
-        if early.data:
-            connection.data_received(early.data)
+        self._queue.discard(self)
 
 
 def _feed(protocol: asyncio.BufferedProtocol, data: bytes) -> None:
