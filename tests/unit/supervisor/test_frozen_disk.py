@@ -8,6 +8,13 @@ from time import monotonic
 import pytest
 from sqlalchemy import Connection
 
+from pincette_supervisor.access.authentication import (
+    Authenticator,
+    digest_of,
+    new_cookie,
+    new_key,
+)
+from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import Database
 from pincette_supervisor.journal.write_queue import WAIT_S, WriteQueue
 
@@ -160,3 +167,46 @@ def test_a_request_that_waits_for_the_disk_keeps_no_stop_from_the_rig(
         harness.until(lambda: harness.bus.acts == ["stop"])
     for other in others:
         other.join(PATIENCE_S)
+
+
+def test_a_stop_by_the_key_of_a_request_is_answered(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    harness.bus.pause_at = IN_APPROACH
+    body = {"kind": "grip", "autostart": True}
+    headers = {"Idempotency-Key": "k-1"}
+    made = harness.call("POST", "/api/v1/jobs", json=body, headers=headers)
+    harness.reach(made.json()["id"], "running")
+    with frozen_disk(monkeypatch):
+        begun_s = monotonic()
+        answer = harness.post("/jobs/stop", {"idempotency_key": "k-1"})
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["job"]["id"] == made.json()["id"]
+        assert monotonic() - begun_s < LIMIT_S
+        harness.until(lambda: harness.bus.acts == ["stop"])
+
+
+@pytest.mark.parametrize("signs_out", [False, True])
+def test_a_session_counts_at_once_and_not_after_its_end(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch, signs_out: bool
+) -> None:
+    keys, authenticator = KeyRepository(harness.store), Authenticator()
+    key, cookie = new_key(), new_cookie()
+    keys.add("ann", digest_of(key), "operate", None)
+    authenticator.refresh(keys)
+    caller = authenticator.identify("here", key, None)
+    end = threading.Thread(target=authenticator.sign_out, args=(keys, cookie))
+    with frozen_disk(monkeypatch) as thaw:
+        begun_s = monotonic()
+        authenticator.sign_in(keys, caller, cookie)
+        assert monotonic() - begun_s < LIMIT_S
+        assert authenticator.identify("here", None, cookie).scope == "operate"
+        if signs_out:
+            end.start()
+        thaw()
+    if signs_out:
+        end.join(PATIENCE_S)
+    harness.until(lambda: authenticator.write_sessions() is None and not authenticator.unwritten)
+    authenticator.refresh(keys)
+    assert (len(keys.sessions()) == 0) == signs_out
+    assert (authenticator.identify("here", None, cookie).scope is None) == signs_out

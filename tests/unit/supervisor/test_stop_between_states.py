@@ -7,6 +7,7 @@ import pytest
 
 from pincette.api.states import ActionType, JobState
 from pincette_supervisor.jobs.actions import JobActions
+from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
 
 
@@ -37,7 +38,7 @@ class GoesOn:
 
 
 def act(job: Any, action: ActionType) -> bool:
-    context: Any = SimpleNamespace()
+    context: Any = SimpleNamespace(write_queue=WriteQueue())
     return JobActions(context).on_live(job, action, "me")
 
 

@@ -13,9 +13,10 @@ from typing import Literal, TypeVar
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
 from pincette.security.latest_time import LatestTime, since_boot_s, utc
 from pincette_supervisor.access.passwords import PasswordCheck
-from pincette_supervisor.journal.access_rows import KeyRepository, SessionRow
+from pincette_supervisor.journal.access_rows import SESSIONS_MAX, KeyRepository, SessionRow
 from pincette_supervisor.journal.key_file import KeyRow
 from pincette_supervisor.journal.tables import utc_text
+from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
 
 REALM = 'Bearer realm="pincette"'
@@ -146,6 +147,11 @@ class Authenticator:
         self._snapshot = KeySnapshot()
         self._turn = threading.Lock()
         self._passwords = PasswordCheck()
+        self._write_queue = WriteQueue()
+        self._sessions_turn = threading.Lock()
+        """Held while a session is written or ended, so that none begins after its end."""
+        self._unwritten: dict[str, SessionRow] = {}
+        """Sessions that are not in the journal yet, by the digest of their cookie."""
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
         self._session_used_s: dict[str, float] = {}
@@ -190,7 +196,8 @@ class Authenticator:
         for row in rows:  # of an earlier program, or new
             idle = max(timedelta(0), now - datetime.fromisoformat(row.used_at))
             self._session_used_s.setdefault(row.digest, clock_s - idle.total_seconds())
-        for digest in self._session_used_s.keys() - {row.digest for row in rows}:
+        known = {*(row.digest for row in rows), *self._unwritten}
+        for digest in self._session_used_s.keys() - known:
             self._session_used_s.pop(digest, None)
         ended = {row.digest for row in rows if self._is_idle(row)}
         if ended:
@@ -235,7 +242,7 @@ class Authenticator:
                 return Caller(address, showed=True)
             self._note_use(key, now)
             return Caller(address, key.name, key.scope, "key", showed=True)
-        found = None if cookie is None else self._snapshot.session(cookie, now)
+        found = None if cookie is None else self._session(cookie, now)
         if found is None:
             return Caller(address, showed=cookie is not None)
         session, key = found
@@ -246,6 +253,11 @@ class Authenticator:
         if not _same_minute(session.used_at, now):
             self._sessions_used[session.digest] = now
         return Caller(address, key.name, key.scope, "session", showed=True)
+
+    def _session(self, cookie: str, now: str) -> tuple[SessionRow, KeyRow] | None:
+        snapshot = self._snapshot
+        unwritten = KeySnapshot(snapshot.keys, list(self._unwritten.values()))
+        return snapshot.session(cookie, now) or unwritten.session(cookie, now)
 
     def _note_use(self, key: KeyRow, now: str) -> None:
         if not _same_minute(key.used_at, now):
@@ -271,14 +283,41 @@ class Authenticator:
         return Caller(caller.address, user.name, user.scope, "key", showed=True)
 
     def sign_in(self, repository: KeyRepository, caller: Caller, cookie: str) -> None:
-        """Let a cookie stand for the key that a caller has shown."""
+        """Let a cookie stand for the key that a caller has shown.
+
+        The session counts at once, also while the journal cannot be written.
+        """
         assert caller.name is not None
-        repository.sign_in(digest_of(cookie), caller.name, self._now())
-        self.refresh(repository)
+        row = SessionRow(digest_of(cookie), caller.name, self._now())
+
+        def write() -> None:
+            with self._sessions_turn:
+                if row.digest not in self._unwritten:  # signed out meanwhile
+                    return
+                repository.sign_in(row.digest, row.key, row.used_at)
+            self.refresh(repository)
+            self._unwritten.pop(row.digest, None)
+
+        while len(self._unwritten) >= SESSIONS_MAX:
+            self._unwritten.pop(next(iter(self._unwritten)), None)
+        self._session_used_s[row.digest] = self._clock()
+        self._unwritten[row.digest] = row
+        self._write_queue.submit(write)
+
+    @property
+    def unwritten(self) -> int:
+        """Number of sessions that are not in the journal yet."""
+        return len(self._unwritten)
+
+    def write_sessions(self) -> None:
+        """Try to write the sessions that could not be written when they began."""
+        self._write_queue.flush()
 
     def sign_out(self, repository: KeyRepository, cookie: str) -> None:
         """End the session of a cookie."""
-        repository.sign_out(digest_of(cookie))
+        with self._sessions_turn:
+            self._unwritten.pop(digest_of(cookie), None)
+            repository.sign_out(digest_of(cookie))
         self.refresh(repository)
 
 

@@ -39,6 +39,7 @@ class KeySync:
 
     def _sync(self, *, last: bool = False) -> None:
         try:
+            self._authenticator.write_sessions()
             self._authenticator.refresh(self._keys)
             self._audit_buffer.flush(self._audit, everything=last)
         except Exception as error:

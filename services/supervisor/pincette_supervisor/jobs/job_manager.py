@@ -139,6 +139,7 @@ class JobManager:
             "state", row.id, state="queued", cause="", kind=row.kind
         ):
             row = self.context.store.add(row, key, fingerprint)
+        self.turns.note_created(key, row.id)
         if waits:
             self.queue.add(row, request)
         else:

@@ -35,6 +35,19 @@ class KeyTurns:
         self._turns: dict[str, _Turn] = {}
         self._accepting = threading.Lock()
         self._stopped: deque[str] = deque(maxlen=STOPPED)
+        self._created: dict[str, str] = {}
+
+    def note_created(self, key: str | None, job: str) -> None:
+        """Note which job a key has created, so that its stop need not read the journal."""
+        if key is None:
+            return
+        while len(self._created) >= STOPPED:
+            del self._created[next(iter(self._created))]
+        self._created[key] = job
+
+    def created(self, key: str) -> str | None:
+        """Return the job that a key has created while this supervisor runs; None if unknown."""
+        return self._created.get(key)
 
     def stop(self, key: str) -> None:
         """Let no job come of a key; one that is being accepted is in the journal on return."""

@@ -44,6 +44,8 @@ WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
 """Threads for stops of jobs, which no limit of rate or number refuses and no other request delays.
 """
+ACTION_THREADS = ThreadPoolExecutor(4, thread_name_prefix="act-on-job")
+"""Threads for the other actions, as a release: no request that reads the journal takes them."""
 REPLAYED = "Idempotency-Replayed"
 Predict = Annotated[
     bool,
@@ -152,16 +154,24 @@ async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedReques
 
 
 def _stopped(body: StopRequest, rigs: Rigs, by: str) -> StoppedRequest:
+    key = body.idempotency_key
     for manager in rigs.all():
-        manager.turns.stop(body.idempotency_key)
-    known = rigs.store.created(body.idempotency_key)
+        # Noted before a request that waits for the disk lets go of its turn.
+        if (name := manager.turns.created(key)) is not None:
+            return StoppedRequest(job=_stopped_job(manager, name, by))
+    for manager in rigs.all():
+        manager.turns.stop(key)
+    known = rigs.store.created(key)
     if known is None:
         return StoppedRequest(job=None)
-    manager = rigs.of_job(known.job)
-    job = manager.index.job(known.job)
+    return StoppedRequest(job=_stopped_job(rigs.of_job(known.job), known.job, by))
+
+
+def _stopped_job(manager: JobManager, name: str, by: str) -> Job:
+    job = manager.index.job(name)
     if not STATES[job.state].terminal:
         job, _ = manager.perform(job.id, "stop", by)
-    return StoppedRequest(job=job)
+    return job
 
 
 @router.get(
@@ -245,7 +255,8 @@ async def act(
     else:
         limits: Callable[[], AbstractContextManager[None]] = request.scope.get(SHARE, nullcontext)
         with limits():
-            changed, holds = await run_in_threadpool(perform)
+            loop = asyncio.get_running_loop()
+            changed, holds = await loop.run_in_executor(ACTION_THREADS, perform)
     response.headers["ETag"] = etag(changed.id, changed.revision)
     if holds:
         response.status_code = 200

@@ -43,6 +43,7 @@ from pincette_supervisor.rest.dependencies import (
     Sender,
     SupervisorId,
 )
+from pincette_supervisor.rest.routes_jobs import ACTION_THREADS
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.latch import unconfirmed
@@ -130,12 +131,17 @@ async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -
 
 
 @router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
-def reset(
+async def reset(
     manager: Manager, _body: ResetRequest, asker: Asking, supervisor: SupervisorId
 ) -> Stopped:
     """Clear the latch, once a person has seen the cause; a held part stays held."""
-    manager.claims.require(asker.claim)
-    return _signed(manager.latch.reset(asker.by), supervisor)
+
+    def perform() -> Stopped:
+        manager.claims.require(asker.claim)
+        return manager.latch.reset(asker.by)
+
+    loop = asyncio.get_running_loop()
+    return _signed(await loop.run_in_executor(ACTION_THREADS, perform), supervisor)
 
 
 @router.put("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
