@@ -47,6 +47,8 @@ def _rig_objections(rig: RigFile) -> Iterator[str]:
         yield "the sensor averages, or a script acts on the rig"
     elif simulation.part.break_force_mN is not None or simulation.part.lift_after_s is not None:
         yield "the part may fall or break"
+    elif simulation.part.slip_force_mN is not None:
+        yield "the part may give way"
     else:
         plain = resolved(simulation, rig.output.driver)
         settled_s = plant.settled_s(plant.plant_parameters(plain), plant.start())

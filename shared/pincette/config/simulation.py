@@ -115,6 +115,12 @@ class Bead(Table):
     and falls when it does not any more; None: it stays on the ground."""
     break_force_mN: Positive | None = None
     """mN. The part breaks above; assumed."""
+    slip_force_mN: Positive | None = None
+    """mN. Above this force the face of the part gives way by ``slip_um``; None: it does not."""
+    slip_um: Positive = 1.0
+    """µm. Way by which the face gives way at once."""
+    slips: int = Field(default=1, ge=1)
+    """1. Number of times that it gives way."""
 
 
 class SecondArm(Table):

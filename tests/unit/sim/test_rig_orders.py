@@ -119,3 +119,26 @@ def test_in_real_time_orders_come_after_catching_up(simulation: Simulation) -> N
     assert snapshot.time_s == pytest.approx(52.0)
     assert snapshot.x_um == pytest.approx(41.0, abs=2.0)
     assert snapshot.force_mN == 0.0
+
+
+@pytest.mark.parametrize("omega", [None, 2437.8])
+def test_a_part_gives_way_by_order(simulation: Simulation, omega: float | None) -> None:
+    rig = _rig(simulation, passive_natural_frequency_rad_per_s=omega, creep_per_decade=0.0)
+    before_um, before_mN = _held(rig, 2.2), rig.snapshot().force_mN
+    rig.slip_part(2.0)
+    kappa = 0.46 * 2.11
+    assert _held(rig, 2.2) - before_um == pytest.approx(2.0 * kappa / (1.0 + kappa), abs=1e-3)
+    assert rig.snapshot().force_mN - before_mN == pytest.approx(-2.11 * 2.0 / (1.0 + kappa), 1e-3)
+    assert [event.what for event in rig.events()] == ["slipped"]
+
+
+@pytest.mark.parametrize("slips", [1, 3])
+def test_a_part_gives_way_at_its_force(simulation: Simulation, slips: int) -> None:
+    part = Bead(slip_force_mN=6.0, slip_um=1.5, slips=slips)
+    rig, largest_mN = _rig(simulation, part=part, creep_per_decade=0.0), 0.0
+    for tick in range(240):
+        rig.put_out(2.4 * min(1.0, tick / 200))
+        if len(rig.events()) < slips:
+            largest_mN = max(largest_mN, rig.snapshot().force_mN)
+    assert [event.what for event in rig.events()] == ["slipped"] * slips
+    assert largest_mN < 6.5

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from pincette.config import Simulation
 from pincette.control.record import FrozenRecord
 from pincette.sim.plant.amplifier import IDEAL, AmplifierParameters
@@ -29,6 +31,10 @@ class PartParameters(FrozenRecord, frozen=True):
     """Least force that carries it."""
     lift_after_s: float = math.inf
     break_mN: float = math.inf
+    slip_mN: float = math.inf
+    """Force above which the face gives way by ``slip_um``, ``slips`` times."""
+    slip_um: float = 0.0
+    slips: int = 0
 
     @property
     def may_go(self) -> bool:
@@ -80,7 +86,7 @@ class PlantParameters:
         return (
             self.second_share > 0.0
             or self.passive_natural_frequency_rad_per_s is not None
-            or self.part != RIGID
+            or replace(self.part, slip_mN=math.inf, slip_um=0.0, slips=0) != RIGID
         )
 
 
@@ -158,4 +164,7 @@ def _part(simulation: Simulation) -> PartParameters:
         hold_mN,
         part.lift_after_s if falls and part.lift_after_s is not None else math.inf,
         math.inf if part.break_force_mN is None else part.break_force_mN,
+        math.inf if part.slip_force_mN is None else part.slip_force_mN,
+        part.slip_um,
+        0 if part.slip_force_mN is None else part.slips,
     )

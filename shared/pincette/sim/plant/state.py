@@ -18,7 +18,7 @@ class Event(NamedTuple):
 
     time_s: float
     what: str
-    """lost, landed, broken, placed, removed, hung, stiffness, hysteresis."""
+    """lost, landed, broken, slipped, placed, removed, hung, stiffness, hysteresis."""
     text: str
     """The same with its numbers, for a person."""
 

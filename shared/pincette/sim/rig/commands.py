@@ -38,6 +38,11 @@ class Orders:
         """Let the part fall."""
         self._take_part("lost", "the part fell by order")
 
+    def slip_part(self, by_um: float) -> None:
+        """Let the face of the part give way by so much, away from the driven arm."""
+        with self._present() as timeline:
+            timeline.slip(finite("slip_um", by_um, "µm"))
+
     def hang(self, weight_mN: float) -> None:
         """Hang a weight on the driven tip in place of what hung there; positive: towards -x."""
         with self._present() as timeline:

@@ -6,7 +6,13 @@ from typing import Literal
 
 from pincette.control.record import replace
 from pincette.sim.plant.pair import advance_pair
-from pincette.sim.plant.pair_state import APART, PairParameters, PairState, part_gone
+from pincette.sim.plant.pair_state import (
+    APART,
+    PairParameters,
+    PairState,
+    pair_forces_mN,
+    part_gone,
+)
 from pincette.sim.plant.state import Event, newest_events
 from pincette.sim.rig.commands import Orders, finite, positive
 
@@ -18,11 +24,32 @@ class PairTimeline:
     parameters: PairParameters
     state: PairState
     time_ns: int = 0
+    slipped: int = 0
+    """Number of times that the part has given way by its force."""
 
     def pass_to(self, end_ns: int, dt_s: float) -> None:
-        """Let ``dt_s`` pass, until ``end_ns``."""
-        self.state = advance_pair(self.parameters, self.state, dt_s)
+        """Let ``dt_s`` pass, until ``end_ns``; a part that may give way is looked at often."""
+        substep_s = self.parameters.first.substep_s
+        while self.slipped < self.parameters.part.slips and dt_s > substep_s:
+            self._advance(substep_s)
+            dt_s -= substep_s
+        self._advance(dt_s)
         self.time_ns = end_ns
+
+    def slip(self, by_um: float) -> None:
+        """Let the part become narrower by so much."""
+        gap_um = self.parameters.gap_um + by_um
+        self.parameters = replace(self.parameters, gap_um=gap_um)
+        _tell(self, "slipped", f"the part gave way by {by_um:.3f} µm, the arms meet {gap_um:.3f} µm")
+
+    def _advance(self, dt_s: float) -> None:
+        self.state = advance_pair(self.parameters, self.state, dt_s)
+        part = self.parameters.part
+        if self.slipped >= part.slips or self.state.part != "there":
+            return
+        if min(pair_forces_mN(self.parameters, self.state)) > part.slip_mN:
+            self.slipped += 1
+            self.slip(part.slip_um)
 
 
 class PairOrders(Orders):
@@ -53,6 +80,11 @@ class PairOrders(Orders):
             )
             timeline.state = placed
             _tell(timeline, "placed", f"a part was placed, to be touched at {at_um:.3f} µm")
+
+    def slip_part(self, by_um: float) -> None:
+        """Let the part become narrower by so much."""
+        with self._present() as timeline:
+            timeline.slip(finite("slip_um", by_um, "µm"))
 
     def hang(self, weight_mN: float) -> None:
         """Hang a weight on the first tip in place of what hung there; positive: towards -x."""

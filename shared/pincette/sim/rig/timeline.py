@@ -1,5 +1,6 @@
 """A plant on its way through time, while waves play, captures run and the sensor averages."""
 
+import dataclasses
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -34,6 +35,7 @@ class Timeline:
         self.wave: Wave | None = None
         self.capture: Capture | None = None
         self.events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._slips_left = self.parameters.part.slips
         self._simulation = simulation
         self._average: Average | None = None
         self._noise = GaussianNoise(simulation.seed, CAPTURED)
@@ -62,7 +64,7 @@ class Timeline:
     def pass_to(self, end_ns: int, dt_s: float) -> None:
         """Let time pass until ``end_ns``, ``dt_s`` from here on."""
         if self.wave is None and self.capture is None and self._average is None:
-            self.state = plant.advance(self.parameters, self.state, dt_s)
+            self._advance(dt_s)
             self.time_ns = end_ns
         else:
             self._pass_cut(end_ns)
@@ -71,6 +73,34 @@ class Timeline:
         if self.state.events:
             self.events.extend(self.state.events)
             self.state = replace(self.state, events=())
+
+    def slip(self, by_um: float) -> None:
+        """Let the face of the part give way, away from the driven arm."""
+        p = self.parameters
+        force_mN = plant.contact_force_mN(p, self.state)
+        contact_um = p.contact_um + by_um
+        self.parameters = dataclasses.replace(p, contact_um=contact_um)
+        text = f"the part gave way by {by_um:.3f} µm at {force_mN:.3f} mN, to {contact_um:.3f} µm"
+        self.events.append(Event(self.time_ns * 1e-9, "slipped", text))
+
+    def _advance(self, dt_s: float) -> None:
+        """Let time pass; a part that may give way is looked at after each substep."""
+        substep_s = self.parameters.substep_s
+        while self._slips_left and dt_s > substep_s:
+            self.state = plant.advance(self.parameters, self.state, substep_s)
+            dt_s -= substep_s
+            self._yield()
+        self.state = plant.advance(self.parameters, self.state, dt_s)
+        self._yield()
+
+    def _yield(self) -> None:
+        """Let the part give way where it is pressed by more than it bears."""
+        part = self.parameters.part
+        if not self._slips_left or self.state.part != "there":
+            return
+        if plant.contact_force_mN(self.parameters, self.state) > part.slip_mN:
+            self._slips_left -= 1
+            self.slip(part.slip_um)
 
     def _pass_cut(self, end_ns: int) -> None:
         wave, capture = self.wave, self.capture
@@ -104,6 +134,7 @@ class Timeline:
         self.state, positions_um, drives_V = plant.play(
             self.parameters, self.state, dt_s, voltages_V
         )
+        self._yield()
         for instant_ns, x_um, drive_V in zip(instants, positions_um, drives_V, strict=True):
             self._arrive(instant_ns, x_um, drive_V, instant_ns in due)
 
@@ -117,14 +148,14 @@ class Timeline:
             # Of a long rest, the sensor sees the last window alone.
             unseen_s = rest_s - self._average.window_s - 2.0 * substep_s
             if unseen_s > substep_s:
-                self.state = plant.advance(self.parameters, self.state, unseen_s)
+                self._advance(unseen_s)
                 rest_s -= unseen_s
                 self._average.add(end_ns * 1e-9 - rest_s, self.state.x_um)
             while rest_s > substep_s:
-                self.state = plant.advance(self.parameters, self.state, substep_s)
+                self._advance(substep_s)
                 rest_s -= substep_s
                 self._average.add(end_ns * 1e-9 - rest_s, self.state.x_um)
-        self.state = plant.advance(self.parameters, self.state, max(0.0, rest_s))
+        self._advance(max(0.0, rest_s))
         self._arrive(end_ns, self.state.x_um, self.state.voltage_V, due)
 
     def _arrive(self, time_ns: int, x_um: float, drive_V: float, due: bool) -> None:

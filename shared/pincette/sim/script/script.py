@@ -199,6 +199,8 @@ def carry_out(rig: Orders, order: SimCommand) -> None:
             rig.remove_part()
         case "part", "place":
             rig.place_part(value)
+        case "part", "slip":
+            rig.slip_part(value or 0.0)
         case "part", _:
             rig.lose_part()
         case "weight", _:
