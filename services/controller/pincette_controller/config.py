@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from pincette.config import RigFile, derived
 from pincette.config.laws import installed_laws
 from pincette.control.arm.plant import ArmParameters, OutputTiming
+from pincette.control.force.position_steps import StepLimits
 from pincette.control.laws import two_arms
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.law import Law, build
@@ -40,6 +41,8 @@ class ControllerConfig:
     """When a voltage acts on the arm."""
     monitors: MonitorLimits
     voltage: VoltageLimits
+    steps: StepLimits
+    """Numbers by which a step of the position is judged."""
     part_um_per_mN: float = 0.0
     """c, by which a part between two arms yields."""
     second: "ControllerConfig | None" = None
@@ -150,4 +153,5 @@ def _of_arm(rig: RigFile) -> ControllerConfig:
         output=rig.model.output(rig.rig.period_s),
         monitors=rig.monitors,
         voltage=rig.voltage_limits,
+        steps=derived.step_limits(rig),
     )

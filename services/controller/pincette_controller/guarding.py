@@ -8,11 +8,13 @@ from math import exp
 
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.contact_line import ContactLine
+from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.quick_grip import LONGEST
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
+from pincette_controller.slipping import PressedSample, line_so_far, watch_steps
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
@@ -20,44 +22,66 @@ BACK_UM, BACK_SHARE = 2.0, 0.1
 """Way out of what was met on the way back, in µm, or as a share of the voltage gone back."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
-LINE_AFTER_UM = 1.2
-"""Way of the arm under load from which the contact line is followed,"""
 LINE_S = 0.02
-"""the time constant with which it is, and"""
-LINE_BEYOND = 3.0
-"""by what factor it may leave the planned tolerance until the load is judged."""
+"""Time constant with which a load follows the contact line that it shows, in s."""
 DRIFT_S = 0.2
 """Over which the force of a free approach is averaged."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
 
-def guard(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
-    """Judge the newest sample."""
+def guard(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    period_s: float,
+    pressed: PressedSample | None = None,
+) -> Player:
+    """Judge the newest sample; without ``pressed`` no step of the position is looked for."""
     segment = player.segment
+    player = _listen(player, estimate)
     if not segment.guarded and (player.clear or player.touching):
         player = replace(player, clear=False, touching=0)
     if segment.open_loop and _beyond(program, estimate.x_um):
         if player.outcome != Outcome.OVERTRAVEL:
             return _give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), estimate.x_um)
-    elif _too_much(program, player, estimate):
+        return player
+    if _too_much(program, player, estimate):
         if player.outcome != Outcome.OVERFORCE:
             return _give_up(program, replace(player, outcome=Outcome.OVERFORCE), estimate.x_um)
-    elif player.zeroing:
-        return _await_zero(program, player, estimate, period_s)
-    elif segment.kind == "seek":
-        return _seek(program, player, estimate)
-    elif segment.guarded and player.outcome != Outcome.CONTACT:
-        return _watch_way(program, player, estimate, period_s)
-    elif segment.phase == Phase.LOAD and not (player.paused or player.resumed):
-        line = player.line.add(estimate.x_um, estimate.force_mN, player.force_r_mN)
-        player = replace(player, line=line)
-        if segment.follows:
-            return _follow_line(program.guards, player, estimate, period_s)
         return player
-    elif segment.presses and (segment.phase in WATCHED or player.paused):
+    if player.zeroing:
+        return _await_zero(program, player, estimate, period_s)
+    watched = watch_steps(program, player, estimate, pressed)
+    if watched.suspect is not None or watched.seen_step is not player.seen_step:
+        return watched
+    player = watched
+    if segment.kind == "seek":
+        return _seek(program, player, estimate)
+    if segment.guarded and player.outcome != Outcome.CONTACT:
+        return _watch_way(program, player, estimate, period_s)
+    if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
+        player = replace(player, line=_line(program, player, estimate))
+        return _follow_line(program, player, estimate, period_s) if segment.follows else player
+    if segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     return player
+
+
+def _listen(player: Player, estimate: Estimate) -> Player:
+    """Take the sensor's noise from the samples of a rest without contact."""
+    if player.segment.kind == "zero":
+        return replace(player, noise=player.noise.follow(estimate.x_um))
+    if player.noise.last_um is None:
+        return player
+    return replace(player, noise=player.noise.left())
+
+
+def _line(program: Program, player: Player, estimate: Estimate) -> ContactLine:
+    """Add a sample to the contact line; after a slip, none of an arm that has lost the part."""
+    if player.slips and estimate.force_mN < program.guards.contact_force_mN:
+        return ContactLine()
+    return player.line.add(estimate.x_um, estimate.force_mN, player.force_r_mN)
 
 
 def _too_much(program: Program, player: Player, estimate: Estimate) -> bool:
@@ -136,20 +160,15 @@ def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
     return min(rate_mN_per_s, LONGEST * way_mN / duration_s)
 
 
-def _follow_line(guards: Guards, player: Player, estimate: Estimate, period_s: float) -> Player:
+def _follow_line(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
     """Let the contact line go towards what the load has shown of it, once there is enough.
 
     K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
     part is left out; whether it is the planned part is judged at the load's end.
     """
-    if not abs(estimate.x_um - player.line.first_x_um) >= LINE_AFTER_UM:
-        return player
-    fit = player.line.fit()
+    fit = line_so_far(program, player, estimate.x_um)
     x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
     if fit is None or x_e_um is None or K_e is None:
-        return player
-    softest = guards.stiffness_min_mN_per_um / LINE_BEYOND
-    if not softest <= fit.K_e_mN_per_um <= LINE_BEYOND * guards.stiffness_max_mN_per_um:
         return player
     share = 1.0 - exp(-period_s / LINE_S)
     return replace(

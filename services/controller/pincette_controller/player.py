@@ -15,6 +15,7 @@ from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.guarding import guard
 from pincette_controller.player_state import Foreseen, Player, at_tick, follow, jump
+from pincette_controller.slipping import PressedSample, admissible
 
 MOVING = ("seek", "sweep")
 """Kinds of segment that are nowhere at rest, not even at their end."""
@@ -48,16 +49,20 @@ def advance(
     estimate: Estimate,
     period_s: float,
     foreseen: Foreseen | None = None,
+    pressed: PressedSample | None = None,
 ) -> Player:
     """Move on by one tick: guards first, then time, then the references of the next sample.
 
-    ``foreseen`` holds where nothing but time has moved the player on.
+    ``foreseen`` holds where nothing but time has moved the player on. While a step of the position
+    waits for its confirmation, references and time rest.
     """
     known = foreseen.player if foreseen is not None and foreseen.of is player else None
     led = player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
     if player.ended:
         return player
-    player = guard(program, player, estimate, period_s)
+    player = guard(program, player, estimate, period_s, pressed)
+    if player.suspect is not None:
+        return player
     if player.resumed:
         player = replace(player, resumed=False)
     player = _pause_at_rest(player, period_s)
@@ -154,12 +159,18 @@ def _outcome(program: Program, player: Player) -> Outcome:
 def _settle_contact(program: Program, player: Player, estimate: Estimate) -> Player:
     """Take the contact line as fitted over the load, so that x_r and F_r agree from here on.
 
-    K_e is wrong where it is so for every force within F ± U: K_e errs by the same share.
+    K_e is wrong where it is so for every force within F ± U: K_e errs by the same share. A fit that
+    no part can have leaves the planned K_e, through the newest sample, for the way back.
     """
-    fit = player.line.fit()
-    guards = program.guards
-    if fit is None:
-        return replace(player, outcome=Outcome.WRONG_STIFFNESS)
+    fit, guards = player.line.fit(), program.guards
+    if fit is None or not admissible(program, fit.K_e_mN_per_um):
+        planned = program.contact_stiffness_mN_per_um
+        return replace(
+            player,
+            outcome=Outcome.WRONG_STIFFNESS,
+            contact_x_um=estimate.x_um - estimate.force_mN / planned,
+            K_e_mN_per_um=planned,
+        )
     K_e = fit.K_e_mN_per_um
     player = replace(player, contact_x_um=fit.x_e_um, K_e_mN_per_um=K_e)
     F, U = abs(estimate.force_mN), estimate.force_uncertainty_mN

@@ -3,6 +3,7 @@
 from msgspec import field
 from msgspec.structs import replace
 
+from pincette.control.force.position_steps import RestNoise, Step, StepWatch
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import move, quintic, run_up
@@ -10,6 +11,32 @@ from pincette.control.planning.program import Program, Segment
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Outcome, Phase
 from pincette_controller.pair_stand import PairStand
+
+
+class SeenStep(FrozenRecord, frozen=True):
+    """A step of the position that the voltage does not explain, and that was confirmed."""
+
+    step: Step
+    step_um: float
+    """Its size, a mean over the samples since; positive towards the part."""
+    force_mN: float
+    """Estimated force just before it, or since where the sensor is its cause."""
+    samples: int = 1
+
+    def averaged(self, shown_um: float) -> "SeenStep":
+        """Return the step with one more sample in its mean."""
+        count = self.samples + 1
+        mean_um = self.step_um + (shown_um - self.step_um) / count
+        return replace(self, step_um=mean_um, samples=count)
+
+    def after(self, earlier: "SeenStep") -> "SeenStep":
+        """Return this step with an earlier one added to it."""
+        together_um = earlier.step_um + self.step_um
+        return replace(self, step_um=together_um, force_mN=earlier.force_mN, samples=AVERAGED_OUT)
+
+
+AVERAGED_OUT = 1_000_000
+"""Count of samples of a step that is not averaged any further."""
 
 
 class Player(FrozenRecord, frozen=True):
@@ -71,6 +98,16 @@ class Player(FrozenRecord, frozen=True):
     """Phase under a law with which the program ends early; empty: none."""
     pair: PairStand | None = None
     """Of a rig of two arms; x_r is then the place of the part."""
+    noise: RestNoise = field(default_factory=RestNoise)
+    """Noise of the sensor, as the rests of this program show it."""
+    steps: StepWatch = field(default_factory=StepWatch)
+    """Newest positions of a pressed part, for finding a step."""
+    suspect: Step | None = None
+    """Step that the next sample must confirm; the voltage is frozen until then."""
+    seen_step: SeenStep | None = None
+    """Step that was confirmed; None where there was none."""
+    slips: int = 0
+    """Number of times that the part has given way under moving references."""
 
     @property
     def pressing(self) -> bool:

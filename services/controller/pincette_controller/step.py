@@ -53,6 +53,7 @@ from pincette_controller.pair_step import followed_second, play_pair
 from pincette_controller.player import advance, begin, foresee
 from pincette_controller.preview import planned_motion
 from pincette_controller.requests import handle
+from pincette_controller.slipping import PressedSample
 from pincette_controller.state import Inputs, SecondState, State
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -142,7 +143,10 @@ def _play(
         memory=arm_memory,
     )
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
-    player = advance(program, player, estimate, config.period_s, state.foreseen)
+    pressed = None
+    if player.held:
+        pressed = PressedSample(config.steps, state.arm.free_um(config.arm.d / config.arm.k))
+    player = advance(program, player, estimate, config.period_s, state.foreseen, pressed)
     law = state.laws[player.segment.law]
     learning = state.learning or begin_learning(program)
     told_um = learning.correction_um
@@ -187,6 +191,8 @@ def _play(
         plan=planned_motion(player, config.period_s) if law.definition.previews else RESTING,
     )
     voltage_V = player.voltage_V if open_loop else output.voltage_V
+    if player.suspect is not None:
+        voltage_V = estimate.applied_V
     command = Command(
         epoch=state.epoch,
         seq=estimate.seq,

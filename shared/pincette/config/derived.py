@@ -16,6 +16,7 @@ from pincette.control.force.observers import (
     kept,
     least_period_s,
 )
+from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
@@ -104,6 +105,11 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
             printed_um_per_V=model.piezo_um_per_V if printed else 0.0,
         )
     )
+
+
+def step_limits(rig: RigFile) -> StepLimits:
+    """Return the numbers by which a step of the position is judged."""
+    return StepLimits(rig.sensor.noise_um, rig.model.compliance_um_per_mN, rig.rig.period_s)
 
 
 def planned_rig(rig: RigFile, stands_um: float | None = None) -> PlannedRig:

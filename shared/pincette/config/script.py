@@ -73,9 +73,7 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
             lasts=False,
         ),
         Operation("lose", "falls out of the gripper", lasts=False),
-        Operation(
-            "slip", "gives way, away from the driven arm", "µm", -100.0, 100.0, lasts=False
-        ),
+        Operation("slip", "gives way, away from the driven arm", "µm", -100.0, 100.0, lasts=False),
     ),
     "weight": (
         Operation(

@@ -40,6 +40,9 @@ class Outcome(StrEnum):
     CONTACT = "contact"
     OVERTRAVEL = "overtravel"
     ZERO_REFUSED = "zero_refused"
+    SLIPPED = "slipped"
+    SENSOR_JUMP = "sensor_jump"
+    POSITION_STEP = "position_step"
 
 
 class Phase(StrEnum):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from pincette.control.arm.plant import PROMPT, consistent_arm, discretize
+from pincette.control.force.position_steps import StepLimits
 from pincette.control.laws.definition import LawSettings
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.response.free_response import FreeSample, nominal_response
@@ -27,6 +28,7 @@ CONFIG = ControllerConfig(
     output=PROMPT,
     monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
     voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
+    steps=StepLimits(0.03, 0.46, T),
 )
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
 PBSMIC, DSMIFC = law_settings("pbsmic", K_P=2.0), law_settings("dsmifc", K_P=2.0)

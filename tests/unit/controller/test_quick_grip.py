@@ -7,7 +7,8 @@ from msgspec.structs import replace
 
 from pincette.control.planning.program import Program
 from pincette_controller.actions import pause, resume, stop
-from pincette_controller.guarding import LINE_AFTER_UM, load_rate
+from pincette_controller.guarding import load_rate
+from pincette_controller.slipping import LINE_AFTER_UM
 
 from .bench import ARM, X_E_UM, Bench, program
 from .ideal_arm import K_E, PROGRAM, Arm, T

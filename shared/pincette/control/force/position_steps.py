@@ -14,10 +14,11 @@ jumps by J, the position changes by
 so that a slip only ever moves the arm forwards. The unexplained step of a sample is held against
 the noise: with r.m.s. noise sigma of one reading and the mean over m samples before,
 
-    r = Δx - Δx_1/(1 + kappa)    is an alarm where    |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1|
+    r = Δx - Δx_1/(1 + kappa),    |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1|
 
-The last term allows for an error of kappa. While kappa is not known, as in the first samples of a
-load, a healthy position moves between 0 and Δx_1, and only a step forwards can be judged:
+is an alarm. The last term allows for an error of kappa. While kappa is not known, as in the first
+samples of a load, a healthy position moves between 0 and Δx_1, and only a step forwards can be
+judged:
 
     r = Δx - max(0, Δx_1) > 5.5·sigma·√(1 + 1/m) + 0.02 µm
 
@@ -27,7 +28,7 @@ almost every load. Units: µm, mN, mN/µm, µm/mN, s. Source: equilibrium of the
 parts with 0.3 to 3 times the planned stiffness, without a false alarm in 400.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, sqrt
 from typing import NamedTuple
 
@@ -81,6 +82,10 @@ class StepLimits:
     def kappa(self, stiffness_mN_per_um: float) -> float:
         """Return s_p·K_e."""
         return self.compliance_um_per_mN * stiffness_mN_per_um
+
+    def with_noise(self, noise_um: float) -> "StepLimits":
+        """Return the limits for a sensor that is found to be noisier than its rig file says."""
+        return replace(self, noise_um=noise_um) if noise_um > self.noise_um else self
 
 
 class Step(NamedTuple):
@@ -158,3 +163,30 @@ def slip_um(step_um: float, kappa: float) -> float:
         Where kappa is not positive.
     """
     return step_um * (1.0 + 1.0 / require_positive("s_p·K_e", kappa, ""))
+
+
+class RestNoise(FrozenRecord, frozen=True):
+    """R.m.s. noise of the sensor, from differences of neighbouring samples of an arm at rest.
+
+    Creep moves neighbouring samples alike, so that sigma² = ⟨(x_k - x_(k-1))²⟩/2 leaves it out.
+    """
+
+    last_um: float | None = None
+    """Newest position of the rest; None between two rests."""
+    count: int = 0
+    sum_um2: float = 0.0
+
+    def follow(self, x_um: float) -> "RestNoise":
+        """Return the noise with one more sample of the rest in it."""
+        if self.last_um is None:
+            return RestNoise(x_um, self.count, self.sum_um2)
+        return RestNoise(x_um, self.count + 1, self.sum_um2 + (x_um - self.last_um) ** 2)
+
+    def left(self) -> "RestNoise":
+        """Return the noise at the end of a rest."""
+        return RestNoise(None, self.count, self.sum_um2)
+
+    @property
+    def noise_um(self) -> float:
+        """Standard deviation of one reading; 0 before the first difference."""
+        return sqrt(0.5 * self.sum_um2 / self.count) if self.count else 0.0

@@ -165,6 +165,8 @@ class Program(FrozenRecord, frozen=True):
     """Whether a part is in the gripper when it begins."""
     corrections: Corrections | None = None
     """What is learned along the cycles of its path, to begin with; None: nothing is learned."""
+    slip_retries: Whole = 0
+    """Number of slips after which a load goes on from where the part has stopped."""
 
     def __post_init__(self) -> None:
         require_positive("contact stiffness K_e", self.contact_stiffness_mN_per_um, "mN/µm")

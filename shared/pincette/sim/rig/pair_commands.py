@@ -40,7 +40,9 @@ class PairTimeline:
         """Let the part become narrower by so much."""
         gap_um = self.parameters.gap_um + by_um
         self.parameters = replace(self.parameters, gap_um=gap_um)
-        _tell(self, "slipped", f"the part gave way by {by_um:.3f} µm, the arms meet {gap_um:.3f} µm")
+        _tell(
+            self, "slipped", f"the part gave way by {by_um:.3f} µm, the arms meet {gap_um:.3f} µm"
+        )
 
     def _advance(self, dt_s: float) -> None:
         self.state = advance_pair(self.parameters, self.state, dt_s)

@@ -1,0 +1,183 @@
+"""What the controller does about a step of the position that the voltage does not explain.
+
+The first sample that shows the step freezes the voltage; the next one confirms it, or the program
+goes on. What a confirmed step means depends on its direction and on what the references do:
+
+    backwards                   ``sensor_jump``: no slip moves the arm back
+    forwards, references move   ``slipped``: the part has given way; the line begins anew there
+    forwards, references rest   ``position_step``: slip or sensor, which nothing can tell apart here
+
+After a slip in a load the program may load again, as often as it allows. A held part whose force is
+in doubt is never dropped for that: the voltage stays frozen until the hold ends.
+"""
+
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from pincette.control.force.position_steps import StepLimits, StepWatch, unexplained_um
+from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.control.planning.program import Program, Segment
+from pincette.core.faults import Outcome, Phase
+from pincette.core.messages import Estimate
+from pincette_controller.player_state import Player, SeenStep, enter, has_phase, jump
+
+LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
+"""Bounds of a contact stiffness that may be used, as shares of the planned one."""
+CONFIRMING_SHARE = 0.3
+"""Share of a step that the next sample must show to confirm it: the mode rings by the rest."""
+AVERAGED = 8
+"""Samples after a step over which its size is averaged while the voltage is frozen."""
+LINE_KNOWN = 6
+"""Samples of a load from which on the fitted line is used for judging a step."""
+LINE_AFTER_UM = 1.2
+"""Way of the arm under load from which the contact line is followed."""
+UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
+"""Phases in which contact ends: the arm steps back on purpose."""
+
+
+class PressedSample(NamedTuple):
+    """What a step is judged by, beside the estimate."""
+
+    limits: StepLimits
+    free_um: float
+    """x_1 of the sample, by the controller's own memory of the arm."""
+
+
+def admissible(program: Program, K_e: float) -> bool:
+    """Whether a contact stiffness may be used: within 0.3 to 3 times the planned one.
+
+    A program that looks for the stiffness itself states wider bounds, which hold then.
+    """
+    planned, guards = program.contact_stiffness_mN_per_um, program.guards
+    least = min(LEAST_STIFFNESS * planned, guards.stiffness_min_mN_per_um)
+    most = max(MOST_STIFFNESS * planned, guards.stiffness_max_mN_per_um)
+    return least <= K_e <= most
+
+
+def line_so_far(program: Program, player: Player, x_um: float) -> ContactFit | None:
+    """Return the contact line of a load once it is long enough and admissible; else None."""
+    line = player.line
+    if not line.count or not abs(x_um - line.first_x_um) >= LINE_AFTER_UM:
+        return None
+    fit = line.fit()
+    return fit if fit is not None and admissible(program, fit.K_e_mN_per_um) else None
+
+
+def watch_steps(
+    program: Program, player: Player, estimate: Estimate, sample: PressedSample | None
+) -> Player:
+    """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
+    if sample is None or not _watched(player):
+        if player.suspect is None and not player.steps.x_um:
+            return player
+        return replace(player, suspect=None, steps=StepWatch())
+    x_um, free_um = estimate.x_um, sample.free_um
+    limits = sample.limits.with_noise(player.noise.noise_um)
+    kappa = _kappa(program, player, limits, x_um)
+    if player.suspect is not None:
+        return _confirm(program, player, estimate, sample, kappa)
+    watch = player.steps.follow(limits, x_um, free_um)
+    player = replace(player, steps=watch)
+    seen = player.seen_step
+    if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
+        shown_um = unexplained_um(seen.step, x_um, free_um, kappa)
+        return replace(player, seen_step=seen.averaged(shown_um))
+    step = watch.step(limits, kappa)
+    return player if step is None else replace(player, suspect=step)
+
+
+def _watched(player: Player) -> bool:
+    return player.held and player.segment.phase not in UNWATCHED and player.pair is None
+
+
+def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> float | None:
+    """Return s_p·K_e of the part; None in a load whose line is not known yet."""
+    if player.segment.phase == Phase.LOAD and program.contact_line == "identified":
+        fit = line_so_far(program, player, x_um)
+        if fit is None or player.line.count < LINE_KNOWN:
+            return None
+        return limits.kappa(fit.K_e_mN_per_um)
+    return limits.kappa(player.K_e_mN_per_um or program.contact_stiffness_mN_per_um)
+
+
+def _confirm(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    sample: PressedSample,
+    kappa: float | None,
+) -> Player:
+    """Act on a step that the sample after it still shows; forget one that is gone."""
+    step = player.suspect
+    assert step is not None
+    shown_um = unexplained_um(step, estimate.x_um, sample.free_um, kappa)
+    watch = StepWatch().follow(sample.limits, estimate.x_um, sample.free_um)
+    player = replace(player, suspect=None, steps=watch)
+    if shown_um * step.step_um <= 0.0 or abs(shown_um) < CONFIRMING_SHARE * abs(step.step_um):
+        return player
+    force_mN = estimate.force_mN + shown_um / sample.limits.compliance_um_per_mN
+    seen = SeenStep(step, shown_um, force_mN)
+    if player.seen_step is not None:
+        seen = seen.after(player.seen_step)
+    return _act(program, replace(player, seen_step=seen), estimate, forwards=step.forwards)
+
+
+def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool) -> Player:
+    """End, freeze or load again after a confirmed step."""
+    segment, x_um = player.segment, estimate.x_um
+    if segment.open_loop and _rests(player):
+        # The voltage is kept as it is already.
+        outcome = Outcome.POSITION_STEP if forwards else Outcome.SENSOR_JUMP
+        return replace(player, outcome=outcome)
+    if not forwards:
+        player = replace(player, outcome=Outcome.SENSOR_JUMP)
+        return _frozen(player) if _rests(player) else _back(program, player, x_um)
+    if _rests(player):
+        return _frozen(replace(player, outcome=Outcome.POSITION_STEP))
+    player = _moved_line(program, replace(player, slips=player.slips + 1), estimate)
+    again = segment.phase == Phase.LOAD and segment.kind == "force"
+    if again and player.slips <= program.slip_retries:
+        return enter(player, player.index, segment)
+    return _back(program, replace(player, outcome=Outcome.SLIPPED), x_um)
+
+
+def _rests(player: Player) -> bool:
+    """Whether a part is kept at rest, so that freezing the voltage is enough."""
+    segment = player.segment
+    if segment.kind == "voltage":
+        return segment.path is None and segment.voltage_to_V is None and not segment.voltages_V
+    return segment.phase == Phase.HOLD or player.paused
+
+
+def _moved_line(program: Program, player: Player, estimate: Estimate) -> Player:
+    """Put the line through the newest sample, with the stiffness there was: x_e = x - F/K_e."""
+    K_e = player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
+    return replace(
+        player,
+        line=ContactLine(),
+        contact_x_um=estimate.x_um - estimate.force_mN / K_e,
+        K_e_mN_per_um=K_e,
+        x_r_um=estimate.x_um,
+        speed_um_per_s=0.0,
+        force_r_mN=estimate.force_mN,
+        bump=True,
+    )
+
+
+def _frozen(player: Player) -> Player:
+    """Keep the voltage for the rest of the hold; out of a pause, until the part is released."""
+    if player.paused:
+        return enter(replace(player, paused=False), -1, Segment(Phase.HOLD, "voltage", None))
+    held = player.segment
+    frozen = Segment(held.phase, "voltage", held.duration_s, law=held.law)
+    return replace(player, segment=frozen, voltage_V=player.applied_V, pausing=False)
+
+
+def _back(program: Program, player: Player, x_um: float) -> Player:
+    """Unload along the line, or retreat at once where the force is not known."""
+    unload = next((one for one in program.segments if one.phase == Phase.UNLOAD), None)
+    lines = player.outcome != Outcome.SENSOR_JUMP and unload is not None and unload.presses
+    if lines or not has_phase(program, Phase.RETREAT):
+        return jump(program, player, Phase.UNLOAD, x_um)
+    return jump(program, player, Phase.RETREAT, x_um)
