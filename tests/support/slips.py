@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from msgspec.structs import replace
+from pydantic import TypeAdapter
 
 from pincette.config import RigFile
 from pincette.core.messages import Applied, Command, Estimate, GroundTruth, Message, Telemetry
@@ -10,7 +11,6 @@ from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.planned import Planned
-from pydantic import TypeAdapter
 from tests.support.rigs import Tree, demo_rig
 
 REQUEST = TypeAdapter(Body)
@@ -57,9 +57,7 @@ class Played:
         return max(one.force_mN for one in self.truths.values())
 
 
-def played(
-    simulation: Tree | None = None, changes: Tree | None = None, **wishes: object
-) -> Played:
+def played(simulation: Tree | None = None, changes: Tree | None = None, **wishes: object) -> Played:
     """Play a grip, or another kind, on the demo rig."""
     tree: Tree = {**(changes or {}), "simulation": simulation or {}}
     rig = demo_rig(tree, time="lockstep")

@@ -8,6 +8,7 @@ from math import exp
 
 from msgspec.structs import replace
 
+from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.quick_grip import LONGEST
@@ -62,7 +63,10 @@ def guard(
         return _watch_way(program, player, estimate, period_s)
     if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         player = replace(player, line=_line(program, player, estimate))
-        return _follow_line(program, player, estimate, period_s) if segment.follows else player
+        limits = pressed and pressed.limits.with_noise(player.noise.noise_um)
+        if not segment.follows:
+            return player
+        return _follow_line(program, player, estimate, period_s, limits)
     if segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     return player
@@ -160,13 +164,19 @@ def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
     return min(rate_mN_per_s, LONGEST * way_mN / duration_s)
 
 
-def _follow_line(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+def _follow_line(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    period_s: float,
+    limits: StepLimits | None,
+) -> Player:
     """Let the contact line go towards what the load has shown of it, once there is enough.
 
     K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
     part is left out; whether it is the planned part is judged at the load's end.
     """
-    fit = line_so_far(program, player, estimate.x_um)
+    fit = line_so_far(program, player, estimate.x_um, limits)
     x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
     if fit is None or x_e_um is None or K_e is None:
         return player

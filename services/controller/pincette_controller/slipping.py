@@ -11,11 +11,12 @@ After a slip in a load the program may load again, as often as it allows. A held
 in doubt is never dropped for that: the voltage stays frozen until the hold ends.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from pincette.control.force.position_steps import StepLimits, StepWatch, unexplained_um
+from pincette.control.force.position_steps import Kappa, StepLimits, StepWatch, unexplained_um
 from pincette.control.planning.contact_line import ContactFit, ContactLine
 from pincette.control.planning.program import Program, Segment
 from pincette.core.faults import Outcome, Phase
@@ -28,8 +29,12 @@ CONFIRMING_SHARE = 0.3
 """Share of a step that the next sample must show to confirm it: the mode rings by the rest."""
 AVERAGED = 8
 """Samples after a step over which its size is averaged while the voltage is frozen."""
-LINE_KNOWN = 6
-"""Samples of a load from which on the fitted line is used for judging a step."""
+LINE_KNOWN, LINE_ERROR = 4, 0.1
+"""Samples of a load, and largest standard error of its stiffness as a share of it, from which on
+the fitted line is used for judging a step."""
+STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
+"""Scatter of a straight contact line: multiples of the sensor's noise, and what the free response
+errs by besides, in µm. A line across a slip that was not noticed scatters more."""
 LINE_AFTER_UM = 1.2
 """Way of the arm under load from which the contact line is followed."""
 UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
@@ -55,13 +60,22 @@ def admissible(program: Program, K_e: float) -> bool:
     return least <= K_e <= most
 
 
-def line_so_far(program: Program, player: Player, x_um: float) -> ContactFit | None:
-    """Return the contact line of a load once it is long enough and admissible; else None."""
+def line_so_far(
+    program: Program, player: Player, x_um: float, limits: StepLimits | None
+) -> ContactFit | None:
+    """Return the contact line of a load once it is long enough, admissible and straight."""
     line = player.line
     if not line.count or not abs(x_um - line.first_x_um) >= LINE_AFTER_UM:
         return None
     fit = line.fit()
-    return fit if fit is not None and admissible(program, fit.K_e_mN_per_um) else None
+    if fit is None or not admissible(program, fit.K_e_mN_per_um):
+        return None
+    if limits is None:
+        return fit
+    # Noise is in x and F at once: see ``contact_line``.
+    mN_per_um = fit.K_e_mN_per_um + 1.0 / limits.compliance_um_per_mN
+    most_mN = (STRAIGHT_SIGMAS * limits.noise_um + STRAIGHT_UM) * mN_per_um
+    return fit if fit.scatter_mN <= most_mN else None
 
 
 def watch_steps(
@@ -91,14 +105,18 @@ def _watched(player: Player) -> bool:
     return player.held and player.segment.phase not in UNWATCHED and player.pair is None
 
 
-def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> float | None:
-    """Return s_p·K_e of the part; None in a load whose line is not known yet."""
-    if player.segment.phase == Phase.LOAD and program.contact_line == "identified":
-        fit = line_so_far(program, player, x_um)
-        if fit is None or player.line.count < LINE_KNOWN:
-            return None
-        return limits.kappa(fit.K_e_mN_per_um)
-    return limits.kappa(player.K_e_mN_per_um or program.contact_stiffness_mN_per_um)
+def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:
+    """Return s_p·K_e of the part; the least there may be in a load whose line is not known yet."""
+    planned = program.contact_stiffness_mN_per_um
+    if player.segment.phase != Phase.LOAD or program.contact_line != "identified":
+        return Kappa(limits.kappa(player.K_e_mN_per_um or planned))
+    fit, line = line_so_far(program, player, x_um, limits), player.line
+    if fit is not None and line.count >= LINE_KNOWN:
+        kappa = limits.kappa(fit.K_e_mN_per_um)
+        noise = (1.0 + 1.0 / kappa) * limits.noise_um / (line.spread_um * sqrt(line.count))
+        if max(noise, fit.K_e_error_mN_per_um / fit.K_e_mN_per_um) <= LINE_ERROR:
+            return Kappa(kappa)
+    return Kappa(limits.kappa(LEAST_STIFFNESS * planned), known=False)
 
 
 def _confirm(
@@ -106,7 +124,7 @@ def _confirm(
     player: Player,
     estimate: Estimate,
     sample: PressedSample,
-    kappa: float | None,
+    kappa: Kappa,
 ) -> Player:
     """Act on a step that the sample after it still shows; forget one that is gone."""
     step = player.suspect

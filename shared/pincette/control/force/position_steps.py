@@ -17,10 +17,9 @@ the noise: with r.m.s. noise sigma of one reading and the mean over m samples be
     r = Δx - Δx_1/(1 + kappa),    |r| > 5.5·sigma·√(1 + 1/m) + 0.02 µm + 0.1·|Δx_1|
 
 is an alarm. The last term allows for an error of kappa. While kappa is not known, as in the first
-samples of a load, a healthy position moves between 0 and Δx_1, and only a step forwards can be
-judged:
+samples of a load, only a step forwards can be judged, by the softest part that there may be:
 
-    r = Δx - max(0, Δx_1) > 5.5·sigma·√(1 + 1/m) + 0.02 µm
+    r = Δx - max(0, Δx_1)/(1 + least kappa) > 5.5·sigma·√(1 + 1/m) + 0.02 µm
 
 A falling force under a rising position is no criterion: noise moves both against each other in
 almost every load. Units: µm, mN, mN/µm, µm/mN, s. Source: equilibrium of the quasi-static arm,
@@ -88,6 +87,18 @@ class StepLimits:
         return replace(self, noise_um=noise_um) if noise_um > self.noise_um else self
 
 
+class Kappa(NamedTuple):
+    """s_p·K_e of the part that is pressed."""
+
+    value: float
+    known: bool = True
+    """False where ``value`` is the least that it may be."""
+
+    def explained_um(self, free_um: float) -> float:
+        """Return the most by which a step of the free place moves the arm."""
+        return (free_um if self.known else max(0.0, free_um)) / (1.0 + self.value)
+
+
 class Step(NamedTuple):
     """A step of the position that the voltage does not explain."""
 
@@ -115,20 +126,14 @@ class StepWatch(FrozenRecord, frozen=True):
         kept = limits.span - 1 + max(limits.mean_of, REST_MEAN)
         return StepWatch((*self.x_um[-kept:], x_um), (*self.free_um[-kept:], free_um))
 
-    def step(self, limits: StepLimits, kappa: float | None) -> Step | None:
-        """Return the unexplained step of the newest sample; None where the voltage explains it.
-
-        Parameters
-        ----------
-        kappa
-            s_p·K_e of the part that is pressed; None where it is not known yet.
-        """
+    def step(self, limits: StepLimits, kappa: Kappa) -> Step | None:
+        """Return the unexplained step of the newest sample; None where the voltage explains it."""
         found = self._against(limits, kappa, limits.mean_of)
-        if found is None and kappa is not None and limits.mean_of < REST_MEAN:
+        if found is None and kappa.known and limits.mean_of < REST_MEAN:
             found = self._against(limits, kappa, REST_MEAN)
         return found
 
-    def _against(self, limits: StepLimits, kappa: float | None, mean_of: int) -> Step | None:
+    def _against(self, limits: StepLimits, kappa: Kappa, mean_of: int) -> Step | None:
         """Hold the newest sample against the mean of ``mean_of`` samples before it."""
         end = len(self.x_um) - limits.span
         begin = end - mean_of
@@ -136,22 +141,19 @@ class StepWatch(FrozenRecord, frozen=True):
             return None
         before_x_um = sum(self.x_um[begin:end]) / mean_of
         before_free_um = sum(self.free_um[begin:end]) / mean_of
-        noise_um = SIGMAS * limits.noise_um * sqrt(1.0 + 1.0 / mean_of) + SLACK_UM
+        limit_um = SIGMAS * limits.noise_um * sqrt(1.0 + 1.0 / mean_of) + SLACK_UM
         free_um = self.free_um[-1] - before_free_um
-        if kappa is None:
-            step_um = self.x_um[-1] - before_x_um - max(0.0, free_um)
-            return Step(step_um, before_x_um, before_free_um) if step_um > noise_um else None
-        step_um = self.x_um[-1] - before_x_um - free_um / (1.0 + kappa)
-        if abs(step_um) <= noise_um + EXPLAINED * abs(free_um):
-            return None
-        return Step(step_um, before_x_um, before_free_um)
+        step_um = self.x_um[-1] - before_x_um - kappa.explained_um(free_um)
+        if kappa.known:
+            beyond = abs(step_um) > limit_um + EXPLAINED * abs(free_um)
+        else:
+            beyond = step_um > limit_um
+        return Step(step_um, before_x_um, before_free_um) if beyond else None
 
 
-def unexplained_um(step: Step, x_um: float, free_um: float, kappa: float | None) -> float:
+def unexplained_um(step: Step, x_um: float, free_um: float, kappa: Kappa) -> float:
     """Return the step that a later sample shows against the mean before ``step``, in µm."""
-    moved_um = free_um - step.before_free_um
-    explained_um = max(0.0, moved_um) if kappa is None else moved_um / (1.0 + kappa)
-    return x_um - step.before_x_um - explained_um
+    return x_um - step.before_x_um - kappa.explained_um(free_um - step.before_free_um)
 
 
 def slip_um(step_um: float, kappa: float) -> float:

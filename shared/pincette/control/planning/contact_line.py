@@ -27,6 +27,8 @@ class ContactFit(NamedTuple):
     K_e_mN_per_um: float
     x_e_error_um: float
     K_e_error_mN_per_um: float
+    scatter_mN: float
+    """Standard deviation of F about the line."""
 
 
 class ContactLine(FrozenRecord, frozen=True):
@@ -85,6 +87,12 @@ class ContactLine(FrozenRecord, frozen=True):
             self.sum_FF + F * F,
         )
 
+    @property
+    def spread_um(self) -> float:
+        """Standard deviation of x over the samples."""
+        n = self.count
+        return sqrt(max(0.0, self.sum_xx / n - (self.sum_x / n) ** 2)) if n else 0.0
+
     def fit(self, minimum_spread_um: float = 0.1) -> ContactFit | None:
         """Return x_e and K_e.
 
@@ -112,4 +120,4 @@ class ContactLine(FrozenRecord, frozen=True):
         slope_error = sigma * sqrt(var_z) / abs(cov_xz)
         lever_um = self.first_x_um + x - x_e
         line_error_um = sqrt(sigma * sigma + (slope_error * lever_um) ** 2) / abs(K_e)
-        return ContactFit(x_e, K_e, line_error_um, slope_error)
+        return ContactFit(x_e, K_e, line_error_um, slope_error, sigma)
