@@ -27,6 +27,8 @@ LINE_S = 0.02
 """Time constant with which a load follows the contact line that it shows, in s."""
 DRIFT_S = 0.2
 """Over which the force of a free approach is averaged."""
+UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
+"""Outcomes after which a free way is not watched: it leads back, or the force is not known."""
 WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
@@ -59,7 +61,7 @@ def guard(
     player = watched
     if segment.kind == "seek":
         return _seek(program, player, estimate)
-    if segment.guarded and player.outcome != Outcome.CONTACT:
+    if segment.guarded and player.outcome not in UNGUARDED:
         return _watch_way(program, player, estimate, period_s)
     if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         player = replace(player, line=_line(program, player, estimate))

@@ -88,6 +88,7 @@ def telemetry_of(
     correction_um: float,
 ) -> Telemetry:
     """Telemetry of sample k: its references are those that the tick before set for it."""
+    seen = player.seen_step
     return Telemetry(
         epoch=estimate.epoch,
         seq=estimate.seq,
@@ -112,6 +113,11 @@ def telemetry_of(
         touch_x_um=player.touch_x_um,
         touch_mN=player.touch_mN,
         correction_um=correction_um,
+        slips=player.slips,
+        step_um=seen and seen.step_um,
+        step_x_um=seen and seen.step.before_x_um,
+        step_mN=seen and seen.force_mN,
+        step_after_mN=seen and seen.after_mN,
     )
 
 

@@ -21,13 +21,16 @@ class SeenStep(FrozenRecord, frozen=True):
     """Its size, a mean over the samples since; positive towards the part."""
     force_mN: float
     """Estimated force just before it, or since where the sensor is its cause."""
+    after_mN: float
+    """Estimated force just after it, a mean likewise."""
     samples: int = 1
 
-    def averaged(self, shown_um: float) -> "SeenStep":
-        """Return the step with one more sample in its mean."""
+    def averaged(self, shown_um: float, force_mN: float) -> "SeenStep":
+        """Return the step with one more sample in its means."""
         count = self.samples + 1
         mean_um = self.step_um + (shown_um - self.step_um) / count
-        return replace(self, step_um=mean_um, samples=count)
+        mean_mN = self.after_mN + (force_mN - self.after_mN) / count
+        return replace(self, step_um=mean_um, after_mN=mean_mN, samples=count)
 
     def after(self, earlier: "SeenStep") -> "SeenStep":
         """Return this step with an earlier one added to it."""

@@ -82,7 +82,7 @@ def watch_steps(
     program: Program, player: Player, estimate: Estimate, sample: PressedSample | None
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
-    if sample is None or not _watched(player):
+    if sample is None or not _watched(program, player):
         if player.suspect is None and not player.steps.x_um:
             return player
         return replace(player, suspect=None, steps=StepWatch())
@@ -96,13 +96,18 @@ def watch_steps(
     seen = player.seen_step
     if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
         shown_um = unexplained_um(seen.step, x_um, free_um, kappa)
-        return replace(player, seen_step=seen.averaged(shown_um))
+        return replace(player, seen_step=seen.averaged(shown_um, estimate.force_mN))
     step = watch.step(limits, kappa)
     return player if step is None else replace(player, suspect=step)
 
 
-def _watched(player: Player) -> bool:
-    return player.held and player.segment.phase not in UNWATCHED and player.pair is None
+def _watched(program: Program, player: Player) -> bool:
+    """Whether a part is pressed for certain; at the trough of a path it may come free."""
+    segment = player.segment
+    if not player.held or segment.phase in UNWATCHED or player.pair is not None:
+        return False
+    swings = segment.path is not None
+    return not swings or player.force_r_mN >= program.guards.contact_force_mN
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:
@@ -135,7 +140,7 @@ def _confirm(
     if shown_um * step.step_um <= 0.0 or abs(shown_um) < CONFIRMING_SHARE * abs(step.step_um):
         return player
     force_mN = estimate.force_mN + shown_um / sample.limits.compliance_um_per_mN
-    seen = SeenStep(step, shown_um, force_mN)
+    seen = SeenStep(step, shown_um, force_mN, estimate.force_mN)
     if player.seen_step is not None:
         seen = seen.after(player.seen_step)
     return _act(program, replace(player, seen_step=seen), estimate, forwards=step.forwards)

@@ -39,7 +39,7 @@ NAMES: Mapping[type[ClientError], str] = {
 """Identifiers in the feature definition; any other refusal is ``RigNotReady``. A job that has ended
 otherwise than it was asked to has one by its ending."""
 UNCONFIRMED = "estop-unconfirmed"
-RECOVERABLE = ("no_contact",)
+RECOVERABLE = ("no_contact", "slipped")
 """Outcomes after which the arm is back, and nothing is held."""
 
 

@@ -121,6 +121,49 @@ class Goal(Model):
     """Largest magnitude of the estimate less F_r after the settling time."""
 
 
+StepCause = Literal["slip", "sensor", "unknown"]
+
+
+class PositionStep(Model):
+    """A step of the position of a pressed part that the voltage does not explain.
+
+    At constant voltage one arm and one sensor cannot tell a part that slips from a sensor that
+    jumps towards the part: the force is ``force_if_slip_mN`` or ``force_if_sensor_mN`` then.
+    """
+
+    model_config = example(
+        cause="unknown",
+        at_s=3.52,
+        x_um=40.8,
+        step_um=2.1,
+        slip_um=4.2,
+        slips=0,
+        force_mN=15.0,
+        force_if_slip_mN=10.6,
+        force_if_sensor_mN=15.0,
+    )
+
+    cause: StepCause
+    """``slip`` of the part; ``sensor``, or a push; ``unknown`` where neither the direction of the
+    step nor the force that the free arm reads afterwards decides."""
+    at_s: float
+    """Time at which it was confirmed."""
+    x_um: float
+    """Position just before it."""
+    step_um: float
+    """Step of the position, positive towards the part; of several, their sum."""
+    slip_um: float | None
+    """Way by which the part gave way, where a slip can be the cause and its stiffness is known."""
+    slips: int
+    """Number of times that the part gave way in a load or along a path."""
+    force_mN: float
+    """Estimated force just before it."""
+    force_if_slip_mN: float | None
+    """Force just after it, if the part slipped; null where a slip cannot be the cause."""
+    force_if_sensor_mN: float | None
+    """Force just after it, if the sensor jumped; null where the part slipped for certain."""
+
+
 OutcomeCode = Literal[
     "gripped",
     "tracked",
@@ -134,6 +177,9 @@ OutcomeCode = Literal[
     "overtravel",
     "contact",
     "zero_refused",
+    "slipped",
+    "sensor_jump",
+    "position_step",
     "tripped",
     "unfinished",
 ]
@@ -171,6 +217,8 @@ class JobResult(Model):
     """Where the arm met something on its way through free space."""
     touch_force_mN: float | None = None
     """With which force, as it turned back: by the free response, or by the slope of its way."""
+    position_step: PositionStep | None = None
+    """Null where every step of the position was explained by the voltage."""
     goal: Goal | None = None
     """Null where no tolerance was asked for."""
 

@@ -229,6 +229,11 @@ OUTCOMES: Mapping[str, str] = {
     "overtravel": "the arm came to a position limit of the rig file; ask for less voltage, or "
     "widen the limit where the way is free",
     "zero_refused": "the force could not be zeroed before contact",
+    "slipped": "the part gave way while it was loaded or moved; it was unloaded",
+    "sensor_jump": "the position stepped back without a voltage, which no slip does: the sensor "
+    "jumped, or something pushed the part; the voltage was kept, then the part was let go",
+    "position_step": "the position of a held part stepped forwards without a voltage: slip or "
+    "sensor; the voltage was kept until the part was let go, the force is one of two readings",
 }
 """How a program ends, in the controller's codes."""
 GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")

@@ -18,6 +18,7 @@ from pincette.records.columns import Columns, missed
 from pincette_supervisor.results import figures
 from pincette_supervisor.results.figures import series, within
 from pincette_supervisor.results.law_result import law_figures
+from pincette_supervisor.results.position_step import position_step_of
 
 PRESSED = ("load", "hold", "settle", "track", "unload")
 LIMITS = {
@@ -81,6 +82,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
         "dropped_messages": dropped,
         "touch_x_um": figures.last(table["touch_x_um"]),
         "touch_force_mN": figures.last(table["touch_mN"]),
+        "position_step": position_step_of(table),
     }
 
 

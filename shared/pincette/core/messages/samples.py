@@ -197,6 +197,17 @@ class Telemetry(FrozenRecord, frozen=True):
     """With which force, as it turned back."""
     correction_um: Micrometre = 0.0
     """What was learned of earlier cycles, added to x_r for the law."""
+    slips: Whole = 0
+    """Number of times that the part has given way under moving references."""
+    step_um: Micrometre | None = None
+    """Step of the position that the voltage does not explain, positive towards the part; None:
+    none was found."""
+    step_x_um: Micrometre | None = None
+    """Position just before that step."""
+    step_mN: Millinewton | None = None
+    """Estimated force just before it; if the sensor has jumped, the force since."""
+    step_after_mN: Millinewton | None = None
+    """Estimated force just after it; if the part has slipped, the force since."""
     second: SecondTelemetry | UnsetType = UNSET
     """Of the second arm."""
 

@@ -1,0 +1,73 @@
+"""What a job's columns say of a step of the position that the voltage does not explain; pure.
+
+The controller reports the step, the force just before it, F, and just after it, F'. If the part
+gave way by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r, the force is F
+still and the free arm reads F' - F afterwards. So the force that is read on the way back decides,
+as far as its uncertainty allows.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pincette.api.results import PositionStep, StepCause
+from pincette.core.faults import Outcome, Phase
+from pincette.records.columns import Columns
+from pincette_supervisor.results import figures
+
+RETURN_SAMPLES = 10
+"""Samples at the end of the way back whose mean force decides."""
+
+
+def position_step_of(table: Columns) -> PositionStep | None:
+    """Return the step that a job has found; None without one."""
+    steps_um = table["step_um"]
+    row = next((place for place, step_um in enumerate(steps_um) if step_um is not None), None)
+    if row is None:
+        return None
+    step_um, x_um, before_mN, after_mN = (
+        float(figures.last(table[name]) or 0.0)
+        for name in ("step_um", "step_x_um", "step_mN", "step_after_mN")
+    )
+    stiffness, slips = table["contact_stiffness_mN_per_um"][row], _newest(table["slips"]) or 0
+    cause = _cause(table, slips, step_um, before_mN - after_mN)
+    slip_um = None
+    if cause != "sensor" and stiffness:
+        slip_um = step_um + (before_mN - after_mN) / stiffness
+    return PositionStep(
+        cause=cause,
+        at_s=table["t_s"][row],
+        x_um=x_um,
+        step_um=step_um,
+        slip_um=slip_um,
+        slips=slips,
+        force_mN=before_mN,
+        force_if_slip_mN=None if cause == "sensor" else after_mN,
+        force_if_sensor_mN=None if cause == "slip" else before_mN,
+    )
+
+
+def _cause(table: Columns, slips: int, step_um: float, lost_mN: float) -> StepCause:
+    if Outcome.SENSOR_JUMP in table["outcome"] or step_um < 0.0:
+        return "sensor"
+    if slips:
+        return "slip"
+    returned = [
+        (force_mN, uncertainty_mN)
+        for phase, held, force_mN, uncertainty_mN in zip(
+            *(table[name] for name in ("phase", "held", "force_mN", "force_uncertainty_mN")),
+            strict=True,
+        )
+        if phase == Phase.RETREAT and not held and None not in (force_mN, uncertainty_mN)
+    ][-RETURN_SAMPLES:]
+    if not returned:
+        return "unknown"
+    read_mN = sum(force_mN for force_mN, _ in returned) / len(returned)
+    # Half way between the readings of a free arm: 0 after a slip, -lost_mN after a jump.
+    off_mN, doubt_mN = read_mN + 0.5 * lost_mN, returned[-1][1]
+    if abs(off_mN) <= doubt_mN:
+        return "unknown"
+    return "slip" if off_mN > 0.0 else "sensor"
+
+
+def _newest(values: Sequence[Any]) -> Any:
+    return next((value for value in reversed(values) if value is not None), None)
