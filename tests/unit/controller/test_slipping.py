@@ -1,0 +1,198 @@
+"""Steps of the position that the voltage does not explain, on an ideal arm and part."""
+
+from random import Random
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning.program import Program
+from pincette.core.messages import Estimate
+from pincette_controller.actions import release
+from pincette_controller.player import advance
+from pincette_controller.slipping import MOST_STIFFNESS, PressedSample, admissible
+
+from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T
+from .test_quick_grip import QUICK
+
+S_P, NOISE_UM, SEED = 0.46, 0.03, 46
+LIMITS = StepLimits(NOISE_UM, S_P, T)
+
+
+class Sensed(Arm):
+    """An arm with a noisy sensor that may jump, at a part that may give way.
+
+    ``x_1`` is kept as long as nothing moves the references, so that a slip moves the arm forwards
+    and takes force away.
+    """
+
+    def __init__(self, program: Program = PROGRAM) -> None:
+        super().__init__(program=program)
+        self.random = Random(SEED)
+        self.jump_um = 0.0
+        self.free_um = 0.0
+
+    def estimate(self) -> Estimate:
+        plain, noise_um = super().estimate(), self.random.gauss(0.0, NOISE_UM)
+        x_um, force_mN = plain.x_um, plain.force_mN
+        off_um = self.jump_um + noise_um
+        self.free_um = x_um + S_P * force_mN
+        return replace(
+            plain, x_um=x_um + off_um, force_mN=force_mN - off_um / S_P, applied_V=self.free_um
+        )
+
+    def tick(self) -> None:
+        estimate = self.estimate()
+        pressed = PressedSample(LIMITS, self.free_um) if self.player.held else None
+        self.player = advance(self.program, self.player, estimate, T, None, pressed)
+        self.seq += 1
+        if self.player.zero:
+            self.zeroed = self.seq
+        if not self.phases or self.phases[-1] != self.player.segment.phase:
+            self.phases.append(self.player.segment.phase)
+
+    def slip(self, by_um: float) -> None:
+        """Let the part give way at constant voltage: by the share of it that the arm follows."""
+        kappa = S_P * self.stiffness
+        self.contact_um += by_um
+        self.player = replace(
+            self.player, x_r_um=self.player.x_r_um + by_um * kappa / (1.0 + kappa)
+        )
+
+
+def loaded(program: Program, ticks: int) -> Sensed:
+    arm = Sensed(program)
+    arm.until("load")
+    for _ in range(ticks):
+        arm.tick()
+    return arm
+
+
+@pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
+def test_a_healthy_grip_shows_no_step(program: Program) -> None:
+    arm = Sensed(program)
+    arm.until()
+    assert arm.player.outcome == "gripped"
+    assert arm.player.seen_step is None
+
+
+@pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
+def test_a_slip_in_a_load_unloads_along_a_line_that_is_true_again(program: Program) -> None:
+    arm = loaded(program, 8)
+    arm.slip(3.0)
+    arm.until("unload")
+    player = arm.player
+    assert player.outcome == "slipped"
+    assert player.slips == 1
+    assert player.seen_step is not None
+    assert player.seen_step.step_um == pytest.approx(3.0 * 0.92 / 1.92, abs=0.2)
+    assert player.contact_x_um == pytest.approx(arm.contact_um, abs=0.3)
+    assert player.K_e_mN_per_um == pytest.approx(K_E, rel=0.3)
+    arm.until()
+    assert arm.player.outcome == "slipped"
+    assert not arm.player.held
+
+
+def test_a_load_goes_on_from_where_the_part_has_stopped_as_often_as_is_allowed() -> None:
+    arm = loaded(replace(PROGRAM, slip_retries=2), 10)
+    for slips in (1, 2):
+        arm.slip(3.0)
+        for _ in range(2):
+            arm.tick()
+        assert arm.player.slips == slips
+        assert arm.player.segment.phase == "load"
+        assert arm.player.line.count == 0
+        for _ in range(10):
+            arm.tick()
+    arm.until()
+    assert arm.player.outcome == "gripped"
+    assert arm.player.slips == 2
+    arm = loaded(replace(PROGRAM, slip_retries=1), 10)
+    for _ in range(2):
+        arm.slip(3.0)
+        for _ in range(12):
+            arm.tick()
+    arm.until()
+    assert arm.player.outcome == "slipped"
+
+
+@pytest.mark.parametrize(
+    ("jump_um", "outcome"), [(-0.4, "sensor_jump"), (-2.0, "sensor_jump"), (2.0, "position_step")]
+)
+def test_a_step_in_a_hold_freezes_the_voltage_from_its_first_sample(
+    jump_um: float, outcome: str
+) -> None:
+    endless = replace(PROGRAM.segments[4], duration_s=None)
+    program = replace(PROGRAM, segments=(*PROGRAM.segments[:4], endless, *PROGRAM.segments[5:]))
+    arm = Sensed(program)
+    arm.until("hold")
+    for _ in range(20):
+        arm.tick()
+    arm.jump_um = jump_um
+    arm.tick()
+    assert arm.player.suspect is not None
+    held_V = arm.free_um
+    for _ in range(30):
+        arm.tick()
+    assert arm.player.outcome == outcome
+    assert arm.player.segment.open_loop
+    assert arm.player.held
+    assert arm.player.voltage_V == pytest.approx(held_V)
+    seen = arm.player.seen_step
+    assert seen is not None
+    assert seen.step_um == pytest.approx(jump_um, abs=0.1)
+    assert seen.force_mN == pytest.approx(20.0, abs=0.4)
+    assert seen.after_mN == pytest.approx(20.0 - jump_um / S_P, abs=0.4)
+    arm.player = release(program, arm.player)
+    arm.until()
+    assert arm.player.outcome == outcome
+
+
+def test_a_single_wild_sample_changes_nothing() -> None:
+    arm = Sensed()
+    arm.until("hold")
+    for _ in range(10):
+        arm.tick()
+    arm.jump_um = 5.0
+    arm.tick()
+    arm.jump_um = 0.0
+    arm.until()
+    assert arm.player.outcome == "gripped"
+    assert arm.player.seen_step is None
+
+
+@pytest.mark.parametrize(("jump_um", "outcome"), [(-2.0, "sensor_jump"), (2.0, "slipped")])
+def test_a_step_along_a_path_ends_the_path(jump_um: float, outcome: str) -> None:
+    arm = Sensed(TRACK)
+    arm.until("track")
+    for _ in range(30):
+        arm.tick()
+    arm.jump_um = jump_um
+    arm.until()
+    assert arm.player.outcome == outcome
+    assert not arm.player.held
+
+
+@pytest.mark.parametrize("share", [0.31, 1.0, 2.9])
+def test_a_stiffness_near_the_plan_may_be_used(share: float) -> None:
+    assert admissible(PROGRAM, share * K_E)
+
+
+@pytest.mark.parametrize("share", [-0.004, 0.0, 0.29, 3.1])
+def test_a_stiffness_that_no_part_can_have_is_never_used(share: float) -> None:
+    """-0.009 mN/µm with x_e = 863 µm drove the arm to its end once."""
+    assert not admissible(PROGRAM, share * K_E)
+    arm = Arm()
+    arm.until("load")
+    while arm.player.segment.phase == "load":
+        arm.tick()
+        line = arm.player.line
+        # A load whose force falls or stands while the arm goes on.
+        x_um = line.first_x_um + 0.5 * line.count
+        force_mN = 12.0 + share * K_E * 0.5 * line.count
+        forged = line.add(x_um, force_mN, 2.0 + line.count)
+        arm.player = replace(arm.player, line=forged)
+        K_e = arm.player.K_e_mN_per_um
+        assert K_e is not None
+        assert 0.3 * K_E <= K_e <= MOST_STIFFNESS * K_E
+    assert arm.player.x_r_um < 40.0
