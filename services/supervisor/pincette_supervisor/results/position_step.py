@@ -29,7 +29,7 @@ def position_step_of(table: Columns) -> PositionStep | None:
         for name in ("step_um", "step_x_um", "step_mN", "step_after_mN")
     )
     stiffness, slips = table["contact_stiffness_mN_per_um"][row], _newest(table["slips"]) or 0
-    cause = _cause(table, slips, step_um, before_mN - after_mN)
+    cause = _cause(table, step_um, before_mN - after_mN)
     slip_um = None
     if cause != "sensor" and stiffness:
         slip_um = step_um + (before_mN - after_mN) / stiffness
@@ -46,11 +46,9 @@ def position_step_of(table: Columns) -> PositionStep | None:
     )
 
 
-def _cause(table: Columns, slips: int, step_um: float, lost_mN: float) -> StepCause:
+def _cause(table: Columns, step_um: float, lost_mN: float) -> StepCause:
     if Outcome.SENSOR_JUMP in table["outcome"] or step_um < 0.0:
         return "sensor"
-    if slips:
-        return "slip"
     returned = [
         (force_mN, uncertainty_mN)
         for phase, held, force_mN, uncertainty_mN in zip(

@@ -1,0 +1,88 @@
+"""A part that gives way and a sensor that jumps, on the simulated demo rig in one process."""
+
+import pytest
+
+from pincette.records.columns import columns
+from pincette_supervisor.results.position_step import position_step_of
+from tests.support.rigs import Tree
+from tests.support.slips import Played, played, retrying
+
+PLANNED_MN = 20.0
+FURTHEST_V = 2.8
+"""The plan of 20 mN leads to 2.3 V; the arm that chased a slipping part went to 3.98 V."""
+
+
+def gives_way(slip_um: float, slips: int = 1) -> Tree:
+    return {"part": {"slip_force_mN": 12.0, "slip_um": slip_um, "slips": slips}, "seed": 7}
+
+
+def in_the_hold(target: str, what: str, value: float) -> Tree:
+    order = {"at_s": 3.5, "target": target, "what": what, "value": value}
+    return {"script": [order], "seed": 7}
+
+
+def stays_within_the_plan(job: Played) -> bool:
+    reached_V = max(applied.voltage_V for applied in job.applied)
+    print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} V, {job.outcome}")
+    return job.peak_mN < 1.1 * PLANNED_MN and reached_V < FURTHEST_V
+
+
+@pytest.mark.parametrize("profile", ["quick", "gentle"])
+@pytest.mark.parametrize("slip_um", [3.0, 10.0])
+def test_a_part_that_slips_is_let_go(profile: str, slip_um: float) -> None:
+    job = played(gives_way(slip_um), profile=profile)
+    assert job.outcome == "slipped"
+    assert job.phases[-3:] == ["load", "unload", "retreat"]
+    assert stays_within_the_plan(job)
+    assert job.peak_mN < 13.0
+    assert job.truths[max(job.truths)].force_mN == 0.0
+    found = position_step_of(columns(job.messages, 0.02))
+    assert found is not None
+    assert found.slips == 1
+    assert found.cause != "sensor"
+    assert found.force_mN == pytest.approx(12.0, abs=1.5)
+    assert found.slip_um == pytest.approx(slip_um, rel=0.25)
+
+
+def test_with_retries_the_load_goes_on() -> None:
+    job = retrying(played(gives_way(3.0)), 1)
+    assert job.outcome == "gripped"
+    assert job.views[-1].slips == 1
+    assert stays_within_the_plan(job)
+
+
+def test_a_part_that_gives_way_each_time_is_not_chased() -> None:
+    job = retrying(played(gives_way(5.6, slips=100)), 3)
+    assert job.outcome == "slipped"
+    assert stays_within_the_plan(job)
+    assert job.peak_mN < 13.0
+
+
+@pytest.mark.parametrize(
+    ("order", "outcome", "cause", "true_mN"),
+    [
+        (("sensor", "wrong", 2.0), "position_step", "sensor", 20.2),
+        (("sensor", "wrong", -2.0), "sensor_jump", "sensor", 20.2),
+        (("part", "slip", 4.2), "position_step", "slip", 15.7),
+    ],
+)
+def test_a_step_in_a_hold_freezes_the_voltage(
+    order: tuple[str, str, float], outcome: str, cause: str, true_mN: float
+) -> None:
+    job = played(in_the_hold(*order), hold_s=3.0)
+    assert job.outcome == outcome
+    later = [
+        job.truths[view.seq].force_mN
+        for view in job.views
+        if view.phase == "hold" and view.step_um is not None
+    ]
+    assert len(later) > 20
+    assert min(later[3:]) == pytest.approx(true_mN, abs=0.5)
+    assert max(later[3:]) == pytest.approx(true_mN, abs=0.5)
+    assert stays_within_the_plan(job)
+    found = position_step_of(columns(job.messages, 0.02))
+    assert found is not None
+    assert found.cause == cause
+    readings = [found.force_if_slip_mN, found.force_if_sensor_mN]
+    assert any(reading == pytest.approx(true_mN, abs=0.7) for reading in readings)
+    assert job.truths[max(job.truths)].force_mN == 0.0
