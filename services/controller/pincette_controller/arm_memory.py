@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
-from pincette.control.response.hysteresis import HysteresisState, displacement_um
+from pincette.control.response.hysteresis import HysteresisState
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Estimate
@@ -65,16 +65,6 @@ class ArmMemory(FrozenRecord, frozen=True):
         same = model == self.model
         response = self.response if same else self.past.replayed(model)
         return ArmMemory(response, model, self.past)
-
-    def free_um(self, um_per_V: float) -> float:
-        """Return x_1 by the voltages applied, in µm; a line of slope d_p where none is identified.
-
-        Its zero is that of the model: only differences have a meaning.
-        """
-        response = self.response
-        if isinstance(response, IdentifiedResponse):
-            return displacement_um(response.model, response.memory)
-        return um_per_V * response.voltage_V
 
     @property
     def for_law(self) -> HysteresisState | None:

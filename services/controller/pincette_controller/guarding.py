@@ -15,7 +15,7 @@ from pincette.control.planning.quick_grip import LONGEST
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
-from pincette_controller.slipping import PressedSample, line_so_far, watch_steps
+from pincette_controller.slipping import line_so_far, watch_steps
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
@@ -38,11 +38,12 @@ def guard(
     player: Player,
     estimate: Estimate,
     period_s: float,
-    pressed: PressedSample | None = None,
+    limits: StepLimits | None = None,
 ) -> Player:
-    """Judge the newest sample; without ``pressed`` no step of the position is looked for."""
+    """Judge the newest sample; without ``limits`` no step of the position is looked for."""
     segment = player.segment
-    player = _listen(player, estimate)
+    if segment.kind == "zero" or player.noise.last_um is not None:
+        player = _listen(player, estimate)
     if not segment.guarded and (player.clear or player.touching):
         player = replace(player, clear=False, touching=0)
     if segment.open_loop and _beyond(program, estimate.x_um):
@@ -55,17 +56,17 @@ def guard(
         return player
     if player.zeroing:
         return _await_zero(program, player, estimate, period_s)
-    watched = watch_steps(program, player, estimate, pressed)
-    if watched.suspect is not None or watched.seen_step is not player.seen_step:
-        return watched
-    player = watched
+    if player.held and limits is not None:
+        watched = watch_steps(program, player, estimate, limits)
+        if watched.suspect is not None or watched.seen_step is not player.seen_step:
+            return watched
+        player = watched
     if segment.kind == "seek":
         return _seek(program, player, estimate)
     if segment.guarded and player.outcome not in UNGUARDED:
         return _watch_way(program, player, estimate, period_s)
     if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         player = replace(player, line=_line(program, player, estimate))
-        limits = pressed and pressed.limits.with_noise(player.noise.noise_um)
         if not segment.follows:
             return player
         return _follow_line(program, player, estimate, period_s, limits)
@@ -78,9 +79,8 @@ def _listen(player: Player, estimate: Estimate) -> Player:
     """Take the sensor's noise from the samples of a rest without contact."""
     if player.segment.kind == "zero":
         return replace(player, noise=player.noise.follow(estimate.x_um))
-    if player.noise.last_um is None:
-        return player
-    return replace(player, noise=player.noise.left())
+    noise = player.noise.left()
+    return replace(player, noise=noise, noise_um=noise.noise_um)
 
 
 def _line(program: Program, player: Player, estimate: Estimate) -> ContactLine:

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from pincette.control.laws import two_arms
 from pincette.control.laws.two_arms import Pair, TwoArmOutput
+from pincette.control.response.hysteresis import displacement_um
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.inverse import voltage_for
 from pincette.control.safety.monitors import Watches
@@ -128,8 +129,11 @@ def _open_loop(player: Player, now: Seen, pressed_mN: float) -> Player:
 
 
 def _free_um(config: ControllerConfig, arm: ArmMemory) -> float:
-    """Return x_1 of the newest sample."""
-    return arm.free_um(config.arm.d / config.arm.k)
+    """H of the newest sample; of a rig without an identified response the line d_p·u."""
+    response = arm.response
+    if isinstance(response, IdentifiedResponse):
+        return displacement_um(response.model, response.memory)
+    return config.arm.d / config.arm.k * response.voltage_V
 
 
 def _voltage_V(config: ControllerConfig, arm: ArmMemory, wanted_um: float) -> float:

@@ -10,12 +10,13 @@ from math import inf
 
 from msgspec.structs import replace
 
+from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.program import Program
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.guarding import guard
 from pincette_controller.player_state import Foreseen, Player, at_tick, follow, jump
-from pincette_controller.slipping import PressedSample, admissible
+from pincette_controller.slipping import admissible
 
 MOVING = ("seek", "sweep")
 """Kinds of segment that are nowhere at rest, not even at their end."""
@@ -49,7 +50,7 @@ def advance(
     estimate: Estimate,
     period_s: float,
     foreseen: Foreseen | None = None,
-    pressed: PressedSample | None = None,
+    limits: StepLimits | None = None,
 ) -> Player:
     """Move on by one tick: guards first, then time, then the references of the next sample.
 
@@ -60,7 +61,7 @@ def advance(
     led = player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
     if player.ended:
         return player
-    player = guard(program, player, estimate, period_s, pressed)
+    player = guard(program, player, estimate, period_s, limits)
     if player.suspect is not None:
         return player
     if player.resumed:

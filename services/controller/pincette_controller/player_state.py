@@ -103,6 +103,8 @@ class Player(FrozenRecord, frozen=True):
     """Of a rig of two arms; x_r is then the place of the part."""
     noise: RestNoise = field(default_factory=RestNoise)
     """Noise of the sensor, as the rests of this program show it."""
+    noise_um: float = 0.0
+    """The same as a number, at the end of the newest rest."""
     steps: StepWatch = field(default_factory=StepWatch)
     """Newest positions of a pressed part, for finding a step."""
     suspect: Step | None = None

@@ -12,7 +12,6 @@ in doubt is never dropped for that: the voltage stays frozen until the hold ends
 """
 
 from math import sqrt
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -39,14 +38,6 @@ LINE_AFTER_UM = 1.2
 """Way of the arm under load from which the contact line is followed."""
 UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
 """Phases in which contact ends: the arm steps back on purpose."""
-
-
-class PressedSample(NamedTuple):
-    """What a step is judged by, beside the estimate."""
-
-    limits: StepLimits
-    free_um: float
-    """x_1 of the sample, by the controller's own memory of the arm."""
 
 
 def admissible(program: Program, K_e: float) -> bool:
@@ -79,18 +70,19 @@ def line_so_far(
 
 
 def watch_steps(
-    program: Program, player: Player, estimate: Estimate, sample: PressedSample | None
+    program: Program, player: Player, estimate: Estimate, limits: StepLimits | None
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
-    if sample is None or not _watched(program, player):
+    if limits is None or not _watched(program, player):
         if player.suspect is None and not player.steps.x_um:
             return player
         return replace(player, suspect=None, steps=StepWatch())
-    x_um, free_um = estimate.x_um, sample.free_um
-    limits = sample.limits.with_noise(player.noise.noise_um)
+    x_um = estimate.x_um
+    free_um = x_um + limits.compliance_um_per_mN * estimate.force_mN
+    limits = limits.with_noise(player.noise_um)
     kappa = _kappa(program, player, limits, x_um)
     if player.suspect is not None:
-        return _confirm(program, player, estimate, sample, kappa)
+        return _confirm(program, player, estimate, limits, free_um, kappa)
     watch = player.steps.follow(limits, x_um, free_um)
     player = replace(player, steps=watch)
     seen = player.seen_step
@@ -128,18 +120,19 @@ def _confirm(
     program: Program,
     player: Player,
     estimate: Estimate,
-    sample: PressedSample,
+    limits: StepLimits,
+    free_um: float,
     kappa: Kappa,
 ) -> Player:
     """Act on a step that the sample after it still shows; forget one that is gone."""
     step = player.suspect
     assert step is not None
-    shown_um = unexplained_um(step, estimate.x_um, sample.free_um, kappa)
-    watch = StepWatch().follow(sample.limits, estimate.x_um, sample.free_um)
+    shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)
+    watch = StepWatch().follow(limits, estimate.x_um, free_um)
     player = replace(player, suspect=None, steps=watch)
     if shown_um * step.step_um <= 0.0 or abs(shown_um) < CONFIRMING_SHARE * abs(step.step_um):
         return player
-    force_mN = estimate.force_mN + shown_um / sample.limits.compliance_um_per_mN
+    force_mN = estimate.force_mN + shown_um / limits.compliance_um_per_mN
     seen = SeenStep(step, shown_um, force_mN, estimate.force_mN)
     if player.seen_step is not None:
         seen = seen.after(player.seen_step)

@@ -53,7 +53,6 @@ from pincette_controller.pair_step import followed_second, play_pair
 from pincette_controller.player import advance, begin, foresee
 from pincette_controller.preview import planned_motion
 from pincette_controller.requests import handle
-from pincette_controller.slipping import PressedSample
 from pincette_controller.state import Inputs, SecondState, State
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -143,10 +142,7 @@ def _play(
         memory=arm_memory,
     )
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
-    pressed = None
-    if player.held:
-        pressed = PressedSample(config.steps, state.arm.free_um(config.arm.d / config.arm.k))
-    player = advance(program, player, estimate, config.period_s, state.foreseen, pressed)
+    player = advance(program, player, estimate, config.period_s, state.foreseen, config.steps)
     law = state.laws[player.segment.law]
     learning = state.learning or begin_learning(program)
     told_um = learning.correction_um

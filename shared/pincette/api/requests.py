@@ -147,6 +147,10 @@ class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True)
     """Speed near the part, until the contact is found."""
     contact_force_mN: Positive | None = None
     """Force that counts as a contact."""
+    retries: Annotated[int, Field(ge=0, le=3), WHOLE] = 0
+    """Number of times that a load goes on after the part has given way; then, or with 0, the part
+    is let go as ``slipped``. A sensor that jumps towards the part in a load is taken for a slip:
+    each retry may then press harder by the jump over the compliance of the arm."""
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None

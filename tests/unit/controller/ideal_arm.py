@@ -47,7 +47,7 @@ class Arm:
         self, contact_um: float = 12.0, stiffness: float = K_E, program: Program = PROGRAM
     ) -> None:
         self.program = program
-        self.contact_um = contact_um
+        self.contact_um: float = contact_um
         self.stiffness = stiffness
         self.refusal: Fault | None = None
         self.lost = False

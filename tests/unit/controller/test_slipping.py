@@ -10,7 +10,7 @@ from pincette.control.planning.program import Program
 from pincette.core.messages import Estimate
 from pincette_controller.actions import release
 from pincette_controller.player import advance
-from pincette_controller.slipping import MOST_STIFFNESS, PressedSample, admissible
+from pincette_controller.slipping import MOST_STIFFNESS, admissible
 
 from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T
 from .test_quick_grip import QUICK
@@ -43,8 +43,7 @@ class Sensed(Arm):
 
     def tick(self) -> None:
         estimate = self.estimate()
-        pressed = PressedSample(LIMITS, self.free_um) if self.player.held else None
-        self.player = advance(self.program, self.player, estimate, T, None, pressed)
+        self.player = advance(self.program, self.player, estimate, T, None, LIMITS)
         self.seq += 1
         if self.player.zero:
             self.zeroed = self.seq

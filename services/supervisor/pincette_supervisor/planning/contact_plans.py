@@ -78,7 +78,7 @@ def contact_job(
             *goal_warnings(tolerances(request), made.program, job_kinds()[request.kind].goal_phase),
         ],
     )
-    program = replace(made.program, laws=(law.settings.spec(),))
+    program = replace(made.program, laws=(law.settings.spec(),), slip_retries=request.retries)
     values = {**values, **tolerances(request), "law": plan.law.model_dump()}
     return Planned(plan, program, values, model)
 

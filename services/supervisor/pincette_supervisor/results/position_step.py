@@ -29,24 +29,24 @@ def position_step_of(table: Columns) -> PositionStep | None:
         for name in ("step_um", "step_x_um", "step_mN", "step_after_mN")
     )
     stiffness, slips = table["contact_stiffness_mN_per_um"][row], _newest(table["slips"]) or 0
-    cause = _cause(table, step_um, before_mN - after_mN)
+    source = _source(table, step_um, before_mN - after_mN)
     slip_um = None
-    if cause != "sensor" and stiffness:
+    if source != "sensor" and stiffness:
         slip_um = step_um + (before_mN - after_mN) / stiffness
     return PositionStep(
-        cause=cause,
+        cause=source,
         at_s=table["t_s"][row],
         x_um=x_um,
         step_um=step_um,
         slip_um=slip_um,
         slips=slips,
         force_mN=before_mN,
-        force_if_slip_mN=None if cause == "sensor" else after_mN,
-        force_if_sensor_mN=None if cause == "slip" else before_mN,
+        force_if_slip_mN=None if source == "sensor" else after_mN,
+        force_if_sensor_mN=None if source == "slip" else before_mN,
     )
 
 
-def _cause(table: Columns, step_um: float, lost_mN: float) -> StepCause:
+def _source(table: Columns, step_um: float, lost_mN: float) -> StepCause:
     if Outcome.SENSOR_JUMP in table["outcome"] or step_um < 0.0:
         return "sensor"
     returned = [

@@ -27,7 +27,7 @@ almost every load. Units: µm, mN, mN/µm, µm/mN, s. Source: equilibrium of the
 parts with 0.3 to 3 times the planned stiffness, without a false alarm in 400.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, sqrt
 from typing import NamedTuple
 
@@ -63,20 +63,25 @@ class StepLimits:
     """s_p."""
     period_s: float
 
+    span: int = field(init=False)
+    """Periods from the samples before a step to the sample that is judged."""
+    mean_of: int = field(init=False)
+    """Number of samples before a step whose mean it is measured from."""
+    limit_um: float = field(init=False)
+    """Part of the threshold that noise and resolution make, by that mean, and"""
+    rest_limit_um: float = field(init=False)
+    """by a mean of ``REST_MEAN`` samples."""
+
     def __post_init__(self) -> None:
-        require_not_negative("noise", self.noise_um, "µm")
+        noise_um = require_not_negative("noise", self.noise_um, "µm")
         require_positive("compliance", self.compliance_um_per_mN, "µm/mN")
-        require_positive("period", self.period_s, "s")
-
-    @property
-    def span(self) -> int:
-        """Periods from the samples before a step to the sample that is judged."""
-        return max(1, ceil(SPAN_S / self.period_s - 1e-9))
-
-    @property
-    def mean_of(self) -> int:
-        """Number of samples before a step whose mean it is measured from."""
-        return 1 if self.span == 1 else SHORT_MEAN
+        span = max(1, ceil(SPAN_S / require_positive("period", self.period_s, "s") - 1e-9))
+        mean_of = 1 if span == 1 else SHORT_MEAN
+        object.__setattr__(self, "span", span)
+        object.__setattr__(self, "mean_of", mean_of)
+        for name, count in (("limit_um", mean_of), ("rest_limit_um", REST_MEAN)):
+            limit_um = SIGMAS * noise_um * sqrt(1.0 + 1.0 / count) + SLACK_UM
+            object.__setattr__(self, name, limit_um)
 
     def kappa(self, stiffness_mN_per_um: float) -> float:
         """Return s_p·K_e."""
@@ -128,25 +133,27 @@ class StepWatch(FrozenRecord, frozen=True):
 
     def step(self, limits: StepLimits, kappa: Kappa) -> Step | None:
         """Return the unexplained step of the newest sample; None where the voltage explains it."""
-        found = self._against(limits, kappa, limits.mean_of)
-        if found is None and kappa.known and limits.mean_of < REST_MEAN:
-            found = self._against(limits, kappa, REST_MEAN)
+        end = len(self.x_um) - limits.span
+        if end < limits.mean_of:
+            return None
+        begin = end - limits.mean_of
+        found = self._against(begin, end, kappa, limits.limit_um)
+        if found is None and kappa.known and limits.mean_of < REST_MEAN <= end:
+            return self._against(end - REST_MEAN, end, kappa, limits.rest_limit_um)
         return found
 
-    def _against(self, limits: StepLimits, kappa: Kappa, mean_of: int) -> Step | None:
-        """Hold the newest sample against the mean of ``mean_of`` samples before it."""
-        end = len(self.x_um) - limits.span
-        begin = end - mean_of
-        if begin < 0:
-            return None
-        before_x_um = sum(self.x_um[begin:end]) / mean_of
-        before_free_um = sum(self.free_um[begin:end]) / mean_of
-        limit_um = SIGMAS * limits.noise_um * sqrt(1.0 + 1.0 / mean_of) + SLACK_UM
+    def _against(self, begin: int, end: int, kappa: Kappa, limit_um: float) -> Step | None:
+        """Hold the newest sample against the mean of the samples from ``begin`` up to ``end``."""
+        count = end - begin
+        before_x_um = sum(self.x_um[begin:end]) / count
+        before_free_um = sum(self.free_um[begin:end]) / count
         free_um = self.free_um[-1] - before_free_um
-        step_um = self.x_um[-1] - before_x_um - kappa.explained_um(free_um)
         if kappa.known:
-            beyond = abs(step_um) > limit_um + EXPLAINED * abs(free_um)
+            step_um = self.x_um[-1] - before_x_um - free_um / (1.0 + kappa.value)
+            limit_um += EXPLAINED * (free_um if free_um > 0.0 else -free_um)
+            beyond = step_um > limit_um or -step_um > limit_um
         else:
+            step_um = self.x_um[-1] - before_x_um - kappa.explained_um(free_um)
             beyond = step_um > limit_um
         return Step(step_um, before_x_um, before_free_um) if beyond else None
 
