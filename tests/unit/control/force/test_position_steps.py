@@ -24,7 +24,8 @@ def limits(noise_um: float, period_s: float = 0.02) -> StepLimits:
 
 def load(noise_um: float, K_e: float, period_s: float, random: Random) -> list[tuple[float, float]]:
     """x and x_1 of a healthy load to 20 mN in 0.45 s, and of a hold of 0.5 s after it."""
-    kappa, samples = S_P * K_e, []
+    kappa = S_P * K_e
+    samples: list[tuple[float, float]] = []
     for tick in range(round(0.95 / period_s)):
         force_mN = 4.0 + 16.0 * quintic(min(1.0, tick * period_s / 0.45))
         x_um = 31.2 + force_mN / K_e
@@ -62,7 +63,7 @@ def test_a_slip_is_found_in_its_first_sample(
     random, found = Random(SEED), 0
     kappa, rule = S_P * PLAN_K, limits(noise_um)
     for _ in range(100):
-        watch = StepWatch()
+        watch, x_um, free_um = StepWatch(), 0.0, 0.0
         for x_um, free_um in load(noise_um, PLAN_K, 0.02, random)[:22]:
             watch = watch.follow(rule, x_um, free_um)
             assert watch.step(rule, Kappa(kappa) if known else SOFTEST) is None
