@@ -53,8 +53,8 @@ class Store(Database):
 
     def interrupt_unfinished(self, at: str) -> list[str]:
         """Mark jobs that an earlier supervisor left unfinished, not queued; returns their names."""
-        kept = ["queued", *(name for name, state in STATES.items() if state.terminal)]
-        left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.not_in(kept))
+        live = [name for name, state in STATES.items() if not state.terminal and name != "queued"]
+        left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.in_(live))
         ended = Ending(code="supervisor_ended")
         body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
         body["ending"] = ended.code
@@ -245,6 +245,10 @@ def _add_event(
 
 
 def _event_span(connection: Connection) -> tuple[int, int]:
-    ends = select(func.min(EVENTS.c.number), func.max(EVENTS.c.number))
+    # SQLite looks the ends up in the index only where each has a query of its own.
+    ends = select(
+        select(func.min(EVENTS.c.number)).scalar_subquery(),
+        select(func.max(EVENTS.c.number)).scalar_subquery(),
+    )
     oldest, newest = connection.execute(ends).one()
     return oldest or 0, newest or 0

@@ -28,8 +28,8 @@ JOBS = Table(
     Column("id", String, primary_key=True),
     Column("number", Integer, nullable=False, unique=True),
     Column("kind", String, nullable=False),
-    Column("rig", String, nullable=False, index=True),
-    Column("state", String, nullable=False, index=True),
+    Column("rig", String, nullable=False),
+    Column("state", String, nullable=False),
     Column("cause", String, nullable=False),
     Column("ending", JSON(none_as_null=True)),
     Column("request", JSON, nullable=False),
@@ -46,6 +46,11 @@ JOBS = Table(
     Column("pinned", Boolean, nullable=False),
     Column("priority", Integer, nullable=False),
     Column("place", Integer),
+    *(
+        Index(f"ix_jobs_{name}_number", name, "number")
+        for name in ("rig", "state", "kind", "sample", "batch", "operator")
+    ),
+    Index("ix_jobs_counted", "rig", "kind", "state"),
 )
 """``number`` rises with every job, ``revision`` with every change; ``place`` is in the queue."""
 

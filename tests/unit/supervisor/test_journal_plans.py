@@ -1,0 +1,75 @@
+"""How the journal finds its rows: what is asked for often reads no table from end to end."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import Select, event, select, text
+from sqlalchemy.dialects import sqlite
+from sqlalchemy.engine import Engine
+
+from pincette_supervisor.journal.job_filter import JobFilter
+from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.journal.tables import JOBS
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    made = Store(tmp_path / "supervisor.sqlite")
+    yield made
+    made.close()
+
+
+def plan(store: Store, query: str) -> list[str]:
+    with store.reading() as connection:
+        found = connection.execute(text(f"EXPLAIN QUERY PLAN {query}")).all()
+    return [str(row[3]) for row in found]
+
+
+def as_text(query: Select[Any]) -> str:
+    return str(query.compile(dialect=sqlite.dialect(), compile_kwargs={"literal_binds": True}))
+
+
+FILTERS = (
+    JobFilter(rig="demo"),
+    JobFilter(state="running"),
+    JobFilter(kind="grip"),
+    JobFilter(sample="B7"),
+    JobFilter(batch="w12"),
+    JobFilter(operator="ann"),
+    JobFilter(rig="demo", state="succeeded", before_number=9),
+)
+
+
+@pytest.mark.parametrize("wanted", FILTERS)
+def test_a_list_looks_its_jobs_up_and_sorts_nothing(store: Store, wanted: JobFilter) -> None:
+    query = wanted.applied(select(JOBS).order_by(JOBS.c.number.desc()).limit(51))
+    (step,) = plan(store, as_text(query))
+    assert step.startswith("SEARCH jobs USING INDEX ix_jobs_"), step
+
+
+def test_what_is_asked_for_all_the_time_reads_no_job_and_no_event(store: Store) -> None:
+    asked: list[str] = []
+
+    def note(_c: Any, _cursor: Any, statement: str, values: Any, *_: Any) -> None:
+        for value in values:
+            statement = statement.replace("?", repr(value), 1)
+        if statement.startswith("SELECT"):
+            asked.append(statement)
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        store.counted()
+        store.queued("demo")
+        store.event_span()
+        store.events_after(5)
+        store.events_after(5, job="j-1")
+        store.interrupt_unfinished(utc_now())
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    assert len(asked) >= 6
+    for statement in asked:
+        for step in plan(store, statement):
+            whole = step.startswith(("SCAN jobs", "SCAN events", "SCAN actions"))
+            assert not whole or "COVERING INDEX" in step, (statement, step)
