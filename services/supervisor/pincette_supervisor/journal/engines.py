@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
+import msgspec
 from sqlalchemy import (
     URL,
     Connection,
@@ -64,6 +65,7 @@ def open_file(path: Path) -> Engine:
         pool_size=POOL,
         max_overflow=OVERFLOW,
         json_serializer=_to_json,
+        json_deserializer=msgspec.json.decode,  # three times as fast as json.loads
     )
     event.listen(engine, "connect", _prepare)
     event.listen(engine, "begin", _begin)
