@@ -35,7 +35,7 @@ SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
 .DEFAULT_GOAL := help
 .PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
-  paper bench bench-check soak findings adapters engine pins sbom wheels docs dist site clean
+  paper bench bench-check soak soak-load findings adapters engine pins sbom wheels docs dist site clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -157,6 +157,10 @@ soak: dev ## the tests that take minutes or hours each; figures go into data/fig
 	@mkdir -p data/figures
 	@export PINCETTE_FIGURES=$(CURDIR)/data/figures; \
 	$(if $(filter tests/%,$(ARGS)),$(BIN)/pytest -m slow $(ARGS),$(call apart,-m slow $(ARGS)))
+
+soak-load: dev ## 50 clients beside 30 grips for ten minutes; ARGS="--jobs 50000" fills the journal
+	@mkdir -p data/figures
+	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/python -m tests.support.load $(ARGS)
 
 findings: ## run the scripts of findings/ one after another; needs the network, is no part of CI
 	@failed=; for script in findings/*.sh; do \

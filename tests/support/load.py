@@ -1,0 +1,245 @@
+"""Load test of a rig: 50 clients beside grips, with p50 and p99 of each request.
+
+``python -m tests.support.load`` starts the demo rig in real time on ports of its own, with ended
+jobs in its journal. Each client holds a stream of events, and requests live values, lists of jobs
+and dry runs; two pages hold their own streams. It prints a table, writes ``load.json`` to the folder
+in ``PINCETTE_FIGURES``, and fails where a grip was disturbed.
+"""
+
+import argparse
+import asyncio
+import json
+import os
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from statistics import quantiles
+from time import perf_counter
+
+import httpx
+from sqlalchemy import insert
+
+from pincette_supervisor.journal.database import columns
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import JOBS
+from tests.support.footprint import footprint
+from tests.support.grips import make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import Json, RunningRig, running_rig
+
+LIVE_S, LIST_S, DRY_RUN_S, PAGE_S = 0.2, 2.0, 10.0, 1.0
+"""Time between two requests of one client."""
+TARGETS_S = {"list of 50 jobs": 0.05, "dry run": 0.5}
+"""Greatest p50 on two quiet cores, in s."""
+PAGES = 2
+SETTLED = 0.3
+"""Share of the time after which memory counts as settled."""
+
+
+class Load:
+    """Clients of one supervisor, and the times of their requests."""
+
+    def __init__(self, url: str, rig: str, until_s: float) -> None:
+        self._http = httpx.AsyncClient(
+            base_url=url, timeout=60.0, trust_env=False, limits=httpx.Limits(max_connections=None)
+        )
+        self._rig, self._until_s = rig, until_s
+        self.times_s: dict[str, list[float]] = defaultdict(list)
+        self.failures: Counter[str] = Counter()
+
+    async def run(self, clients: int) -> None:
+        """Ask until the time is over."""
+        tasks = [self._client(number) for number in range(clients)]
+        tasks += [self._page() for _ in range(PAGES)]
+        async with self._http:
+            await asyncio.gather(*tasks)
+
+    async def _client(self, number: int) -> None:
+        place = {"after": 0}
+
+        async def live() -> None:
+            found = await self._ask("live values", f"/rigs/{self._rig}/samples", dict(place))
+            place["after"] = found.get("next", place["after"])
+
+        async def jobs() -> None:
+            await self._ask("list of 50 jobs", "/jobs", {"limit": 50})
+
+        async def dry_run() -> None:
+            body = {"kind": "grip", "force_mN": 8.0 + 0.1 * (number % 5), "dry_run": True}
+            await self._ask("dry run", "/jobs", None, body)
+
+        await asyncio.gather(
+            self._hold("events", "/events"),
+            self._each(LIVE_S, live, number),
+            self._each(LIST_S, jobs, number),
+            self._each(DRY_RUN_S, dry_run, number),
+        )
+
+    async def _page(self) -> None:
+        async def state() -> None:
+            await self._ask("state of the rig", f"/rigs/{self._rig}")
+
+        await asyncio.gather(
+            self._hold("events", f"/rigs/{self._rig}/events"),
+            self._hold("live", f"/rigs/{self._rig}/live"),
+            self._each(PAGE_S, state, 0),
+        )
+
+    async def _each(self, every_s: float, ask: Callable[[], Awaitable[None]], number: int) -> None:
+        await asyncio.sleep(every_s * (number % 10) / 10)
+        while perf_counter() < self._until_s:
+            begun_s = perf_counter()
+            await ask()
+            await asyncio.sleep(max(0.0, every_s - (perf_counter() - begun_s)))
+
+    async def _ask(
+        self, name: str, path: str, query: Json | None = None, body: Json | None = None
+    ) -> Json:
+        begun_s = perf_counter()
+        try:
+            if body is None:
+                answer = await self._http.get(path, params=query)
+            else:
+                answer = await self._http.post(path, json=body)
+        except httpx.HTTPError as error:
+            self.failures[f"{name}: {type(error).__name__}"] += 1
+            return {}
+        self.times_s[name].append(perf_counter() - begun_s)
+        if answer.status_code >= httpx.codes.BAD_REQUEST:
+            self.failures[f"{name}: {answer.status_code}"] += 1
+            return {}
+        return answer.json()
+
+    async def _hold(self, name: str, path: str) -> None:
+        """Hold a stream open until the time is over."""
+        while (left_s := self._until_s - perf_counter()) > 0.0:
+            headers = {"Accept": "text/event-stream"}
+            with suppress(httpx.HTTPError, TimeoutError):
+                async with asyncio.timeout(left_s):
+                    async with self._http.stream("GET", path, headers=headers) as answer:
+                        if answer.status_code >= httpx.codes.BAD_REQUEST:
+                            self.failures[f"stream of {name}: {answer.status_code}"] += 1
+                            await asyncio.sleep(min(left_s, 5.0))
+                        async for _ in answer.aiter_raw():
+                            pass
+
+
+async def grips(rig: RunningRig, count: int, until_s: float) -> list[Json]:
+    """Start grips at equal distances; returns the jobs as they ended."""
+    ended: list[Json] = []
+    for number in range(count):
+        job = await asyncio.to_thread(rig.start_grip)
+        ended.append(await asyncio.to_thread(rig.ended, job))
+        left_s = until_s - perf_counter()
+        await asyncio.sleep(max(0.0, left_s / (count - number)) if number + 1 < count else 0.0)
+    return ended
+
+
+def fill(journal: Path, count: int) -> None:
+    """Add ended jobs to a journal, as copies of its newest one."""
+    store = Store(journal)
+    (newest,) = store.newest(1)
+    with store.writing() as connection:
+        for number in range(newest.number + 1, newest.number + 1 + count):
+            row = replace(newest, id=f"filled-{number:08d}", number=number)
+            connection.execute(insert(JOBS).values(columns(row, "actions")))
+    store.close()
+
+
+async def measure(rig: RunningRig, given: argparse.Namespace) -> Json:
+    """Load a rig that is ready; returns the figures."""
+    until_s = perf_counter() + 60.0 * given.minutes
+    load = Load(str(rig.client.base_url), rig.rig.rig.name, until_s)
+    process = rig.fleet.members["supervisor"].process.pid
+    memory_kB: list[int] = []
+
+    async def watch() -> None:
+        while perf_counter() < until_s:
+            memory_kB.append(footprint(process)["memory_kB"])
+            await asyncio.sleep(min(5.0, 60.0 * given.minutes / 20))
+
+    before = rig.get(f"/rigs/{rig.rig.rig.name}/timing")["programs"]
+    _, _, ended = await asyncio.gather(
+        load.run(given.clients), watch(), grips(rig, given.grips, until_s)
+    )
+    after = rig.get(f"/rigs/{rig.rig.rig.name}/timing")["programs"]
+    requests = {name: spread(values) for name, values in sorted(load.times_s.items())}
+    return {
+        "clients": given.clients,
+        "minutes": given.minutes,
+        "jobs_in_journal": given.jobs,
+        "processors": os.cpu_count(),
+        "requests": requests,
+        "failures": dict(load.failures),
+        "grips": dict(Counter(str(job["state"]) for job in ended)),
+        "missed_ticks": sum(job["result"]["missed_ticks"] for job in ended if job["result"]),
+        "missed": {one["program"]: one["missed"] for one in after},
+        "missed_before": {one["program"]: one["missed"] for one in before},
+        "supervisor_MB": {
+            "settled": memory_kB[int(SETTLED * len(memory_kB))] / 1e3,
+            "end": memory_kB[-1] / 1e3,
+        },
+    }
+
+
+def spread(values: Sequence[float]) -> Json:
+    """Return count, p50 and p99 of times in s."""
+    cuts = quantiles(values, n=100) if len(values) > 1 else [*values] * 99
+    return {"count": len(values), "p50_s": cuts[49], "p99_s": cuts[98]}
+
+
+def table(found: Json) -> str:
+    """Return the figures for people."""
+    rows = [
+        f"{found['clients']} clients, {found['minutes']:g} min, {found['jobs_in_journal']} ended "
+        f"jobs in the journal, {found['processors']} processors",
+        "",
+        "| request | count | p50 / ms | p99 / ms | target for p50 / ms |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, one in found["requests"].items():
+        target = f"{1e3 * TARGETS_S[name]:g}" if name in TARGETS_S else ""
+        times = f"{1e3 * one['p50_s']:.1f} | {1e3 * one['p99_s']:.1f}"
+        rows.append(f"| {name} | {one['count']} | {times} | {target} |")
+    memory = found["supervisor_MB"]
+    rows += [
+        "",
+        f"grips: {found['grips']}, missed ticks in them: {found['missed_ticks']}",
+        f"supervisor: {memory['settled']:.0f} MB settled, {memory['end']:.0f} MB at the end",
+        f"refused or failed: {found['failures'] or 'none'}",
+    ]
+    return "\n".join(rows)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the load test; returns the exit status."""
+    parser = argparse.ArgumentParser(description="load a rig with many honest clients")
+    parser.add_argument("--clients", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--grips", type=int, default=30)
+    parser.add_argument("--jobs", type=int, default=5000, help="ended jobs in the journal")
+    given = parser.parse_args(words)
+    with (
+        tempfile.TemporaryDirectory(prefix="pincette-load-") as folder,
+        running_rig(demo_rig(), Path(folder)) as rig,
+    ):
+        make_ready(rig)
+        rig.ended(rig.start_grip())
+        fill(rig.data / "supervisor.sqlite", given.jobs)
+        found = asyncio.run(measure(rig, given))
+    print(table(found))
+    if figures := os.environ.get("PINCETTE_FIGURES"):
+        text = json.dumps(found, indent=1)
+        (Path(figures) / "load.json").write_text(f"{text}\n", encoding="utf-8")
+    disturbed = found["grips"].keys() != {"succeeded"}
+    if disturbed:
+        print(f"a grip was disturbed: {found['grips']}", file=sys.stderr)
+    return int(disturbed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
