@@ -2,8 +2,8 @@
 
 ``python -m tests.support.load`` starts the demo rig in real time on ports of its own, with ended
 jobs in its journal. Each client holds a stream of events, and requests live values, lists of jobs
-and dry runs; two pages hold their own streams. It prints a table, writes ``load.json`` to the folder
-in ``PINCETTE_FIGURES``, and fails where a grip was disturbed.
+and dry runs; two pages hold their own streams. It prints a table, writes ``load.json`` to the
+folder in ``PINCETTE_FIGURES``, and fails where a grip was disturbed.
 """
 
 import argparse
