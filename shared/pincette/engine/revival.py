@@ -11,12 +11,15 @@ part stays held. A program of the loop is not restarted before a person has look
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
 """A program that has run for so long begins with the shortest wait again."""
-UNUSABLE = 2
-"""Status of a program that cannot use its arguments or its files; another start cannot either."""
 
 
 class Revival:
-    """Starts ended programs of a fleet again; ``look`` is called several times a second."""
+    """Restarts the ended programs of a fleet; ``look`` is called several times a second.
+
+    All of them have been ready once, so that each is restarted whatever its exit status: a file
+    that it cannot use now may be usable again at the next attempt. A fleet whose programs were
+    never ready does not come up, and has no revival.
+    """
 
     def __init__(
         self,
@@ -60,8 +63,6 @@ class Revival:
         words = f"ended, status {status}; see {member.log}"
         if name not in self._names:
             return words
-        if status == UNUSABLE:
-            return f"{words}; it is not started again, since it cannot use what it was given"
         if self._clock() - self._begun_s[name] > WELL_S:
             self._wait_s[name] = FIRST_S
         wait_s = self._wait_s[name]

@@ -90,13 +90,17 @@ def test_the_loop_is_left_to_a_person(programs: Programs) -> None:
     assert watched.said == ["controller: ended, status 1; see controller.log"]
 
 
-def test_one_that_cannot_use_its_files_is_left_alone(programs: Programs) -> None:
+@pytest.mark.parametrize("status", [0, 1, 2, 3, 137, -6, -15])
+def test_a_program_that_was_ready_is_restarted_whatever_its_status(
+    programs: Programs, status: int
+) -> None:
     watched = Watched(programs)
-    programs.members["supervisor"].process.returncode = 2
-    watched.after(0.1)
-    watched.after(100.0)
-    assert programs.revived == []
-    assert "it is not started again" in watched.said[0]
+    for attempt, wait_s in enumerate((FIRST_S, 2.0 * FIRST_S), 1):
+        programs.members["supervisor"].process.returncode = status
+        watched.after(0.1)
+        watched.after(wait_s)
+        assert programs.revived == ["supervisor"] * attempt
+    assert f"status {status}" in watched.said[0]
 
 
 def test_one_that_dies_again_and_again_is_waited_for_longer(programs: Programs) -> None:
