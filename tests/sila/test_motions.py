@@ -173,7 +173,8 @@ def test_two_clients_see_the_same_rig(rig: RunningRig, client: Any) -> None:
     def watch() -> None:
         with stock_client(rig) as other:
             for part in other.Microgripper.Part.subscribe():
-                seen.append(part)
+                if part != "unknown":  # without news for a second, on a busy machine
+                    seen.append(part)
                 if seen[-2:] == ["held", "none"]:
                     return
 

@@ -31,6 +31,7 @@ from pincette_sila.gripper import Gripper, moving_commands
 from pincette_sila.lock import Lock
 from pincette_sila.recovery import ErrorRecovery
 from pincette_sila.second_arm import SecondArm
+from pincette_sila.subscriptions import install
 from pincette_sila.watching import watch_rig, watch_samples
 
 KEY = "PINCETTE_KEY"
@@ -42,6 +43,7 @@ IDENTITY = "sila-server-uuid"
 
 def run(context: Context) -> None:
     """Serve until the program is stopped."""
+    install()
     settings, rig = context.rig.sila, context.rig.rig.name
     background = Background()
     url, pki = settings.supervisor or context.rig.supervisor.url, context.rig.bus.pki
