@@ -14,7 +14,12 @@ import pytest
 import zenoh
 from msgspec.structs import replace
 
-from pincette.bus.endpoints import direct_endpoint, program_endpoint, router_endpoint
+from pincette.bus.endpoints import (
+    direct_endpoint,
+    program_endpoint,
+    router_endpoint,
+    tool_endpoint,
+)
 from pincette.bus.endpoints import service_endpoint as loop_endpoint
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.bus.query import Query
@@ -26,6 +31,7 @@ from pincette.core.codec import encode
 from pincette.core.faults import Cause, FaultCode
 from pincette.core.messages import Ack, Applied, Message, Reset, Status, StatusRequest, Trip
 from pincette.core.topics import APPLIED, RESET, STATUS, TRIP, Request, key, request_key
+from pincette.diagnostics.bus import foreign_sessions
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
 from pincette.engine.process import loop_services
@@ -314,3 +320,38 @@ def _status(bus: ZenohBus, service: str) -> Status | None:
         return cast(Status, bus.call(STATUS[service], StatusRequest(), 0.5))
     except BusError:
         return None
+
+
+def test_foreign_declarations_are_listed_and_those_of_programs_are_not(plain: Site) -> None:
+    bus = ZenohBus(tool_endpoint(plain.rig), "demo", "doctor")
+    plain.supervisor.announce("supervisor")
+    until(lambda: "supervisor" in bus.alive())
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    until(lambda: not bus.foreign_declarations())
+    with outsider("peer", place) as session, declared(session, "silent", "**"):
+        zid = str(session.zid())
+        wanted = {("queryable", "**", zid), ("subscriber", "**", zid)}
+
+        def listed() -> bool:
+            found = bus.foreign_declarations()
+            return {(one.kind, one.place, one.session) for one in found} == wanted
+
+        until(listed)
+    until(lambda: not bus.foreign_declarations())
+    bus.close()
+
+
+def test_doctor_names_the_session_and_the_key_of_a_foreign_store(plain: Site) -> None:
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    plain.supervisor.announce("supervisor")
+    until(lambda: [one.mark for one in foreign_sessions(plain.rig)] == ["well"])
+    with outsider("client", place) as session, declared(session, "store"):
+        until(lambda: {one.mark for one in foreign_sessions(plain.rig)} == {"note"})
+        found = [*foreign_sessions(plain.rig)]
+        assert len(found) == 2
+        assert all(str(session.zid()) in one.what and EVERYTHING in one.what for one in found)
+
+
+def test_doctor_says_nothing_of_a_bus_that_is_down_and_trusts_access_lists(secure: Site) -> None:
+    assert [*foreign_sessions(demo_rig())] == []
+    assert [one.mark for one in foreign_sessions(secure.rig)] == ["well"]

@@ -45,6 +45,8 @@ class ProgramReply:
     """Encoding of the payload; empty for a refusal."""
     refused: bool
     """True for an error reply, whose payload is the reason as text."""
+    place: str = ""
+    """Key of the reply; empty for a refusal."""
 
 
 class Query:
@@ -55,9 +57,19 @@ class Query:
     """
 
     def __init__(
-        self, session: zenoh.Session, place: str, timeout_s: float, payload: bytes | None = None
+        self,
+        session: zenoh.Session,
+        place: str,
+        timeout_s: float,
+        payload: bytes | None = None,
+        *,
+        marked: bool = True,
     ) -> None:
-        """Send the query; raises ZError if the session is closed."""
+        """Send the query; raises ZError if the session is closed.
+
+        ``marked``: False takes every reply, for Zenoh's own admin space, which returns no mark.
+        """
+        self._needs_mark = marked
         mark = secrets.token_bytes(MARK_BYTES)
         self._mark, self._refusal = mark, str(REFUSAL.with_schema(mark.hex()))
         self._deadline_s = monotonic() + timeout_s
@@ -81,7 +93,7 @@ class Query:
         )
 
     def _take(self, reply: zenoh.Reply) -> None:
-        found = _marked(reply, self._mark, self._refusal)
+        found = _marked(reply, self._mark, self._refusal) if self._needs_mark else _any(reply)
         if found is None:
             self.ignored += 1
         else:
@@ -114,10 +126,17 @@ def _marked(reply: zenoh.Reply, mark: bytes, refusal: str) -> ProgramReply | Non
         attached = sample.attachment
         if attached is None or len(attached) != len(mark) or attached.to_bytes() != mark:
             return None
-        return ProgramReply(sample.payload, str(sample.encoding), refused=False)
+        return ProgramReply(sample.payload, str(sample.encoding), False, str(sample.key_expr))
     if error is None or str(error.encoding) != refusal:
         return None
     return ProgramReply(error.payload, "", refused=True)
+
+
+def _any(reply: zenoh.Reply) -> ProgramReply | None:
+    sample = reply.ok
+    if sample is None:
+        return None
+    return ProgramReply(sample.payload, str(sample.encoding), False, str(sample.key_expr))
 
 
 def respond(query: zenoh.Query, place: str, payload: bytes) -> None:

@@ -50,6 +50,11 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
         },
         # Or routers stamp what passes by their wall clocks, and judge what another one stamped.
         "timestamping": {"enabled": False},
+        # A router tells `pincette doctor` which sessions have declared what; nobody can change it.
+        "adminspace": {
+            "enabled": config.mode == "router",
+            "permissions": {"read": True, "write": False},
+        },
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
             "unicast": {"open_timeout": 1000, "accept_timeout": 1000},

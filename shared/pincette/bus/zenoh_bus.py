@@ -3,9 +3,11 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import json
 import logging
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from math import inf
 from time import monotonic
@@ -24,6 +26,7 @@ from pincette.core.codec.refusals import CodecError
 from pincette.core.codec.wire import explained, of_other_wires, update_which
 from pincette.core.messages import Message, RequestLog, Timing
 from pincette.core.topics import (
+    ROOT,
     TOPIC_OF,
     Request,
     Topic,
@@ -46,6 +49,18 @@ REOPENED_S = 30.0
 NOTHING_YET = "nothing has been published here yet"
 EMPTY = "a request needs a payload: its message as a MessagePack map"
 """Reply to a query without a payload, as tools send it that list keys."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignDeclaration:
+    """A queryable or subscriber on a rig's keys that none of its programs has declared."""
+
+    kind: str
+    """``queryable`` or ``subscriber``."""
+    place: str
+    """Key expression."""
+    session: str
+    """Zenoh's id of the session."""
 
 
 class ZenohBus:
@@ -107,6 +122,36 @@ class ZenohBus:
         # Tokens are known to the routers, which answer; no queryable is asked.
         replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    def foreign_declarations(self, timeout_s: float = 1.0) -> list[ForeignDeclaration]:
+        """Return what sessions without a program's token have declared on this rig's keys.
+
+        The routers' admin spaces state it, unless an access list keeps them closed.
+        """
+        own, tokens = {str(self._session.zid())}, zenoh.KeyExpr(live_key_of_any_wire("*"))
+        for place, sources in self._admin("token", timeout_s):
+            if tokens.intersects(place):
+                own |= sources
+        keys = zenoh.KeyExpr(f"{ROOT}/{self._rig}/**")
+        return [
+            ForeignDeclaration(kind, place, session)
+            for kind in ("queryable", "subscriber")
+            for place, sources in self._admin(kind, timeout_s)
+            if keys.intersects(place)
+            for session in sorted(sources - own)
+        ]
+
+    def _admin(self, kind: str, timeout_s: float) -> list[tuple[str, set[str]]]:
+        """Return the declared keys of one kind, each with the ids of its clients and peers."""
+        with self._asked(
+            lambda one: Query(one, f"@/*/router/{kind}/**", timeout_s, marked=False)
+        ) as query:
+            found = [(reply.place, json.loads(reply.payload.to_bytes())) for reply in query]
+        return [
+            (place.split("/", 4)[4], {*sources.get("clients", ()), *sources.get("peers", ())})
+            for place, sources in found
+            if place.count("/") >= 4
+        ]
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         """Tell ``sink`` of every program that comes or goes."""
