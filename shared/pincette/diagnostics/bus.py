@@ -10,6 +10,9 @@ from pincette.config import RigFile
 from pincette.diagnostics import Finding, noted
 from pincette.security.identity import SecurityError
 
+ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
+LISTENS = "none needed: it only listens. The supervisor's own session for samples is listed, too"
+
 
 def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
     """Yield what sessions other than the rig's programs have declared on its keys.
@@ -25,11 +28,12 @@ def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
             found = bus.foreign_declarations()
     except (BusError, SecurityError):
         return
+    declared: dict[tuple[str, str], list[str]] = {}
     for one in found:
-        what = (
-            f"bus: session {one.session} of another tool has declared a {one.kind} on {one.place}"
-        )
-        remedy = "none needed: the rig's programs ignore its replies; see docs/how-to/listen.md"
-        yield noted(what, remedy if one.kind == "queryable" else "")
+        declared.setdefault((one.session, one.kind), []).append(one.place)
+    for (session, kind), places in sorted(declared.items()):
+        answers = kind == "queryable"
+        what = f"bus: session {session} has no program's token and a {kind} on {', '.join(places)}"
+        yield noted(what, ANSWERS if answers else LISTENS)
     if not found:
         yield Finding(True, "bus: no other tool has declared a queryable or subscriber")
