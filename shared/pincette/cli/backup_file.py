@@ -6,9 +6,11 @@ import io
 import json
 import os
 import shutil
+import sqlite3
 import tarfile
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, cast
@@ -133,17 +135,18 @@ def _all(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
-def restore(file: Path, data: Path) -> list[str]:
+def restore(file: Path, data: Path, read_keys: Callable[[Path], object]) -> list[str]:
     """Make a data folder of a backup; returns the names of its files.
 
-    All of it is unpacked aside and checked before any file gets its place. Raises ``DAMAGED``,
-    and leaves the folder as it was.
+    All of it is unpacked aside and checked before any file gets its place. ``read_keys`` reads the
+    keys of a folder, and raises an error for damaged ones. Raises ``DAMAGED``, and leaves the
+    folder as it was.
     """
     made = not data.exists()
     make_folder(data, OWNED)
     aside = Path(tempfile.mkdtemp(prefix=".restore-", dir=data))
     try:
-        names = _unpack(file, aside)
+        names = _unpack(file, aside, read_keys)
         # The journal last: without it the folder is not taken for one with data.
         for path in sorted(aside.iterdir(), key=lambda path: path.name == JOURNAL):
             sync_folder(data)  # the names before it outlast a power cut if the journal's does
@@ -158,7 +161,7 @@ def restore(file: Path, data: Path) -> list[str]:
     return names
 
 
-def _unpack(file: Path, folder: Path) -> list[str]:
+def _unpack(file: Path, folder: Path, read_keys: Callable[[Path], object]) -> list[str]:
     """Unpack and check a backup; raises ``DAMAGED``."""
     most = RATIO * file.stat().st_size + ALWAYS
     free = shutil.disk_usage(folder).free
@@ -200,7 +203,29 @@ def _unpack(file: Path, folder: Path) -> list[str]:
         raise ValueError(f"{min(missing)} is missing")
     if JOURNAL not in digests:
         raise ValueError(f"{JOURNAL} is missing")
+    _require_sound(folder, read_keys)
     return sorted(digests)
+
+
+def _require_sound(folder: Path, read_keys: Callable[[Path], object]) -> None:
+    """Raise ValueError where journal or keys were damaged before they were backed up."""
+    place = (folder / JOURNAL).absolute().as_uri()
+    try:
+        with closing(sqlite3.connect(f"{place}?mode=ro&immutable=1", uri=True)) as journal:
+            found = [str(row[0]) for row in journal.execute("PRAGMA quick_check(1)")]
+    except sqlite3.Error as error:
+        raise ValueError(f"{JOURNAL} in it is damaged: {error}") from error
+    if found != ["ok"]:
+        raise ValueError(f"{JOURNAL} in it is damaged: {' '.join(found)}")
+    if not (folder / KEYS).exists():
+        return
+    with tempfile.TemporaryDirectory(dir=folder) as alone:
+        shutil.copyfile(folder / KEYS, Path(alone) / KEYS)
+        try:
+            read_keys(Path(alone))
+        except Exception as error:
+            words = str(error).replace(f"{alone}{os.sep}", "")
+            raise ValueError(f"{KEYS} in it is damaged: {words}") from error
 
 
 def _chunks(content: IO[bytes]) -> Iterable[bytes]:

@@ -18,6 +18,7 @@ from pincette.cli.access import Address
 from pincette.cli.backup_file import JOURNAL
 from pincette.cli.options import DATA, DataFolder, Limit, integer
 from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
+from pincette.cli.user import opened_keys
 from pincette.core.files import publish
 
 if TYPE_CHECKING:
@@ -78,7 +79,11 @@ def _copied(journal: Path, copy: Path) -> None:
 
 @command(app, "restore")
 def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
-    """Make a data folder of a backup; each file is checked by its SHA-256 before any is kept."""
+    """Make a data folder of a backup.
+
+    Each file is checked by its SHA-256, and the journal and the keys for damage, before any is
+    kept.
+    """
     if data.exists() and not data.is_dir():
         raise CliError(f"{data} is no folder: name another with --data")
     if data.exists() and any(data.iterdir()):
@@ -87,13 +92,18 @@ def restore(form: Json, file: File, data: DataFolder = DATA) -> None:
         raise CliError(f"{file} is not there, or no file: name a backup of `pincette backup`")
     try:
         with patience("checking"):
-            names = backup_file.restore(file, data)
+            names = backup_file.restore(file, data, _read_keys)
     except backup_file.DAMAGED as error:
         raise CliError(
             f"{file} cannot be restored, and nothing of it was kept: {error or 'it is damaged'}"
         ) from error
     text = f"{data}: {len(names)} files; `pincette up --data {data}` starts a rig with them"
     form.answer({"data": str(data), "files": names}, text)
+
+
+def _read_keys(folder: Path) -> None:
+    with opened_keys(folder) as keys:
+        keys.all()
 
 
 def _verify(text: str) -> str:

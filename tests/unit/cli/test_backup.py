@@ -7,6 +7,7 @@ import sqlite3
 import tarfile
 from collections.abc import Callable
 from contextlib import closing
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -112,6 +113,67 @@ def test_a_backup_that_was_changed_is_refused_and_leaves_nothing(
         assert main(["restore", str(file), "--data", str(after)]) == 1
         assert words in capsys.readouterr().err
         assert not after.exists()
+
+
+def journal_with_damaged_pages(content: bytes) -> bytes:
+    return content[:8192] + b"\x5a" * (len(content) - 8192)
+
+
+def journal_that_is_cut(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def no_journal(_content: bytes) -> bytes:
+    return b"not a database"
+
+
+def other_keys(content: bytes) -> Callable[[bytes], bytes]:
+    return lambda _: content
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("supervisor.sqlite", journal_with_damaged_pages),
+        ("supervisor.sqlite", journal_that_is_cut),
+        ("supervisor.sqlite", no_journal),
+        ("keys.json", other_keys(b"")),
+        ("keys.json", other_keys(b"[]")),
+        ("keys.json", other_keys(b'{"version": 1, "keys": [{"name": "ann"}]}')),
+        ("keys.json", other_keys(b'{"version": 9, "keys": []}')),
+    ],
+)
+def test_a_backup_of_damaged_files_is_refused_and_leaves_nothing(
+    data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    damage: Callable[[bytes], bytes],
+) -> None:
+    with closing(Store(data / "supervisor.sqlite")) as store:
+        store.add(job("first"))
+    file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
+    assert main(["backup", str(file), "--data", str(data)]) == 0
+    with tarfile.open(file) as archive:
+        contents = {
+            entry.name: stream.read()
+            for entry in archive
+            if (stream := archive.extractfile(entry)) is not None
+        }
+    contents[name] = damage(contents[name])
+    about = json.loads(contents["backup.json"])
+    about["files"][name] = sha256(contents[name]).hexdigest()
+    contents["backup.json"] = json.dumps(about).encode()
+    with tarfile.open(file, "w:gz") as archive:
+        for place, content in contents.items():
+            entry = tarfile.TarInfo(place)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    assert main(["restore", str(file), "--data", str(after)]) == 1
+    error = capsys.readouterr().err
+    assert name in error
+    assert ".restore-" not in error
+    assert not after.exists()
 
 
 def test_a_folder_without_a_journal_is_no_data_folder(
