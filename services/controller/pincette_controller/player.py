@@ -16,7 +16,7 @@ from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.guarding import guard
 from pincette_controller.player_state import Foreseen, Player, at_tick, follow, jump
-from pincette_controller.slipping import admissible
+from pincette_controller.slipping import admissible, within_plan
 
 MOVING = ("seek", "sweep")
 """Kinds of segment that are nowhere at rest, not even at their end."""
@@ -72,7 +72,7 @@ def advance(
     if player.ended or player.paused:
         return player
     if known is not None and player is led:
-        return replace(
+        moved = replace(
             player,
             ticks=known.ticks,
             x_r_um=known.x_r_um,
@@ -80,7 +80,9 @@ def advance(
             force_r_mN=known.force_r_mN,
             voltage_V=known.voltage_V,
         )
-    return at_tick(player, player.ticks + 1, period_s)
+        return within_plan(program, moved, estimate.x_um) if moved.held else moved
+    moved = at_tick(player, player.ticks + 1, period_s)
+    return within_plan(program, moved, estimate.x_um) if moved.held else moved
 
 
 def foresee(player: Player, period_s: float) -> Foreseen | None:

@@ -158,6 +158,24 @@ def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool
     return _back(program, replace(player, outcome=Outcome.SLIPPED), x_um)
 
 
+def within_plan(program: Program, player: Player, x_um: float) -> Player:
+    """End a program whose references are about to leave the range of its plan.
+
+    A force that cannot be reached there is not chased: the part has slipped, or is softer than any
+    that the plan admits.
+    """
+    planned = program.planned_range
+    if planned is None or not player.segment.presses or player.segment.phase in UNWATCHED:
+        return player
+    if player.x_r_um <= planned.position_max_um:
+        return player
+    player = replace(player, x_r_um=planned.position_max_um)
+    if player.outcome:
+        return player
+    outcome = Outcome.SLIPPED if player.slips else Outcome.WRONG_STIFFNESS
+    return _back(program, replace(player, outcome=outcome), x_um)
+
+
 def _rests(player: Player) -> bool:
     """Whether a part is kept at rest, so that freezing the voltage is enough."""
     segment = player.segment

@@ -189,6 +189,9 @@ def _play(
     voltage_V = player.voltage_V if open_loop else output.voltage_V
     if player.suspect is not None:
         voltage_V = estimate.applied_V
+    planned = program.planned_range
+    if planned is not None and not open_loop and voltage_V > planned.voltage_max_V:
+        voltage_V = planned.voltage_max_V
     command = Command(
         epoch=state.epoch,
         seq=estimate.seq,

@@ -30,7 +30,7 @@ from pincette.control.planning.feasibility import (
     named_violation,
 )
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel
 
 RUN_UP_PERIODS = 5
@@ -38,6 +38,9 @@ RUN_UP_PERIODS = 5
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
+RANGE_SHARE, RANGE_V = 0.1, 0.1
+"""Voltage beyond the furthest that is predicted, as a share of it and in V."""
+RANGE_STEPS = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +137,12 @@ def plan_contact(
     broken.extend(_untaught(course, rig.taught_V, pointers))
     broken.extend(_early_contact(request, rig.x_start_um))
     return ContactPlan(
-        program=Program(segments, _guards(request, rig.limits), request.stiffness_mN_per_um),
+        program=Program(
+            segments,
+            _guards(request, rig.limits),
+            request.stiffness_mN_per_um,
+            planned_range=_range(request, arm, course, rig),
+        ),
         phases=_with_voltages(phases, course, rig.period_s),
         course=course,
         violations=tuple(broken),
@@ -185,6 +193,27 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
         stiffness_min_mN_per_um=request.softest_mN_per_um,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance),
         zero_wait_s=ZERO_WAIT_S,
+    )
+
+
+def _range(
+    request: ContactRequest, arm: PlannedArm, course: Course, rig: PlannedRig
+) -> PlannedRange:
+    """Return how far the softest part that is admitted, touched last, leads the arm.
+
+    The voltage is that of the free response, or of d_p, and ``RANGE_SHARE`` of it and ``RANGE_V``
+    beyond, for creep, hysteresis and the law's own motion; never beyond the limits of the rig.
+    """
+    force_mN = max(course.force_r_mN)
+    x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
+    steps = range(RANGE_STEPS + 1)
+    places_um = [arm.x_start_um + (x_um - arm.x_start_um) * step / RANGE_STEPS for step in steps]
+    forces_mN = [force_mN * step / RANGE_STEPS for step in steps]
+    furthest_V = max(arm.voltages_V(places_um, forces_mN, rig.period_s) + course.voltage_V)
+    return PlannedRange(
+        position_max_um=x_um + MARGIN_UM,
+        force_max_mN=force_mN,
+        voltage_max_V=min(rig.limits.voltage_max_V, (1.0 + RANGE_SHARE) * furthest_V + RANGE_V),
     )
 
 

@@ -94,7 +94,8 @@ def contact_stiffness_program(
         stiffness_min_mN_per_um=request.stiffness_mN_per_um / WIDE,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um * WIDE,
     )
-    return replace(plan.program, segments=segments, guards=guards)
+    # The stiffness is what is looked for: only the rig's own limits hold.
+    return replace(plan.program, segments=segments, guards=guards, planned_range=None)
 
 
 def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]:

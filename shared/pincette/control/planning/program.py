@@ -142,6 +142,14 @@ class Guards(FrozenRecord, frozen=True):
     """Whether a zero that is refused ends the program; else it goes on without one."""
 
 
+class PlannedRange(FrozenRecord, frozen=True):
+    """Furthest references and voltage that a plan has stated, for every part that it admits."""
+
+    position_max_um: Micrometre
+    force_max_mN: Millinewton
+    voltage_max_V: Volt
+
+
 class Program(FrozenRecord, frozen=True):
     """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws.
 
@@ -165,6 +173,8 @@ class Program(FrozenRecord, frozen=True):
     """Whether a part is in the gripper when it begins."""
     corrections: Corrections | None = None
     """What is learned along the cycles of its path, to begin with; None: nothing is learned."""
+    planned_range: PlannedRange | None = None
+    """Range that no reference and no voltage under a law may leave; None: the rig's limits."""
     slip_retries: Whole = 0
     """Number of slips after which a load goes on from where the part has stopped."""
 
