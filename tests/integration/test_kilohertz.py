@@ -6,13 +6,17 @@ from pathlib import Path
 import pytest
 
 from pincette.config import read_rig
+from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning.program import Program
 from pincette.core.faults import Mode
-from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
+from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
 from pincette.core.topics import TELEMETRY, Topic
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.simulated import simulated_bench
 from pincette.engine.timing_budget import budget
 from pincette.sim.bench import Bench
+from pincette_controller import guarding
+from pincette_controller.player_state import Player
 from pincette_study.closed_loop import errors, tracked, tracking_plan
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
@@ -59,11 +63,25 @@ def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     assert found.force_percent <= 4.0
 
 
-def test_a_part_that_steps_in_the_hold_is_met_within_15_ms() -> None:
+def test_a_healthy_grip_shows_no_step_of_the_position(said: list[Message]) -> None:
+    views = [one for one in said if isinstance(one, Telemetry)]
+    assert views[-1].outcome == "gripped"
+    assert all(view.step_um is None for view in views)
+
+
+def test_a_part_that_steps_in_the_hold_is_met_within_15_ms(monkeypatch: pytest.MonkeyPatch) -> None:
     """By 1 µm; the true position is back where the impedance wants it, but for 15 % of the step.
 
-    Where that is goes with the force by K_f, slowly.
+    Where that is goes with the force by K_f, slowly. The law alone is tested: the watch for steps,
+    which freezes the voltage at once, is left out.
     """
+
+    def unwatched(
+        _program: Program, player: Player, _estimate: Estimate, _limits: StepLimits | None
+    ) -> Player:
+        return player
+
+    monkeypatch.setattr(guarding, "watch_steps", unwatched)
     benches, stepped = list[Bench](), list[int]()
 
     def set_up(told: Callable[[GroundTruth], None]) -> Bench:
