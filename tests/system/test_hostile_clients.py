@@ -4,6 +4,7 @@ Real processes, real time. The hostile clients of ``tests.support.hostile`` run 
 limits are those of the issue; a scheduling stall of the machine counts as the machine's.
 """
 
+import ssl
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ import pytest
 from pincette_supervisor.access.key_store import open_keys
 from tests.support.certificates import folder_for
 from tests.support.grips import SHORT, make_ready
-from tests.support.hostile import attacked
+from tests.support.hostile import ATTACKS, attacked
 from tests.support.keys import shown
 from tests.support.rigs import demo_rig
 from tests.support.running import Json, RunningRig, running_rig
@@ -29,8 +30,10 @@ pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.slow]
 ESTOP_S, STOP_S, READ_S = 0.3, 1.0, 2.0
 """Limits: an emergency stop at p99, the stop of a job, and an honest client's list of jobs."""
 PAUSE_S = 0.1
-SETTLE_S = 2.0
-"""Time the hostile clients have before anything is measured."""
+ESTABLISHED = "01"
+"""State of a connection in /proc/net/tcp."""
+PATIENCE_S = 60.0
+"""Longest time until all hostile clients are connected."""
 
 
 @dataclass
@@ -118,16 +121,22 @@ def test_nobody_starves_the_others(
     job = rig.get("/jobs")["jobs"][0]["id"]
     path = f"{rig.client.base_url}rigs/{rig.rig.rig.name}/estop"
 
+    tls = ssl.create_default_context()
+    tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE
+    # Built before anything is measured, which takes longer than a stop. Each request has a new
+    # connection: one that was idle may have made room for others.
+    idle = httpx.Limits(max_keepalive_connections=0)
+    stranger = httpx.Client(timeout=60.0, trust_env=False, verify=tls, limits=idle)
+
     def fresh(url: str, body: Json | None = None) -> httpx.Response:
-        # A new connection: one that was idle may have made room for others.
-        with httpx.Client(timeout=60.0, trust_env=False, verify=False) as client:
-            return client.post(url, json=body, headers=shown(own_key) if own_key else {})
+        return stranger.post(url, json=body, headers=shown(own_key) if own_key else {})
 
     with ExitStack() as stack:
+        stack.enter_context(stranger)
         tally = stack.enter_context(
             attacked(str(rig.client.base_url), clients, key=hostile_key(rig, own_key), job=job)
         )
-        sleep(SETTLE_S)
+        until_connected(rig, clients * len(ATTACKS))
         with Honest(rig) as honest:
             busy_missed = grip(rig, hold_s)
             name = rig.start_grip(until_released=True)
@@ -151,6 +160,18 @@ def test_nobody_starves_the_others(
     assert read_s <= READ_S
     assert honest.statuses == {200}
     assert busy_missed <= idle_missed
+
+
+def until_connected(rig: RunningRig, least: int) -> None:
+    """Wait until the supervisor has at least so many connections of the hostile clients."""
+    local = f":{rig.rig.supervisor.port:04X}"
+    deadline = monotonic() + PATIENCE_S
+    while True:
+        rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        if sum(row[1].endswith(local) and row[3] == ESTABLISHED for row in rows) >= least:
+            return
+        assert monotonic() < deadline
+        sleep(PAUSE_S)
 
 
 def hostile_key(rig: RunningRig, own_key: str) -> str:
