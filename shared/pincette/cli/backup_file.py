@@ -224,8 +224,7 @@ def _require_sound(folder: Path, read_keys: Callable[[Path], object]) -> None:
         try:
             read_keys(Path(alone))
         except Exception as error:
-            words = str(error).replace(f"{alone}{os.sep}", "")
-            raise ValueError(f"{KEYS} in it is damaged: {words}") from error
+            raise ValueError(f"{KEYS} in it is damaged: no supervisor starts with it") from error
 
 
 def _chunks(content: IO[bytes]) -> Iterable[bytes]:
