@@ -1,10 +1,13 @@
 """A lost port is opened again, not too often, and the instrument prepared before it works on."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from pincette.instruments.keyence_lkg import answers
+from pincette.instruments.line.matching import Matching
 from pincette.instruments.line.serial_link import GRACE, RETRY_S, Line
 from pincette.instruments.link import open_link
 from pincette.instruments.protocols import InstrumentError, Link
@@ -15,6 +18,10 @@ pytestmark = pytest.mark.usefixtures("stalls")
 
 TIMEOUT_S = 0.1
 QUIET_S = 0.001
+
+
+def echoed(request: bytes) -> re.Pattern[bytes]:
+    return re.compile(b"re " + re.escape(request) + b".*")
 
 
 class Rig:
@@ -28,13 +35,14 @@ class Rig:
         self.said: list[bytes] = []
         self.arrived: list[bytes] = []
         self.prepare: Callable[[Link], None] = lambda _link: None
+        self.matching = Matching(echoed, (b"PROBE",), lambda line: not line.startswith(b"TG"))
         self.line = Line(
             url="port",
             open_port=self._open,
             timeout_s=TIMEOUT_S,
             quiet_s=QUIET_S,
             terminator=b"\r",
-            accept=lambda line: not line.startswith(b"TG"),
+            matching=lambda: self.matching,
             on_open=lambda link: self.prepare(link),
             clock=lambda: self.now_s,
         )
@@ -244,6 +252,7 @@ def test_an_instrument_that_comes_back_is_read_again(kind: str, tmp_path: Path) 
         url,
         baud=115200,
         timeout_s=0.5,
+        answers=answers,
         on_open=lambda line: prepared.append(line.exchange(b"R0")),
         clock=lambda: now_s,
     )

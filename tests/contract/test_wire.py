@@ -3,10 +3,12 @@
 import socket
 import threading
 import time
+from itertools import chain, repeat
 from pathlib import Path
 
 import pytest
 
+from pincette.instruments.keyence_lkg import answers
 from pincette.instruments.link import open_link
 from pincette.instruments.protocols import InstrumentError
 from pincette.sim.instruments.dcon import SimulatedI7024
@@ -51,9 +53,10 @@ def test_an_answer_arrives_in_pieces() -> None:
 
 
 def test_a_frame_may_arrive_in_part() -> None:
-    cuts = iter([7, 0, 100])
+    cuts = chain([7, 0], repeat(100))
     with serve(ANY, SimulatedKeyence(lambda: 1.0), garble=lambda data: data[: next(cuts)]) as wire:
-        link = open_link(wire.url, baud=115200, timeout_s=0.1)
+        probes = (b"R0", b"MM,100000000000")
+        link = open_link(wire.url, baud=115200, timeout_s=0.1, answers=answers, probes=probes)
         for cause in ("garbled", "silent"):
             with pytest.raises(InstrumentError) as caught:
                 link.exchange(b"MS,01")

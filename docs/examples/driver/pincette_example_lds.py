@@ -12,6 +12,8 @@ from pincette.instruments.protocols import InstrumentError, Link, PositionSensor
 
 MET = False
 VALUE = re.compile(rb"[+-]\d{5}\.\d{2}")
+NAME = re.compile(rb"LDS,.*")
+READING = re.compile(rb"[+-]\d{5}\.\d{2}|OVER|UNDER|LOST")
 BEYOND = {b"OVER": "above the measuring range", b"UNDER": "below the measuring range"}
 
 
@@ -38,7 +40,13 @@ class _LDS:
 def open_sensor(settings: Sensor, link: Link | None = None) -> PositionSensor:
     """Open the port, or take ``link``, and make sure that an LDS answers."""
     options = read_options(_Options, "example_lds", settings.options)
-    link = link or open_link(settings.url, baud=options.baud, timeout_s=settings.timeout_s)
+    link = link or open_link(
+        settings.url,
+        baud=options.baud,
+        timeout_s=settings.timeout_s,
+        answers=lambda request: NAME if request == b"*IDN?" else READING,
+        probes=(b"*IDN?",),
+    )
     try:
         if not (name := link.exchange(b"*IDN?")).startswith(b"LDS,"):
             raise InstrumentError(f"{settings.url}: {name[:40]!r} is not the name of an LDS")

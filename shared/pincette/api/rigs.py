@@ -15,6 +15,23 @@ PartState = Literal["none", "held", "unknown"]
 RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"]
 
 
+class InstrumentCounts(Model):
+    """Exchanges with a program's instruments that went wrong, since the program started."""
+
+    model_config = example(late=3, lost=1, unexpected=0, reopened=0, retried=0)
+
+    late: int
+    """Answers that came after their timeout; each was dropped."""
+    lost: int
+    """Answers that never came."""
+    unexpected: int
+    """Answers more than there were requests, as where a line repeats them."""
+    reopened: int
+    """Times that a lost or silent port was opened again."""
+    retried: int
+    """Times that opening an instrument, or reading its voltage back, was tried again."""
+
+
 class Program(Model):
     """A program of the rig, as far as it is known."""
 
@@ -41,6 +58,8 @@ class Program(Model):
     """Samples it had to skip since its start."""
     refused: int | None
     """Messages it refused since its start."""
+    instrument: InstrumentCounts | None = None
+    """Of a program that has an instrument and has stated its status."""
     detail: str
     """How it is, for people."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])

@@ -53,6 +53,7 @@ class FaultCode(StrEnum):
     INSTRUMENT_CANNOT_OPEN = auto()
     INSTRUMENT_HUNG_UP = auto()
     INSTRUMENT_SILENT = auto()
+    INSTRUMENT_LATE = auto()
     INSTRUMENT_GARBLED = auto()
     INSTRUMENT_REFUSED = auto()
     INSTRUMENT_OUT_OF_RANGE = auto()

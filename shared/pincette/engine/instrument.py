@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import ceil, inf
+from time import monotonic, sleep
 from typing import Any, NamedTuple, TypeVar
 
 from pincette.config import RigFile
@@ -22,6 +23,7 @@ from pincette.core.service import (
     SetVoltage,
     Wave,
 )
+from pincette.instruments.line.counts import LineCounts, current_counts
 from pincette.instruments.line.shared_line import one_line_for_each_url
 from pincette.instruments.protocols import (
     Block,
@@ -54,12 +56,25 @@ ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
 """Outputs of a service that are for the instrument."""
 MOST_SAMPLES = 3000
 """Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
+LEAST_READING_S = 0.005
+"""Time that a reading may take at any control period, in s: a machine that stands still so long
+does not make a reading old."""
+TRIES = 3
+"""Attempts to open an instrument, or to read back its voltage, before that has failed."""
+PAUSE_S = 0.05
+"""Pause before another attempt where bytes came that were no answer, in s: noise may last."""
+PASSING = ("silent", "late", "garbled")
+"""How an exchange fails that may succeed when it is repeated."""
 
 
 class Instrument:
     """What a node does with its device; each fault comes back as words, never as an exception."""
 
-    def __init__(self, device: Device, period_s: float) -> None:
+    def __init__(
+        self, device: Device, period_s: float, counts: LineCounts | None = None, *, lockstep: bool
+    ) -> None:
+        self.counts = LineCounts() if counts is None else counts
+        self._oldest_s = inf if lockstep else longest_reading_s(period_s)
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
         """Looked at once: it takes long to see whether an object has all that a protocol asks."""
@@ -70,9 +85,11 @@ class Instrument:
 
     def read(self) -> Reading:
         """Read the sensor: once, or all that it has acquired since the last tick."""
+        began_s = monotonic()
         try:
             if not self._capture_hz:
-                return Reading(self._device.read_um())
+                x_um = self._device.read_um()
+                return self.too_old(began_s) or Reading(x_um)
             block = self._device.read_block()
         except InstrumentError as error:
             return Reading(0.0, fault_of(error))
@@ -82,6 +99,21 @@ class Instrument:
         self._later = Block(x_um[MOST_SAMPLES:], drive_V[MOST_SAMPLES:])
         acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
         return Reading(block.x_um[-1], acquired=acquired)
+
+    def too_old(self, began_s: float) -> Reading | None:
+        """Return a fault in place of a reading that took too long; None where it did not.
+
+        The instrument may have measured at the begin of the exchange. A position that is older than
+        a control period would let the arm press on for that time.
+        """
+        took_s = monotonic() - began_s
+        if took_s <= self._oldest_s:
+            return None
+        words = (
+            f"the reading took {1e3 * took_s:.1f} ms, limit {1e3 * self._oldest_s:g} ms: find what "
+            "delays the line, or take a longer [rig] period_s"
+        )
+        return Reading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
 
     def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
         """Give the output its order; returns its fault, or the voltage that it was asked for."""
@@ -122,11 +154,25 @@ class Instrument:
         return self.read_back()
 
     def read_back(self) -> PutOut:
-        """What is put out; raises RefusedError where the output does not say."""
+        """Return the voltage that is put out; raises RefusedError where the output does not say.
+
+        One wrong answer does not count: reading moves nothing, so it is tried again.
+        """
         try:
-            return PutOut(float(self._device.read_V()))
+            return PutOut(float(self._read_back()))
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be read back: {error}") from error
+
+    def _read_back(self) -> float:
+        for _ in range(TRIES - 1):
+            try:
+                return self._device.read_V()
+            except InstrumentError as error:
+                if error.code not in PASSING:
+                    raise
+                self.counts.retried += 1
+                _log.warning("%s; it is read back again", error)
+        return self._device.read_V()
 
     def capture(self, rate_hz: float) -> None:
         """Begin a buffered acquisition, or end the one there is (0 Hz); raises RefusedError."""
@@ -161,9 +207,6 @@ def fault_of(error: InstrumentError) -> Fault:
 
 LOCKSTEP_TIMEOUT_S = 2.0
 """By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
-TRIES = 3
-"""An instrument is opened so often at least: where all programs of a rig start at once, its first
-answer may be read late."""
 
 D = TypeVar("D", PositionSensor, VoltageOutput)
 
@@ -199,7 +242,8 @@ def _open(
 ) -> PositionSensor | VoltageOutput | None:
     patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
     if service.instrument == "position_sensor":
-        patience = patience or {"timeout_s": min(rig.sensor.timeout_s, at_most_s)}
+        reading_s = min(at_most_s, longest_reading_s(rig.rig.period_s))
+        patience = patience or {"timeout_s": min(rig.sensor.timeout_s, reading_s)}
         settings = rig.sensor.model_copy(update=patience)
         sensor = plugins.load(plugins.POSITION_SENSORS, settings.driver)
         times = max(TRIES, ceil(rig.sensor.timeout_s / settings.timeout_s))
@@ -211,12 +255,24 @@ def _open(
     return None
 
 
+def longest_reading_s(period_s: float) -> float:
+    """Return the longest time that a reading may take at a control period, in s."""
+    return max(period_s, LEAST_READING_S)
+
+
 def _retried(open_: Callable[[], D], times: int) -> D:
-    """Open an instrument in at most ``times`` attempts."""
+    """Open an instrument in at most ``times`` attempts.
+
+    Where all programs of a rig start at once, the first answer may be late; a line that is being
+    plugged in makes noise.
+    """
     # A sensor with a short timeout in a tick needs more of them to answer its first exchange.
     for _ in range(times - 1):
         try:
             return open_()
         except InstrumentError as error:
-            _log.info("%s; it is tried again", error)
+            current_counts().retried += 1
+            _log.warning("%s; it is tried again", error)
+            if error.code == "garbled":
+                sleep(PAUSE_S)
     return open_()

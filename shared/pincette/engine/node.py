@@ -5,6 +5,7 @@ its neighbours in one process; what drives it hands it messages and the time.
 """
 
 from collections import deque
+from dataclasses import asdict
 from typing import Any
 
 from pincette import __version__
@@ -12,6 +13,7 @@ from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse
 from pincette.control.safety.confirmation import differs
 from pincette.core.faults import Cause, Fault, Predecessor
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
+from pincette.core.messages.requests import InstrumentCounts
 from pincette.core.service import AnyService, Busy, PutOut, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
@@ -21,6 +23,7 @@ from pincette.engine.instrument_pair import instrument_of
 from pincette.engine.request_log import RequestRecorder
 from pincette.engine.synchronizer import KEPT, Pending, Synchronizer, stream_of
 from pincette.engine.timing_budget import too_slow
+from pincette.instruments.line.counts import LineCounts
 
 JOIN_WAIT_PERIODS = 0.25
 
@@ -37,8 +40,12 @@ class Node:
         *,
         check_timing: bool = True,
         before: Before = FIRST,
+        line_counts: LineCounts | None = None,
     ) -> None:
-        """``check_timing``: no arming where the instruments do not fit into the period."""
+        """``check_timing``: no arming where the instruments do not fit into the period.
+
+        ``line_counts`` are those of the lines to ``device``.
+        """
         self.service = service
         self.instance, self._before = instance, before
         self.digest = rig.digest()
@@ -47,7 +54,7 @@ class Node:
         self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
-        self._device = instrument_of(device, self.period_s)
+        self._device = instrument_of(device, self.period_s, line_counts, lockstep=self.lockstep)
         if service.booted is not None:
             self.state = service.booted(self.state, before.ended)
         if service.initialize_from_output is not None:
@@ -293,7 +300,11 @@ class Node:
             findings=getattr(state, "findings", ()),
             predecessor=getattr(state, "predecessor", None),
             replaces=self._before.instance,
+            instrument=self._instrument_counts(),
         )
+
+    def _instrument_counts(self) -> InstrumentCounts | None:
+        return InstrumentCounts(**asdict(self._device.counts)) if self._instrument else None
 
     def close(self) -> None:
         """Give the instrument back."""

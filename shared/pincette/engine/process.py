@@ -18,7 +18,13 @@ from pincette.bus.topology import awaited
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.core import plugins
-from pincette.core.service import AnyService, CompositeService, Participant, member_services
+from pincette.core.service import (
+    AnyService,
+    CompositeService,
+    Participant,
+    RefusedError,
+    member_services,
+)
 from pincette.core.streams import drop
 from pincette.core.topics import LOOP, REQUEST_LOG, TIMING
 from pincette.engine import logs
@@ -33,6 +39,7 @@ from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.rig_file import serve_rig_file
 from pincette.engine.threads import FailedThreads
 from pincette.engine.timing_budget import shared_timeout_s
+from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.protocols import InstrumentError
 from pincette.security.identity import SecurityError
 from pincette.sim.wires.ports import WireError
@@ -56,6 +63,7 @@ CannotStart = (
     ConfigError,
     BusError,
     InstrumentError,
+    RefusedError,
     WireError,
     plugins.PluginError,
     SecurityError,
@@ -218,10 +226,12 @@ def _opened(name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack)
     at_most_s = shared_timeout_s(rig, services)
     nodes: list[Node] = []
     for service in services:
-        device = open_device(service, rig, at_most_s)
+        counts = LineCounts()
+        with counting(counts):
+            device = open_device(service, rig, at_most_s)
         note = boot_note(rig, service.name, data) if service.ending is not None else None
         before = FIRST if note is None else note.found()
-        node = Node(service, rig, device, secrets.randbits(48), before=before)
+        node = Node(service, rig, device, secrets.randbits(48), before=before, line_counts=counts)
         nodes.append(node)
         stack.callback(node.close)
         if note is not None:

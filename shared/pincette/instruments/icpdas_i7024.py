@@ -19,13 +19,14 @@ status is the trip, and a heartbeat carries the checksum where lines do.
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from math import isfinite
 from typing import Literal
 
 from pydantic import Field
 
 from pincette.config import Output, Table
-from pincette.instruments.icpdas.dcon import DconModule
+from pincette.instruments.icpdas.dcon import DconModule, answers, probes
 from pincette.instruments.icpdas.host_watchdog import TICK_S, HostWatchdog
 from pincette.instruments.link import exchange_s, open_link
 from pincette.instruments.options import read_options
@@ -174,6 +175,8 @@ def open_output(settings: Output, link: Link | None = None) -> I7024:
             settings.url,
             baud=options.baud,
             timeout_s=settings.timeout_s,
+            answers=partial(answers, checksum=options.checksum),
+            probes=probes(options.address, checksum=options.checksum),
             on_open=on_open,
             record=settings.record,
         )

@@ -4,7 +4,7 @@ From the RS-232 command reference of its user's manual: 8N1, no flow control, li
 ``MS,nn`` answers ``MS,nn,value`` with 8 characters, sign and point included; ``XXXXXXXX`` is an
 invalid reading, ``±FFFFFFF`` over range; ``ER,command,code`` an error; ``R0`` asks for measuring
 mode and answers ``ER,R0,01`` where it holds. Lines that begin with ``TG,`` come unasked and are
-skipped.
+skipped. ``MM,`` with a mask of twelve digits reads several outputs and repeats the mask.
 
 The unit is not transmitted: it is the display's, and so is the place of the decimal point, which a
 display of whole units leaves out. One step of the last digit, in the unit of the rig file, must be
@@ -21,6 +21,7 @@ import logging
 import re
 import time
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 from pydantic import Field
@@ -55,6 +56,9 @@ ERRORS = {
 }
 """Of the LK-G3000, and of the LK-G5000."""
 REQUEST = "MS,{output:02d}"
+SEVERAL = "MM,{mask}"
+"""Reads the outputs whose digit in the mask is 1; the answer repeats the mask."""
+OUTPUTS = 12
 LONGEST_REPLY = "MS,01,+0000.00"
 
 _log = logging.getLogger(__name__)
@@ -168,6 +172,14 @@ def solicited(line: bytes) -> bool:
     return not line.startswith(b"TG,")
 
 
+@cache
+def answers(request: bytes) -> re.Pattern[bytes]:
+    """Return the pattern of the answers to a request: its echo, or an error that names it."""
+    command = re.escape(request.split(b",")[0])
+    value = b",.*" if b"," in request else b""
+    return re.compile(re.escape(request) + value + b"|ER," + command + b",.*", re.DOTALL)
+
+
 def timing(settings: Sensor) -> Timing:
     """Time of one reading on the line: bytes at ten bits each over the baud rate.
 
@@ -204,6 +216,8 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
             baud=options.baud,
             timeout_s=settings.timeout_s,
             accept=solicited,
+            answers=answers,
+            probes=(b"R0", _several(options)),
             on_open=_measure_again,
             record=settings.record,
         )
@@ -220,6 +234,12 @@ def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
 
 def _request(options: KeyenceOptions) -> bytes:
     return REQUEST.format(output=options.output).encode()
+
+
+def _several(options: KeyenceOptions) -> bytes:
+    """Return the request that reads the same output by another command."""
+    mask = "".join("01"[number == options.output] for number in range(1, OUTPUTS + 1))
+    return SEVERAL.format(mask=mask).encode()
 
 
 def _change_to_measuring(link: Link) -> bool:

@@ -8,11 +8,12 @@ as it has pieces.
 import errno
 import io
 import logging
+import re
 import select
 import socket
 import termios
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -21,11 +22,13 @@ from urllib.parse import urlsplit
 
 import serial
 
+from pincette.instruments.line.counts import current_counts
 from pincette.instruments.line.exclusive import (
     device_in_use,
     lock_address,
     require_unlocked_device,
 )
+from pincette.instruments.line.matching import Matching, any_line, every_line
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import REPLAY, ReplayLink
 from pincette.instruments.line.serial_link import LONGEST_FRAME, RETRY_S, Line, Port
@@ -54,10 +57,6 @@ REMEDIES = {
 _log = logging.getLogger(__name__)
 
 
-def _every(_line: bytes) -> bool:
-    return True
-
-
 def _as_it_is(_link: Link) -> None:
     pass
 
@@ -68,7 +67,9 @@ def open_link(
     baud: int,
     timeout_s: float,
     terminator: bytes = b"\r",
-    accept: Callable[[bytes], bool] = _every,
+    accept: Callable[[bytes], bool] = every_line,
+    answers: Callable[[bytes], re.Pattern[bytes]] = any_line,
+    probes: Sequence[bytes] = (),
     on_open: Callable[[Link], None] = _as_it_is,
     record: str | Path | None = None,
     clock: Callable[[], float] = time.monotonic,
@@ -83,6 +84,13 @@ def open_link(
         For a whole exchange, opening a lost port again included.
     accept
         Whether a line can be an answer; others are skipped as unsolicited.
+    answers
+        Returns the pattern that every answer to a request matches; see ``Matching``. By default
+        answers cannot be told apart.
+    probes
+        Requests that change nothing and whose answers no other answer matches. One is sent after a
+        request that was not answered in time, so that a late answer is not taken for the next one.
+        Without them the line waits for the answer, for seconds where it never comes.
     on_open
         Brings the instrument to where it can work on, each time that a lost port has been opened
         again; not the first time. Raises InstrumentError where it cannot.
@@ -97,10 +105,10 @@ def open_link(
         Where the port cannot be opened; the text names the url, the cause and what to do.
     """
 
-    def opened(prepare: Callable[[Link], None]) -> Link:
-        return _opened(url, baud, timeout_s, terminator, accept, prepare, record, clock)
+    def opened(prepare: Callable[[Link], None], matching: Callable[[], Matching]) -> Link:
+        return _opened(url, baud, timeout_s, terminator, matching, prepare, record, clock)
 
-    return end_of_line(url, on_open, opened)
+    return end_of_line(url, on_open, Matching(answers, tuple(probes), accept), opened)
 
 
 def _opened(
@@ -108,7 +116,7 @@ def _opened(
     baud: int,
     timeout_s: float,
     terminator: bytes,
-    accept: Callable[[bytes], bool],
+    matching: Callable[[], Matching],
     on_open: Callable[[Link], None],
     record: str | Path | None,
     clock: Callable[[], float],
@@ -125,9 +133,10 @@ def _opened(
             timeout_s=timeout_s,
             quiet_s=max(exchange_s(QUIET_BYTES, baud), min(QUIET_S, QUIET_SHARE * timeout_s)),
             terminator=terminator,
-            accept=accept,
+            matching=matching,
             on_open=on_open,
             clock=clock,
+            counts=current_counts(),
         )
     except InstrumentError:
         if recorder is not None:

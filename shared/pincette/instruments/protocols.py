@@ -9,6 +9,7 @@ ErrorCode = Literal[
     "cannot_open",
     "hung_up",
     "silent",
+    "late",
     "garbled",
     "refused",
     "out_of_range",
@@ -17,8 +18,9 @@ ErrorCode = Literal[
     "misused",
 ]
 """How a port or an instrument failed: the port cannot be opened; it was open and is gone; no answer
-in time; bytes that are no answer; the instrument says no; the reading is beyond the range; it is no
-reading; the instrument's own watchdog has acted; the driver was used wrongly."""
+came in time; answers come, but after their time; the bytes are no answer; the instrument refuses;
+the reading is beyond the range; it is no reading; the instrument's own watchdog has acted; the
+driver was used wrongly."""
 
 
 class InstrumentError(Exception):

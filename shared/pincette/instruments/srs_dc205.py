@@ -18,6 +18,7 @@ No watchdog on the host is known of it: where the program or the host dies, the 
 import logging
 import re
 from collections.abc import Callable
+from functools import cache
 from math import isfinite
 from typing import Literal
 
@@ -33,6 +34,17 @@ URL = "/dev/ttyUSB1"
 VALUE = re.compile(rb"[+-]?\d{1,3}(\.\d{1,9})?(E[+-]?\d{1,2})?")
 CODE = re.compile(rb"\d{1,3}")
 SETTING = b"VOLT %.6f"
+QUERY = re.compile(rb"(\*?[A-Z]+)\?")
+TOKEN = b"[A-Z0-9]+"
+ANSWERS = {
+    b"*IDN": b"[^;]*,[^;]*",
+    b"VOLT": VALUE.pattern,
+    b"LEXE": CODE.pattern,
+    b"LCME": CODE.pattern,
+}
+"""Pattern of the answer to a query; the others are answered by a token."""
+PROBES = (b"*IDN?", b"VOLT?;RNGE?;SOUT?;OVLD?")
+"""The only answer with commas, and the only one of four words."""
 RANGES = {1: b"RANGE1", 10: b"RANGE10", 100: b"RANGE100"}
 SWITCH = (b"OFF", b"ON")
 LOAD = (b"OKAY", b"OVLD")
@@ -175,6 +187,17 @@ class DC205:
         self._on = self._on or on
 
 
+def answers(request: bytes) -> re.Pattern[bytes]:
+    """Return the pattern of the answers to a line: one word for each of its queries."""
+    return _answers_to(tuple(QUERY.findall(request)))
+
+
+@cache
+def _answers_to(queries: tuple[bytes, ...]) -> re.Pattern[bytes]:
+    words = [ANSWERS.get(name, TOKEN) for name in queries]
+    return re.compile(rb"\s*;\s*".join(b"(" + word + b")" for word in words) + rb"\s*")
+
+
 def _check(what: str, errors: list[bytes]) -> None:
     """Refuse any pair but 0 and 0: the last execution error, the last command error."""
     for kind, word, meanings in zip(
@@ -244,6 +267,8 @@ def open_output(settings: Output, link: Link | None = None) -> DC205:
             baud=options.baud,
             timeout_s=settings.timeout_s,
             terminator=b"\n",
+            answers=answers,
+            probes=PROBES,
             on_open=on_open,
             record=settings.record,
         )

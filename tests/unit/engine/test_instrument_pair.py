@@ -55,7 +55,7 @@ class Device:
 
 def pair() -> tuple[InstrumentPair, Device, Device]:
     one, two = Device(1.0), Device(2.0)
-    made = instrument_of(Both(one, two), 0.02)
+    made = instrument_of(Both(one, two), 0.02, lockstep=True)
     assert isinstance(made, InstrumentPair)
     return made, one, two
 

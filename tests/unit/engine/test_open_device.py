@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from pincette.core import plugins
-from pincette.engine.instrument import open_device
+from pincette.engine.instrument import PAUSE_S, open_device
 from pincette.engine.process import loop_services
-from pincette.instruments.protocols import InstrumentError
+from pincette.instruments.line.counts import LineCounts, counting
+from pincette.instruments.protocols import ErrorCode, InstrumentError
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig()
@@ -20,8 +21,10 @@ SERVICES = loop_services()
 class Late:
     """A driver that fails to open so often, and then gives its settings back."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, failures: int) -> None:
-        self.failures = failures
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, failures: int, code: ErrorCode = "silent"
+    ) -> None:
+        self.failures, self.code = failures, code
         self.tried = 0
 
         def load(_group: str, _name: str) -> Any:
@@ -32,25 +35,26 @@ class Late:
     def open(self, settings: Any) -> Any:
         self.tried += 1
         if self.tried <= self.failures:
-            raise InstrumentError("no answer")
+            raise InstrumentError("no answer", self.code)
         return settings
 
 
-@pytest.mark.parametrize("name", ["sensor", "actuator"])
-@pytest.mark.parametrize(("failures", "opened"), [(0, True), (2, True), (3, False)])
+# A reading may take a period, a fifth of the sensor's timeout.
+@pytest.mark.parametrize(("name", "tries"), [("sensor", 5), ("actuator", 3)])
+@pytest.mark.parametrize("opened", [True, False])
 def test_one_that_does_not_answer_at_once_is_asked_again(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     name: str,
-    failures: int,
+    tries: int,
     opened: bool,
 ) -> None:
     caplog.set_level(logging.INFO)
-    driver = Late(monkeypatch, failures)
+    driver = Late(monkeypatch, tries - opened)
     with nullcontext() if opened else pytest.raises(InstrumentError):
         open_device(SERVICES[name], RIG)
-    assert driver.tried == min(failures + 1, 3)
-    assert caplog.text.count("no answer; it is tried again") == min(failures, 2)
+    assert driver.tried == tries
+    assert caplog.text.count("no answer; it is tried again") == tries - 1
 
 
 @pytest.mark.parametrize(("failures", "opened"), [(0, True), (17, True), (18, False)])
@@ -64,10 +68,22 @@ def test_a_sensor_that_is_waited_for_shortly_is_asked_as_long_as_any_other(
     assert driver.tried == min(failures + 1, 18)
 
 
-@pytest.mark.parametrize(("at_most_s", "wanted_s"), [(0.006, 0.006), (inf, RIG.sensor.timeout_s)])
+@pytest.mark.parametrize(("at_most_s", "wanted_s"), [(0.006, 0.006), (inf, RIG.rig.period_s)])
 def test_the_sensor_is_opened_with_the_shorter_patience(
     monkeypatch: pytest.MonkeyPatch, at_most_s: float, wanted_s: float
 ) -> None:
     Late(monkeypatch, 0)
     opened: Any = open_device(SERVICES["sensor"], RIG, at_most_s)
     assert opened.timeout_s == wanted_s
+
+
+@pytest.mark.parametrize("name", ["sensor", "actuator"])
+def test_a_line_that_makes_noise_is_given_time(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr("pincette.engine.instrument.sleep", slept.append)
+    driver, counts = Late(monkeypatch, 2, "garbled"), LineCounts()
+    with counting(counts):
+        open_device(SERVICES[name], RIG)
+    assert driver.tried == 3
+    assert slept == [PAUSE_S, PAUSE_S]
+    assert counts.retried == 2

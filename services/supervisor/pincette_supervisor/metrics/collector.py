@@ -151,6 +151,10 @@ def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
         dropped += [((rig, service, "refused"), n) for service, n in counters.refused().items()]
         dropped.append(((rig, "recorder", "record"), counters.lost.total))
     yield _metric(families.DROPPED, dropped)
+    yield _metric(
+        families.INSTRUMENT,
+        [((rig, *pair), n) for rig, counters in of for pair, n in counters.instrument().items()],
+    )
 
 
 def _durations(exported: Sequence[JobManager]) -> Iterator[Metric]:

@@ -4,7 +4,7 @@ import threading
 from bisect import bisect_left
 from collections import Counter
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, product
 
 from pincette.core.faults import CAUSES, TRIPPED, Cause, Mode
 from pincette.core.messages import (
@@ -17,6 +17,7 @@ from pincette.core.messages import (
     Telemetry,
     Timing,
 )
+from pincette.core.messages.requests import InstrumentCounts
 from pincette.core.topics import LOOP, TOPIC_OF, Topic
 from pincette.latency.histogram import Distribution, Histogram
 from pincette.records.timings import QUANTITIES
@@ -29,6 +30,8 @@ from pincette_supervisor.metrics.monotonic_counter import (
 FORCE_BOUNDS_MN = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 OBSERVED = (*LOOP, "recorder")
 """Services whose status is requested."""
+WITH_INSTRUMENT = ("sensor", "actuator")
+INSTRUMENT_KINDS = InstrumentCounts.__struct_fields__
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,9 @@ class RigCounters:
             (service, quantity): MonotonicHistogram() for service in LOOP for quantity in QUANTITIES
         }
         self._refused = {service: MonotonicCounter() for service in OBSERVED}
+        self._instrument = {
+            pair: MonotonicCounter() for pair in product(WITH_INSTRUMENT, INSTRUMENT_KINDS)
+        }
         self._gone: Counter[str] = Counter()
         self.lost = MonotonicCounter()
         """Messages missing from records."""
@@ -148,6 +154,10 @@ class RigCounters:
         with self._lock:
             if status.service in self._refused:
                 self._refused[status.service].update(status.refused, status.instance)
+            if status.instrument is not None and status.service in WITH_INSTRUMENT:
+                for kind in INSTRUMENT_KINDS:
+                    count: int = getattr(status.instrument, kind)
+                    self._instrument[status.service, kind].update(count, status.instance)
             if status.service == "recorder":
                 self.lost.update(status.missed, status.instance)
 
@@ -180,6 +190,11 @@ class RigCounters:
         """Messages that each program has refused."""
         with self._lock:
             return {service: count.total for service, count in self._refused.items()}
+
+    def instrument(self) -> dict[tuple[str, str], int]:
+        """Exchanges with instruments that went wrong, by service and kind."""
+        with self._lock:
+            return {pair: count.total for pair, count in self._instrument.items()}
 
     def durations(self, service: str, quantity: str) -> Durations:
         """Lateness, age or execution time of a program of the loop."""

@@ -100,6 +100,14 @@ DROPPED = Family(
     "them; `refused`: messages and commands that the program refused; `record`: messages that "
     "the records lack",
 )
+INSTRUMENT = Family(
+    "pincette_instrument_exchanges_total",
+    "counter",
+    ("rig", "service", "kind"),
+    "exchanges with instruments that went wrong. `late`: answers that came after their timeout, "
+    "and were dropped; `lost`: answers that never came; `unexpected`: answers more than requests; "
+    "`reopened`: ports opened again; `retried`: attempts repeated when an instrument was opened",
+)
 GONE = Family(
     "pincette_programs_gone_total",
     "counter",

@@ -3,10 +3,12 @@
 from datetime import UTC, datetime
 
 from msgspec import UNSET
+from msgspec.structs import asdict
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.rig_states import RIG_STATES
 from pincette.api.rigs import (
+    InstrumentCounts,
     Interlock,
     Latch,
     LimitValue,
@@ -19,7 +21,7 @@ from pincette.api.rigs import (
     SafeToMove,
 )
 from pincette.core.faults import Mode
-from pincette.core.messages import Applied, Estimate, Position, Telemetry
+from pincette.core.messages import Applied, Estimate, Position, Status, Telemetry
 from pincette.core.topics import LOOP, TOPICS
 from pincette.core.wording import status_text
 from pincette_supervisor.alarms.checks import of_rig
@@ -140,10 +142,16 @@ def _program(context: RigContext, name: str) -> Program:
         epoch=None if status is None else status.epoch,
         missed=None if status is None else status.missed,
         refused=None if status is None else status.refused,
+        instrument=None if status is None else _instrument_counts(status),
         detail="" if status is None else status_text(status),
         faults=[] if status is None else fault_views((*status.faults, *status.findings)),
         trouble=context.health.troubles().get(name, ""),
     )
+
+
+def _instrument_counts(status: Status) -> InstrumentCounts | None:
+    counts = status.instrument
+    return None if counts is None else InstrumentCounts.model_validate(asdict(counts))
 
 
 def _interlocks(context: RigContext, latched: TripReason | None) -> list[Interlock]:

@@ -163,6 +163,21 @@ class StatusRequest(FrozenRecord, frozen=True):
     """Ask any program how it is."""
 
 
+class InstrumentCounts(FrozenRecord, frozen=True):
+    """Exchanges with a program's instruments that went wrong, since the program started."""
+
+    late: Whole = 0
+    """Answers that came after their timeout; each was dropped."""
+    lost: Whole = 0
+    """Answers that never came."""
+    unexpected: Whole = 0
+    """Answers more than there were requests, as where a line repeats them."""
+    reopened: Whole = 0
+    """Times that a lost or silent port was opened again."""
+    retried: Whole = 0
+    """Times that opening an instrument failed and was tried again."""
+
+
 class Status(FrozenRecord, frozen=True):
     """How a program is; ``instance`` differs for every start of it."""
 
@@ -188,6 +203,8 @@ class Status(FrozenRecord, frozen=True):
     """Of the actuator: how the one before it has ended."""
     replaces: Whole | None = None
     """Instance of that one, where it is known."""
+    instrument: InstrumentCounts | None = None
+    """Of a program that has an instrument."""
 
 
 class TimingRequest(FrozenRecord, frozen=True):

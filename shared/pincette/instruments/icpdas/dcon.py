@@ -3,7 +3,9 @@
 import logging
 import re
 from dataclasses import dataclass
+from functools import cache
 
+from pincette.instruments.line.matching import ANY_LINE
 from pincette.instruments.protocols import InstrumentError, Link
 
 NAME, NOTHING = re.compile(rb".+"), re.compile(rb"")
@@ -23,6 +25,21 @@ FORMATS = ("engineering units", "% of full scale", "hexadecimal")
 SLEW_SHIFT, SLEW_MASK = 2, 0x0F
 """Bits 2 to 5 of the format code: the slew rate, 0 for an immediate change."""
 VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
+STATUS = re.compile(rb"[0-9A-F]{2}")
+NAMED = re.compile(rb"(?![0-9A-F]{2}$|[0-9A-F]{6}$|[+-]\d{2}\.\d{3}$).+")
+"""A name or a firmware version, which is none of the other answers."""
+FORMS: tuple[tuple[re.Pattern[bytes], re.Pattern[bytes]], ...] = (
+    (re.compile(rb"\$..[68]\d"), VALUE),
+    (re.compile(rb"\$..2"), CONFIGURATION),
+    (re.compile(rb"\$..[MF]"), NAMED),
+    (re.compile(rb"~..0"), STATUS),
+    (re.compile(rb"[$~]..[^*]+"), NOTHING),
+)
+"""What follows the address in the answer to a command, by the form of the command."""
+SETTING = re.compile(rb"#.*")
+SUM = b".."
+CONFIRMATIONS = tuple(re.compile(rb"(>|!|\?(..)?)" + end, re.DOTALL) for end in (b"", SUM))
+"""Answers to a setting, without and with a checksum."""
 LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
@@ -167,6 +184,35 @@ class DconModule:
             return self.tripped(what)
         text = f"I-7024: {what} answered by {reply[:40]!r}, which means nothing here"
         return InstrumentError(text, "garbled")
+
+
+def answers(request: bytes, *, checksum: bool) -> re.Pattern[bytes]:
+    """Return the pattern of the answers to a request, refusals included.
+
+    An answer to a setting names neither module nor voltage. Other answers begin with the address
+    of the module, and differ in form from command to command.
+    """
+    body = request[:-CHECKSUM_BYTES] if checksum else request
+    if SETTING.fullmatch(body):
+        return CONFIRMATIONS[checksum]
+    return _answers_of(body, checksum=checksum)
+
+
+@cache
+def _answers_of(body: bytes, *, checksum: bool) -> re.Pattern[bytes]:
+    end = SUM if checksum else b""
+    for command, form in FORMS:
+        if command.fullmatch(body):
+            address = re.escape(body[1:3])
+            found = form.pattern.replace(b"$", end + b"$")
+            return re.compile(b"(!" + address + found + b"|\\?" + address + b")" + end, re.DOTALL)
+    return ANY_LINE
+
+
+def probes(address: int, *, checksum: bool) -> tuple[bytes, ...]:
+    """Return requests that change nothing at a module and are answered each in its own form."""
+    bodies = (b"~%02X0" % address, b"$%02X2" % address, b"$%02XM" % address)
+    return tuple(body + _sum(body) if checksum else body for body in bodies)
 
 
 def _sum(body: bytes) -> bytes:

@@ -9,18 +9,18 @@ is confirmed: a host that cannot get its voltage out must not keep the old one t
 """
 
 import logging
-import re
 from typing import Literal
 
-from pincette.instruments.icpdas.dcon import CHECKSUM_BYTES, DconModule
+from pincette.instruments.icpdas.dcon import CHECKSUM_BYTES, STATUS, DconModule
 from pincette.instruments.protocols import ErrorCode, InstrumentError
 
 HEARTBEAT = b"~**"
 TICK_S = 0.1
-STATUS = re.compile(rb"[0-9A-F]{2}")
 TRIPPED = 0x04
-UNCONFIRMED = ("garbled", "refused")
-"""How a write went that the module has heard."""
+UNCONFIRMED = ("garbled", "late", "refused")
+"""How a write went that the module has heard, or may have heard."""
+UNHEARD = ("silent", "late")
+"""How a write went that the module may not have heard."""
 ZERO_V = 0.003
 """The output stands at 0 V where it is as near as this: two steps of 14 bit over ±10 V."""
 
@@ -86,7 +86,7 @@ class HostWatchdog:
         elif code is None and self._state == "tripped":
             # Somebody else has cleared it, and a module that has tripped is not armed.
             self._state = "waiting"
-        elif code == "silent" and self._state == "armed":
+        elif code in UNHEARD and self._state == "armed":
             self._state = "unsure"
 
     def resume(self) -> bool:

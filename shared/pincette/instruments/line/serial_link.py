@@ -1,12 +1,22 @@
-"""A line that speaks in requests and answers, over any port, and opens a lost port again."""
+"""A line of requests and answers over any port.
+
+An answer carries no number, so the line keeps account of the requests whose answers have not come.
+While one is open, no request is sent whose answer could be confused with it. First the line sends a
+probe, whose answer differs from all others. An instrument answers in order, so the probe's answer
+closes every earlier request, whether its answer came late or never. Without a probe the line waits,
+at most ``patience_s``, and then opens the port again.
+"""
 
 import logging
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import inf
 from typing import Protocol
 
-from pincette.instruments.protocols import InstrumentError, Link
+from pincette.instruments.line.counts import LineCounts
+from pincette.instruments.line.matching import Matching
+from pincette.instruments.line.open_requests import OpenRequest, OpenRequests
+from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 
 LONGEST_FRAME = 256
 RETRY_S = 0.5
@@ -14,9 +24,11 @@ RETRY_S = 0.5
 GRACE = 0.2
 """Share of the timeout that is waited once more where it has passed: the time may have passed while
 the machine stood still, with the answer on its way all along."""
-UNANSWERED = 8
-"""Exchanges in a row without a byte after which the port is opened anew: the other end may have
-gone without a word, as over a network that was cut."""
+PATIENCE_TIMEOUTS, LEAST_PATIENCE_S = 4.0, 2.0
+"""An answer that has not come after so many timeouts, and so many seconds at least, counts as lost
+where no probe can tell; the port is then opened again."""
+MOST_UNEXPECTED = 3
+"""Exchanges in a row that each find an answer too many, after which the line is left silent."""
 STANDSTILL_S = 0.005
 """A deadline that is missed by more than this was missed by the machine."""
 
@@ -51,43 +63,57 @@ def escaped(data: bytes) -> str:
 class Line:
     """One line to an instrument.
 
-    A port that is lost, or over which nobody has answered ``UNANSWERED`` exchanges, is opened again
-    by the exchange after that, at most once each ``RETRY_S``, and ``on_open`` prepares the
-    instrument before that exchange goes on; all of it within ``timeout_s``. The exchange that lost
-    the port has failed, and is not sent again.
+    A port that is lost is opened again by the next exchange, at most once each ``RETRY_S``, and
+    ``on_open`` prepares the instrument before that exchange continues; all of it takes at most
+    ``timeout_s``. The exchange that lost the port has failed, and is not sent again.
     """
 
     url: str
     open_port: Callable[[float], Port]
     """Opens the port within so many seconds; raises InstrumentError."""
     timeout_s: float
-    """For a whole exchange."""
+    """Longest duration of a whole exchange, in s."""
     quiet_s: float
-    """After a failed exchange the line must be silent for so long before the next is sent, unless
-    what it still owed has come."""
+    """Time for which the line must be silent before a request while another one is open, in s."""
     terminator: bytes
-    accept: Callable[[bytes], bool]
-    """Whether a line can be an answer; others are skipped as unsolicited."""
+    matching: Callable[[], Matching]
+    """Returns how the answers of the driver that is speaking are recognised."""
     on_open: Callable[[Link], None]
     clock: Callable[[], float]
+    counts: LineCounts = field(default_factory=LineCounts)
     _port: Port | None = field(default=None, init=False)
     _closed: bool = field(default=False, init=False)
-    _owed: float = field(default=0, init=False)
-    """Answers that may still come; infinite after bytes that were none."""
-    _unanswered_count: int = field(default=0, init=False)
+    _open: OpenRequests = field(init=False)
+    _pending: bytes = field(default=b"", init=False)
+    """Bytes received after the last complete line."""
+    _unexpected_run: int = field(default=0, init=False)
+    """Exchanges in a row before which an answer too many was found."""
+    _late_run: int = field(default=0, init=False)
+    """Late answers since the last exchange that succeeded."""
+    _late_s: float = field(default=0.0, init=False)
+    """Time from the request to its answer for the newest late answer, in s."""
+    _garbled: bool = field(default=False, init=False)
+    """Whether bytes that were no answer followed the newest request."""
+    _silent_until_s: float = field(default=float("-inf"), init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _opening_until_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
+        self._open = OpenRequests(self.counts)
         self._port = self.open_port(self.timeout_s)
 
+    @property
+    def patience_s(self) -> float:
+        """Time after which an open request counts as lost, in s."""
+        return max(PATIENCE_TIMEOUTS * self.timeout_s, LEAST_PATIENCE_S)
+
     def exchange(self, request: bytes) -> bytes:
-        """Send a request and return the answer, both without their terminator.
+        """Send a request and return its answer, both without their terminator.
 
         Raises
         ------
         InstrumentError
-            Where the line is closed or hung up, or no acceptable answer came in time.
+            Where the line is closed or hung up, or no answer came in time.
         """
         reply = self._noted(request, answered=True)
         _log.debug("%s: %s -> %s", self.url, _Escaped(request), _Escaped(reply))
@@ -105,43 +131,30 @@ class Line:
         _log.debug("%s: %s", self.url, _Escaped(line))
 
     def close(self) -> None:
-        """Give the port back; twice is once."""
+        """Close the port; closing it twice does nothing more."""
         self._closed = True
         self._drop()
 
     def _noted(self, line: bytes, *, answered: bool) -> bytes:
         try:
-            reply = self._converse(line, answered=answered)
-            self._unanswered_count *= not answered
-            return reply
+            return self._converse(line, answered=answered)
         except InstrumentError as error:
-            if error.code == "garbled":
-                self._owed = inf
-            self._count(error)
             _log.debug("%s: %s -> %s: %s", self.url, _Escaped(line), error.code, error)
             raise
-
-    def _count(self, error: InstrumentError) -> None:
-        """Give a port up over which nobody answers; not while it is being opened."""
-        self._unanswered_count = self._unanswered_count + 1 if error.code == "silent" else 0
-        if self._unanswered_count >= UNANSWERED and self._opening_until_s is None:
-            _log.warning("%s: %d exchanges unanswered; opened anew", self.url, UNANSWERED)
-            self._unanswered_count = 0
-            self._drop()
 
     def _converse(self, line: bytes, *, answered: bool) -> bytes:
         until_s = self._opening_until_s
         if until_s is None:
             until_s = self.clock() + self.timeout_s
+            self._give_up_overdue()
         port = self._ready(until_s)
+        matching = self.matching()
         try:
             if not answered:
                 port.write(line + self.terminator)
                 return b""
-            self._drain(port, until_s)
-            self._owed += 1
-            port.write(line + self.terminator)
-            return self._answer(port, line, until_s)
+            self._bring_to_order(port, matching, line, until_s)
+            reply = self._ask(port, matching, line, until_s)
         except TimeoutError as error:
             text = f"{self.url}: cannot send, the line does not drain; is the other end deaf?"
             raise InstrumentError(text, "silent") from error
@@ -149,14 +162,33 @@ class Line:
             self._drop()
             text = f"{self.url}: hung up ({error}); check cable and power, it is opened again then"
             raise InstrumentError(text, "hung_up") from error
+        if not self._open:
+            self._late_run = 0
+        return reply
+
+    def _give_up_overdue(self) -> None:
+        """Count open requests as lost that are older than the patience, and drop their port."""
+        if not self._open or self.clock() - self._open.newest_sent_s < self.patience_s:
+            return
+        count = self._open.give_up()
+        self._late_run = 0
+        _log.warning(
+            "%s: %d requests unanswered for %g s; the port is opened again",
+            self.url,
+            count,
+            self.patience_s,
+        )
+        self._drop()
 
     def _ready(self, until_s: float) -> Port:
         """Return the port, opened again where it was lost and its time has come."""
         if self._closed:
             raise InstrumentError(f"{self.url}: the port is closed; open it again", "misused")
+        now_s = self.clock()
+        if now_s < self._silent_until_s:
+            raise self._doubled(self._silent_until_s - now_s)
         if self._port is not None:
             return self._port
-        now_s = self.clock()
         if now_s < self._next_try_s:
             wait_s = self._next_try_s - now_s
             text = f"{self.url}: hung up; it is tried again in {wait_s:.1f} s"
@@ -172,7 +204,7 @@ class Line:
 
     def _prepare(self, until_s: float) -> None:
         """Let the driver bring the instrument to where it can work on."""
-        self._owed, self._opening_until_s = 0, until_s
+        self._opening_until_s = until_s
         try:
             self.on_open(self)
         except InstrumentError as error:
@@ -181,10 +213,12 @@ class Line:
             raise InstrumentError(text, error.code) from error
         finally:
             self._opening_until_s = None
+        self.counts.reopened += 1
         _log.warning("%s: opened again after it had hung up", self.url)
 
     def _drop(self) -> None:
         port, self._port = self._port, None
+        self._pending = b""
         if port is None:
             return
         try:
@@ -192,49 +226,178 @@ class Line:
         except (OSError, ValueError) as error:
             _log.info("%s: closing a port that was gone (%s)", self.url, error)
 
-    def _drain(self, port: Port, until_s: float) -> None:
-        """Drop what came late or unasked since the last exchange."""
-        pending = b""
-        while data := port.receive(self.quiet_s if self._owed else 0.0):
+    def _bring_to_order(
+        self, port: Port, matching: Matching, request: bytes, until_s: float
+    ) -> None:
+        """Return once no open request is left whose answer could be taken for this one's."""
+        wanted = matching.answers(request)
+        in_doubt = self._drain(port, wanted, until_s)
+        while True:
+            other = self._open.like(wanted)
+            if other is None and not (in_doubt and matching.probes):
+                return
+            asked = matching if other is None else other.matching
+            free = (one for one in asked.probes if self._open.like(asked.answers(one)) is None)
+            probe = next(free, None)
+            if probe is not None:
+                self._ask(port, asked, probe, until_s, probing=True)
+                in_doubt = False
+            elif other is None:
+                return
+            else:
+                self._wait_for(port, other, request, until_s)
+                # A line that doubles its answers has a second one under way.
+                in_doubt = self._drain(port, wanted, until_s, self.quiet_s)
+
+    def _drain(
+        self, port: Port, wanted: re.Pattern[bytes], until_s: float, quiet_s: float = 0.0
+    ) -> bool:
+        """Close open requests whose answers have come, and drop every other line.
+
+        Returns whether a line was dropped that could be taken for a wanted answer: then the answers
+        may be one ahead of the requests.
+        """
+        unexpected = False
+        while True:
+            *lines, self._pending = self._pending.split(self.terminator)
+            for line in filter(self.matching().accept, lines):
+                if found := self._open.take(line):
+                    self._note_late(found)
+                else:
+                    self.counts.unexpected += 1
+                    unexpected = unexpected or wanted.fullmatch(line) is not None
+                    _log.debug("%s: unexpected %s", self.url, _Escaped(line))
+            wait_s = self.quiet_s if self._open else quiet_s
+            data = port.receive(max(0.0, min(wait_s, until_s - self.clock())))
+            if not data:
+                break
             if self.clock() >= until_s:
                 text = f"{self.url}: never silent; check baud rate and instrument type"
                 raise InstrumentError(text, "garbled")
-            *lines, pending = (pending + data).split(self.terminator)
-            self._owed = max(0, self._owed - sum(map(self.accept, lines)))
+            self._pending += data
+        # The rest of a line that has stopped half way would be taken for the begin of the next.
+        self._pending = b""
+        self._unexpected_run = self._unexpected_run + 1 if unexpected else 0
+        if self._unexpected_run >= MOST_UNEXPECTED:
+            self._unexpected_run = 0
+            self._silent_until_s = self.clock() + self.patience_s
+            self._drop()
+            raise self._doubled(self.patience_s)
+        return unexpected
 
-    def _answer(self, port: Port, request: bytes, until_s: float) -> bytes:
-        pending, last = b"", False
+    def _ask(
+        self,
+        port: Port,
+        matching: Matching,
+        request: bytes,
+        until_s: float,
+        *,
+        probing: bool = False,
+    ) -> bytes:
+        """Send a request and return its answer.
+
+        A line that answers no open request is returned too where only this one is open, for the
+        driver to judge; the request stays open, since its answer may still come. A probe waits on.
+        """
+        own = self._open.add(matching, request, self.clock())
+        self._garbled = False
+        port.write(request + self.terminator)
+        for line in self._lines(port, until_s):
+            found = self._open.take(line)
+            if found is own:
+                return line
+            if found is not None:
+                self._note_late(found)
+            elif self._open.repeats(line):
+                self.counts.unexpected += 1
+                _log.debug("%s: repeated %s", self.url, _Escaped(line))
+            elif self._open.is_alone(own) and not probing:
+                self._garbled = True
+                return line
+            else:
+                self._garbled = True
+                _log.debug("%s: dropped %s", self.url, _Escaped(line))
+        raise self._unanswered(request)
+
+    def _wait_for(self, port: Port, other: OpenRequest, request: bytes, until_s: float) -> None:
+        """Wait until an open request is answered; raises InstrumentError where it is not."""
+        for line in self._lines(port, until_s):
+            found = self._open.take(line)
+            if found is not None:
+                self._note_late(found)
+            if found is other:
+                return
+        text = (
+            f"{self.url}: {request[:40]!r} is not sent, since the answer to a request "
+            f"{self.clock() - other.sent_s:.3f} s ago may still come; after {self.patience_s:g} s "
+            f"of silence the port is opened again{self._late_words()}"
+        )
+        raise InstrumentError(text, self._code())
+
+    def _lines(self, port: Port, until_s: float) -> Iterator[bytes]:
+        """Yield complete solicited lines until the deadline; the rest stays pending."""
+        accept, last = self.matching().accept, False
         while True:
-            line, found, rest = pending.partition(self.terminator)
+            line, found, rest = self._pending.partition(self.terminator)
             if found:
-                if self.accept(line):
-                    self._owed = 0
-                    return line
-                _log.debug("%s: skipped %s", self.url, _Escaped(line))
-                pending = rest
+                self._pending = rest
+                if accept(line):
+                    yield line
+                else:
+                    _log.debug("%s: skipped %s", self.url, _Escaped(line))
                 continue
-            if len(pending) > LONGEST_FRAME:
+            if len(self._pending) > LONGEST_FRAME:
                 text = (
-                    f"{self.url}: {len(pending)} bytes without an end, limit {LONGEST_FRAME}; "
-                    "check baud rate and instrument type"
+                    f"{self.url}: {len(self._pending)} bytes without an end, limit "
+                    f"{LONGEST_FRAME}; check baud rate and instrument type"
                 )
+                self._pending = b""
                 raise InstrumentError(text, "garbled")
             left_s = until_s - self.clock()
             if left_s <= 0.0:
                 if last:
-                    raise self._unanswered(request, pending)
+                    return
                 last = True
                 left_s = GRACE * self.timeout_s if left_s < -STANDSTILL_S else 0.0
                 until_s = self.clock() + left_s
-            pending += port.receive(left_s)
+            self._pending += port.receive(left_s)
 
-    def _unanswered(self, request: bytes, pending: bytes) -> InstrumentError:
-        got = f"only {pending[:40]!r}" if pending else "no answer"
-        text = (
-            f"{self.url}: {got} within {self.timeout_s} s to {request[:40]!r}; "
-            "check power, address and baud rate"
+    def _note_late(self, request: OpenRequest) -> None:
+        self.counts.late += 1
+        self._late_run += 1
+        self._late_s = self.clock() - request.sent_s
+        _log.debug("%s: an answer came %.3f s after its request", self.url, self._late_s)
+
+    def _code(self) -> ErrorCode:
+        """Return why an answer is missing, by what came instead."""
+        if self._late_run:
+            return "late"
+        return "garbled" if self._garbled else "silent"
+
+    def _late_words(self) -> str:
+        if not self._late_run:
+            return ""
+        return (
+            f"; {self._late_run} answers came late, the last {self._late_s:.3f} s after its "
+            f"request, limit {self.timeout_s:g} s: find what delays the line, or raise timeout_s "
+            "where the control period leaves time for it"
         )
-        return InstrumentError(text, "garbled" if pending else "silent")
+
+    def _unanswered(self, request: bytes) -> InstrumentError:
+        got = f"only {self._pending[:40]!r}" if self._pending else "no answer"
+        text = f"{self.url}: {got} within {self.timeout_s} s to {request[:40]!r}"
+        if self._late_run:
+            return InstrumentError(f"{text}{self._late_words()}", "late")
+        self._garbled = self._garbled or bool(self._pending)
+        return InstrumentError(f"{text}; check power, address and baud rate", self._code())
+
+    def _doubled(self, wait_s: float) -> InstrumentError:
+        text = (
+            f"{self.url}: {MOST_UNEXPECTED} exchanges in a row found more answers than requests, "
+            f"so answers cannot be told apart; silent for {wait_s:.1f} s, then opened again. Does "
+            "an adapter or a second program repeat lines?"
+        )
+        return InstrumentError(text, "garbled")
 
 
 @dataclass(frozen=True, slots=True)

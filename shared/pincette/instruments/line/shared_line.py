@@ -5,25 +5,35 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 
+from pincette.instruments.line.matching import Matching
 from pincette.instruments.protocols import InstrumentError, Link
 
 Prepare = Callable[[Link], None]
+OpenLine = Callable[[Prepare, Callable[[], Matching]], Link]
+"""Opens a line, given what prepares the instruments after the line was lost, and what says how the
+answers of the driver that is speaking are recognised."""
 
 
 class SharedLine:
     """A line that is open until the last of its drivers has closed it; one thread uses it."""
 
-    def __init__(self, open_line: Callable[[Prepare], Link], gone: Callable[[], object]) -> None:
-        """``open_line`` opens it, with what prepares the instruments once it was lost."""
+    def __init__(self, open_line: OpenLine, gone: Callable[[], object]) -> None:
+        """Open the line; ``gone`` is called when the last of its drivers has closed it."""
         self._ends: list[LineEnd] = []
         self._gone = gone
-        self._link = open_line(self._prepare)
+        self._matching = Matching()
+        self._link = open_line(self._prepare, lambda: self._matching)
 
-    def end(self, on_open: Prepare) -> "LineEnd":
-        """A driver's own end of it."""
-        end = LineEnd(self, self._link, on_open)
+    def end(self, on_open: Prepare, matching: Matching) -> "LineEnd":
+        """Return a driver's own end of the line."""
+        end = LineEnd(self, on_open, matching)
         self._ends.append(end)
         return end
+
+    def of(self, end: "LineEnd") -> Link:
+        """Return the line, set to recognise the answers of one end's driver."""
+        self._matching = end.matching
+        return self._link
 
     def leave(self, end: "LineEnd") -> None:
         """Close one end, and with the last one the line."""
@@ -34,16 +44,20 @@ class SharedLine:
                 self._link.close()
 
     def _prepare(self, link: Link) -> None:
+        speaking = self._matching
         for end in self._ends:
+            self._matching = end.matching
             end.on_open(link)
+        self._matching = speaking
 
 
 class LineEnd:
     """What one driver holds of a line that it shares."""
 
-    def __init__(self, line: SharedLine, link: Link, on_open: Prepare) -> None:
+    def __init__(self, line: SharedLine, on_open: Prepare, matching: Matching) -> None:
         self.on_open = on_open
-        self._line, self._link = line, link
+        self.matching = matching
+        self._line = line
         self._closed = False
 
     def exchange(self, request: bytes) -> bytes:
@@ -62,7 +76,7 @@ class LineEnd:
     def _opened(self) -> Link:
         if self._closed:
             raise InstrumentError("this end of the line is closed; open it again", "misused")
-        return self._link
+        return self._line.of(self)
 
 
 _LINES: ContextVar[dict[str, SharedLine] | None] = ContextVar("lines", default=None)
@@ -78,11 +92,11 @@ def one_line_for_each_url() -> Generator[None]:
         _LINES.reset(token)
 
 
-def end_of_line(url: str, on_open: Prepare, open_line: Callable[[Prepare], Link]) -> Link:
-    """A line of one's own, or where lines are shared an end of that at the url; or its error."""
+def end_of_line(url: str, on_open: Prepare, matching: Matching, open_line: OpenLine) -> Link:
+    """Open a line, or where lines are shared return an end of the one at the url."""
     lines = _LINES.get()
     if lines is None:
-        return open_line(on_open)
+        return open_line(on_open, lambda: matching)
     if url not in lines:
         lines[url] = SharedLine(open_line, partial(lines.pop, url, None))
-    return lines[url].end(on_open)
+    return lines[url].end(on_open, matching)

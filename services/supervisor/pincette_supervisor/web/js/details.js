@@ -13,12 +13,16 @@ function table(caption, head, rows) {
 
 const age = (seconds) => (seconds === null ? "–" : `${number(seconds, seconds < 1 ? 3 : 1)} s`);
 
+const count = (value) => (value === null || value === undefined ? "–" : String(value));
+
 function programs(rig) {
-  return table("Programs", ["Program", "State", "Age", "Missed"], rig.programs.map((each) => h("tr", {},
+  const head = ["Program", "State", "Age", "Missed", "Late answers", "Lost answers"];
+  return table("Programs", head, rig.programs.map((each) => h("tr", {},
     h("th", { scope: "row" }, each.name),
     h("td", {}, each.trouble ? chip(each.trouble, "bad") : chip(each.alive ? "alive" : "silent",
       each.alive ? "good" : "warn")),
-    h("td", {}, age(each.age_s)), h("td", {}, each.missed === null ? "–" : String(each.missed)))));
+    h("td", {}, age(each.age_s)), h("td", {}, count(each.missed)),
+    h("td", {}, count(each.instrument?.late)), h("td", {}, count(each.instrument?.lost)))));
 }
 
 function limits(rig) {

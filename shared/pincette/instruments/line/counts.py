@@ -1,0 +1,40 @@
+"""Counts of what went wrong on the lines of one program's instruments."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class LineCounts:
+    """Totals since the program started, over all lines that it opened."""
+
+    late: int = 0
+    """Answers that came after their request had timed out."""
+    lost: int = 0
+    """Answers that never came."""
+    unexpected: int = 0
+    """Answers more than there were requests, as where a line doubles them."""
+    reopened: int = 0
+    """Times that a lost or silent port was opened again."""
+    retried: int = 0
+    """Times that opening an instrument failed and was tried again."""
+
+
+_COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
+
+
+@contextmanager
+def counting(counts: LineCounts) -> Generator[None]:
+    """Let every line that is opened within count here for as long as it is open."""
+    token = _COUNTS.set(counts)
+    try:
+        yield
+    finally:
+        _COUNTS.reset(token)
+
+
+def current_counts() -> LineCounts:
+    """Return the counts that hold here, or new ones outside ``counting``."""
+    return _COUNTS.get() or LineCounts()
