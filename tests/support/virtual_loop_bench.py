@@ -82,6 +82,8 @@ class VirtualBench:
         """Whether exchanges are as short as such a period needs, whatever the drivers state."""
         self.lines = lines_of(rig_file, quick=self.quick)
         self.taken = Taken()
+        self.reading_clock: Callable[[], float] = lambda: 0.0
+        """Measures how long a reading takes within a step of its program."""
         self._rig_file = rig_file
         self._script: Script | None = None
         self._measure: Callable[[], float] | None = None

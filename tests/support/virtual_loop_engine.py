@@ -92,7 +92,8 @@ class Engine:
             device = devices[service]() if service in devices else None
             known = plugins.load(plugins.SERVICES, service)
             instance = self.instances + len(nodes)
-            node = Node(known, self.rig, device, instance, before=Before(self.predecessor))
+            before, clock = Before(self.predecessor), self.bench.reading_clock
+            node = Node(known, self.rig, device, instance, before=before, clock=clock)
             if self.bench.quick:
                 vars(node)["_too_slow"] = ""
             nodes.append(node)

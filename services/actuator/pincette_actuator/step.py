@@ -26,7 +26,15 @@ from pincette.control.safety.confirmation import (
     waits_for_read_back,
 )
 from pincette.control.safety.freshness import newest_seq, skipped_seq
-from pincette.control.safety.latch import awake, booted, ending, pass_time, shutdown, trip
+from pincette.control.safety.latch import (
+    awake,
+    booted,
+    ending,
+    explained,
+    pass_time,
+    shutdown,
+    trip,
+)
 from pincette.control.safety.second import SecondArm
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
@@ -79,6 +87,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         second_um = position.second.x_um if position.second and position.second.valid else None
         skipped = skipped_seq(state.arrivals, position.seq)
         state = sampled(limits, state, position.seq, x_um, now, second_um).settled()
+        state = explained(state, position.fault)
     command, facts = state.pending, None
     if inputs.command is not None:
         state, command, facts = _heard(state, inputs.command)

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from math import ceil, inf
 from time import monotonic, sleep
@@ -59,6 +60,8 @@ MOST_SAMPLES = 3000
 LEAST_READING_S = 0.005
 """Time that a reading may take at any control period, in s: a machine that stands still so long
 does not make a reading old."""
+WAITED_SHARE = 0.8
+"""Share of that time for which a sensor is waited for."""
 TRIES = 3
 """Attempts to open an instrument, or to read back its voltage, before that has failed."""
 PAUSE_S = 0.05
@@ -67,14 +70,38 @@ PASSING = ("silent", "late", "garbled")
 """How an exchange fails that may succeed when it is repeated."""
 
 
+@dataclass(frozen=True, slots=True)
+class ReadingWatch:
+    """Refuses readings that took too long.
+
+    The instrument may have measured at the begin of the exchange. A position that is older than a
+    control period would let the arm press on for that time.
+    """
+
+    oldest_s: float
+    """Longest time that a reading may take, in s."""
+    clock: Callable[[], float] = monotonic
+
+    def too_old(self, began_s: float) -> Reading | None:
+        """Return a fault in place of a reading that took too long; None where it did not."""
+        took_s = self.clock() - began_s
+        if took_s <= self.oldest_s:
+            return None
+        words = (
+            f"the reading took {1e3 * took_s:.1f} ms, limit {1e3 * self.oldest_s:g} ms: find what "
+            "delays the line, or take a longer [rig] period_s"
+        )
+        return Reading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
+
+
 class Instrument:
     """What a node does with its device; each fault comes back as words, never as an exception."""
 
     def __init__(
-        self, device: Device, period_s: float, counts: LineCounts | None = None, *, lockstep: bool
+        self, device: Device, period_s: float, watch: ReadingWatch, counts: LineCounts | None = None
     ) -> None:
         self.counts = LineCounts() if counts is None else counts
-        self._oldest_s = inf if lockstep else longest_reading_s(period_s)
+        self._watch = watch
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
         """Looked at once: it takes long to see whether an object has all that a protocol asks."""
@@ -85,11 +112,11 @@ class Instrument:
 
     def read(self) -> Reading:
         """Read the sensor: once, or all that it has acquired since the last tick."""
-        began_s = monotonic()
+        began_s = self._watch.clock()
         try:
             if not self._capture_hz:
                 x_um = self._device.read_um()
-                return self.too_old(began_s) or Reading(x_um)
+                return self._watch.too_old(began_s) or Reading(x_um)
             block = self._device.read_block()
         except InstrumentError as error:
             return Reading(0.0, fault_of(error))
@@ -99,21 +126,6 @@ class Instrument:
         self._later = Block(x_um[MOST_SAMPLES:], drive_V[MOST_SAMPLES:])
         acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
         return Reading(block.x_um[-1], acquired=acquired)
-
-    def too_old(self, began_s: float) -> Reading | None:
-        """Return a fault in place of a reading that took too long; None where it did not.
-
-        The instrument may have measured at the begin of the exchange. A position that is older than
-        a control period would let the arm press on for that time.
-        """
-        took_s = monotonic() - began_s
-        if took_s <= self._oldest_s:
-            return None
-        words = (
-            f"the reading took {1e3 * took_s:.1f} ms, limit {1e3 * self._oldest_s:g} ms: find what "
-            "delays the line, or take a longer [rig] period_s"
-        )
-        return Reading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
 
     def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
         """Give the output its order; returns its fault, or the voltage that it was asked for."""
@@ -242,8 +254,7 @@ def _open(
 ) -> PositionSensor | VoltageOutput | None:
     patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
     if service.instrument == "position_sensor":
-        reading_s = min(at_most_s, longest_reading_s(rig.rig.period_s))
-        patience = patience or {"timeout_s": min(rig.sensor.timeout_s, reading_s)}
+        patience = patience or {"timeout_s": reading_timeout_s(rig, at_most_s)}
         settings = rig.sensor.model_copy(update=patience)
         sensor = plugins.load(plugins.POSITION_SENSORS, settings.driver)
         times = max(TRIES, ceil(rig.sensor.timeout_s / settings.timeout_s))
@@ -256,8 +267,17 @@ def _open(
 
 
 def longest_reading_s(period_s: float) -> float:
-    """Return the longest time that a reading may take at a control period, in s."""
+    """Return the age up to which a reading is accepted at a control period, in s."""
     return max(period_s, LEAST_READING_S)
+
+
+def reading_timeout_s(rig: RigFile, at_most_s: float = inf) -> float:
+    """Return how long one arm's sensor is waited for, in s.
+
+    After a timeout there is time left before the next tick, which would else be skipped.
+    """
+    tick_s = WAITED_SHARE * longest_reading_s(rig.rig.period_s)
+    return min(rig.sensor.timeout_s, at_most_s, tick_s)
 
 
 def _retried(open_: Callable[[], D], times: int) -> D:

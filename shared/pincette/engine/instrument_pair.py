@@ -4,13 +4,12 @@ Where one fails, the other is left as it is: what becomes of both is for the ser
 """
 
 from collections.abc import Callable
-from time import monotonic
 
 from msgspec.structs import replace
 
 from pincette.core.faults import Fault
 from pincette.core.service import DeviceCommand, PutOut, ReadBack, Reading, RefusedError, SetVoltage
-from pincette.engine.instrument import Both, Device, Instrument
+from pincette.engine.instrument import Both, Device, Instrument, ReadingWatch
 from pincette.instruments.line.counts import LineCounts
 
 NAMES = ("the first arm", "the second arm")
@@ -20,18 +19,16 @@ class InstrumentPair(Instrument):
     """What a node does with the devices of two arms; each fault says of which arm it is."""
 
     def __init__(
-        self, devices: Both, period_s: float, counts: LineCounts | None = None, *, lockstep: bool
+        self, devices: Both, period_s: float, watch: ReadingWatch, counts: LineCounts | None = None
     ) -> None:
-        super().__init__(None, period_s, counts, lockstep=lockstep)
-        self._arms = tuple(
-            Instrument(device, period_s, self.counts, lockstep=lockstep) for device in devices
-        )
+        super().__init__(None, period_s, watch, counts)
+        self._arms = tuple(Instrument(device, period_s, watch, self.counts) for device in devices)
 
     def read(self) -> Reading:
         """Read both sensors; the first reading is as old as both took."""
-        began_s = monotonic()
+        began_s = self._watch.clock()
         first, second = (_of_arm(arm, one.read()) for arm, one in enumerate(self._arms, start=1))
-        if first.fault is None and (old := self.too_old(began_s)):
+        if first.fault is None and (old := self._watch.too_old(began_s)):
             first = _of_arm(1, old)
         return replace(first, second=second)
 
@@ -88,12 +85,12 @@ class InstrumentPair(Instrument):
 
 
 def instrument_of(
-    device: Device, period_s: float, counts: LineCounts | None = None, *, lockstep: bool
+    device: Device, period_s: float, watch: ReadingWatch, counts: LineCounts | None = None
 ) -> Instrument:
     """Return what a node does with the device or the devices that it was given."""
     if isinstance(device, Both):
-        return InstrumentPair(device, period_s, counts, lockstep=lockstep)
-    return Instrument(device, period_s, counts, lockstep=lockstep)
+        return InstrumentPair(device, period_s, watch, counts)
+    return Instrument(device, period_s, watch, counts)
 
 
 def _of_arm(arm: int, reading: Reading) -> Reading:

@@ -5,7 +5,10 @@ its neighbours in one process; what drives it hands it messages and the time.
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import asdict
+from math import inf
+from time import monotonic
 from typing import Any
 
 from pincette import __version__
@@ -18,7 +21,7 @@ from pincette.core.service import AnyService, Busy, PutOut, ReadBack, RefusedErr
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
 from pincette.engine.boot_note import FIRST, Before
-from pincette.engine.instrument import ORDERS, Device, published
+from pincette.engine.instrument import ORDERS, Device, ReadingWatch, longest_reading_s, published
 from pincette.engine.instrument_pair import instrument_of
 from pincette.engine.request_log import RequestRecorder
 from pincette.engine.synchronizer import KEPT, Pending, Synchronizer, stream_of
@@ -41,10 +44,12 @@ class Node:
         check_timing: bool = True,
         before: Before = FIRST,
         line_counts: LineCounts | None = None,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
         """``check_timing``: no arming where the instruments do not fit into the period.
 
-        ``line_counts`` are those of the lines to ``device``.
+        ``line_counts`` are those of the lines to ``device``; ``clock`` measures how long it takes
+        to read it.
         """
         self.service = service
         self.instance, self._before = instance, before
@@ -54,7 +59,9 @@ class Node:
         self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
-        self._device = instrument_of(device, self.period_s, line_counts, lockstep=self.lockstep)
+        oldest_s = inf if rig.lockstep else longest_reading_s(self.period_s)
+        watch = ReadingWatch(oldest_s, clock)
+        self._device = instrument_of(device, self.period_s, watch, line_counts)
         if service.booted is not None:
             self.state = service.booted(self.state, before.ended)
         if service.initialize_from_output is not None:

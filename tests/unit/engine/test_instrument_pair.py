@@ -9,7 +9,7 @@ from pincette.core.faults import Fault
 from pincette.core.messages import Arm, Position
 from pincette.core.service import CheckWave, PutOut, ReadBack, RefusedError, SetVoltage, Wave
 from pincette.core.wording import fault_text
-from pincette.engine.instrument import Both
+from pincette.engine.instrument import Both, ReadingWatch
 from pincette.engine.instrument_pair import InstrumentPair, instrument_of
 from pincette.engine.node import Node
 from pincette.instruments.protocols import InstrumentError
@@ -55,7 +55,7 @@ class Device:
 
 def pair() -> tuple[InstrumentPair, Device, Device]:
     one, two = Device(1.0), Device(2.0)
-    made = instrument_of(Both(one, two), 0.02, lockstep=True)
+    made = instrument_of(Both(one, two), 0.02, ReadingWatch(0.02, lambda: 0.0))
     assert isinstance(made, InstrumentPair)
     return made, one, two
 

@@ -109,7 +109,8 @@ class RigCounters:
 
     def _take_applied(self, applied: Applied) -> None:
         trip = _trip_of(applied)
-        if trip and trip != self._trip:
+        # More may be found about a trip after it has begun; another cause is another trip.
+        if trip and (self._trip is None or trip.cause != self._trip.cause):
             self._trips[trip.cause or Cause.ASKED] += 1
         self._trip, self._armed = trip, applied.state == Mode.ARMED
         if self._armed:

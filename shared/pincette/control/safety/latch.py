@@ -110,6 +110,19 @@ def trip(
     return replace(tripped, mode=Mode.FROZEN) if keeps else ramped(tripped, now)
 
 
+def explained(state: S, found: Fault | None) -> S:
+    """Add to the cause of a trip for want of commands that the sensor's answers came late.
+
+    The first late answers look lost; only what comes after the trip shows that they are late.
+    """
+    told = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
+    if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or told:
+        return state
+    if found is None or found.code is not FaultCode.INSTRUMENT_LATE:
+        return state
+    return replace(state, faults=(*state.faults, found))
+
+
 def ramped(state: S, now: float) -> S:
     """Begin the ramp to the safe voltage from where the voltage is."""
     return replace(
