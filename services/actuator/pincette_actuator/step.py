@@ -87,7 +87,8 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         second_um = position.second.x_um if position.second and position.second.valid else None
         skipped = skipped_seq(state.arrivals, position.seq)
         state = sampled(limits, state, position.seq, x_um, now, second_um).settled()
-        state = explained(state, position.fault)
+        if position.fault is not None:
+            state = explained(state, position.fault)
     command, facts = state.pending, None
     if inputs.command is not None:
         state, command, facts = _heard(state, inputs.command)

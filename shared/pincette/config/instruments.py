@@ -46,7 +46,7 @@ class Sensor(Table):
     direction: Literal[1, -1] = 1
     """+1 if closing the gripper raises the reading."""
     timeout_s: Positive = 0.1
-    """For a whole exchange with the instrument."""
+    """Longest exchange with the instrument; in real time at most 0.8 of a control period."""
     noise_um: NotNegative
     """r.m.s., as identified; enters the force uncertainty."""
     record: str | None = None

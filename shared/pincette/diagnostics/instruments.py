@@ -1,18 +1,21 @@
 """What the instruments of a rig say where they are opened, and which way the arm moves."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from math import fsum, sqrt
+from itertools import pairwise
+from math import fsum, inf, sqrt
 from pathlib import Path
+from statistics import median
 from typing import cast
 
 from pincette.config import ConfigError, RigFile, Sensor
 from pincette.core.plugins import PluginError
-from pincette.core.service import AnyService
+from pincette.core.service import AnyService, member_services
 from pincette.diagnostics import Finding, noted
-from pincette.engine.instrument import open_device
+from pincette.engine.instrument import open_device, reading_timeout_s
 from pincette.engine.process import loop_services
+from pincette.engine.timing_budget import shared_timeout_s
 from pincette.instruments.protocols import (
     InstrumentError,
     PositionSensor,
@@ -24,14 +27,16 @@ READINGS = 40
 COARSEST_UM, FINEST_UM = 0.05, 0.001
 """Steps of a reading that make sense: 0.1 µm hide 25 nm, and 1e-5 is a display in mm."""
 LATENCY_MS = 1
+THIN_SHARE = 0.5
+"""Share of a timeout that the slowest of the readings may take before the margin is thin."""
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
 """Of the motion that the model says, for it to be the arm's."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
-    "open, the latency of their adapters, 40 readings with their step, noise and range, the "
-    "voltage put out, and with --move the direction of the motion"
+    "open, the latency of their adapters, 40 readings with their time, step, noise and range, "
+    "the voltage put out, and with --move the direction of the motion"
 )
 
 
@@ -55,7 +60,8 @@ def _of_arm(rig: RigFile) -> Iterator[Finding]:
             yield from latency(url)
             try:
                 if service.instrument == "position_sensor":
-                    yield from readings(rig.sensor, cast(PositionSensor, device))
+                    limit_s = reading_timeout_s(rig, shared_timeout_of(rig))
+                    yield from readings(rig.sensor, cast(PositionSensor, device), limit_s)
                 else:
                     yield from standing(rig, cast(VoltageOutput, device))
             except InstrumentError as error:
@@ -95,9 +101,44 @@ def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
     )
 
 
-def readings(settings: Sensor, sensor: PositionSensor) -> Iterator[Finding]:
-    """Whether readings are in range, in the right unit, and as noisy as the rig file says."""
-    x_um = [sensor.read_um() for _ in range(READINGS)]
+def shared_timeout_of(rig: RigFile) -> float:
+    """Return how long the program that reads the sensor may wait for it, in s."""
+    name = rig.program_of("sensor")
+    services = loop_services()
+    try:
+        return shared_timeout_s(rig, [services[one] for one in member_services(name)])
+    except ConfigError:
+        return inf  # a finding of the rig file states it
+
+
+def margin(took_s: Sequence[float], limit_s: float) -> Finding:
+    """Compare the time that readings took with the time after which they are late."""
+    slowest_s = max(took_s)
+    text = (
+        f"sensor: {len(took_s)} readings took {1e3 * median(took_s):.1f} ms in the middle, "
+        f"{1e3 * slowest_s:.1f} ms at most; later than {1e3 * limit_s:.1f} ms is late"
+    )
+    remedy = (
+        "a late answer is dropped, and three in a row trip: raise the baud rate, set the server's "
+        "or adapter's delay to nothing, or take a longer [rig] period_s"
+    )
+    if slowest_s > THIN_SHARE * limit_s:
+        return noted(f"{text}: the margin is thin", remedy)
+    return Finding(True, text)
+
+
+def readings(
+    settings: Sensor,
+    sensor: PositionSensor,
+    limit_s: float,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Finding]:
+    """Check that readings are quick, in range, in the right unit, and as noisy as stated."""
+    times_s, x_um = [clock()], list[float]()
+    for _ in range(READINGS):
+        x_um.append(sensor.read_um())
+        times_s.append(clock())
+    yield margin([after - before for before, after in pairwise(times_s)], limit_s)
     low_um, high_um = min(x_um), max(x_um)
     yield Finding(
         settings.minimum_um <= low_um and high_um <= settings.maximum_um,

@@ -98,10 +98,15 @@ class Instrument:
     """What a node does with its device; each fault comes back as words, never as an exception."""
 
     def __init__(
-        self, device: Device, period_s: float, watch: ReadingWatch, counts: LineCounts | None = None
+        self,
+        device: Device,
+        period_s: float,
+        watch: ReadingWatch | None,
+        counts: LineCounts | None = None,
     ) -> None:
         self.counts = LineCounts() if counts is None else counts
         self._watch = watch
+        """None in lockstep, where readings take no time."""
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
         """Looked at once: it takes long to see whether an object has all that a protocol asks."""
@@ -112,11 +117,14 @@ class Instrument:
 
     def read(self) -> Reading:
         """Read the sensor: once, or all that it has acquired since the last tick."""
-        began_s = self._watch.clock()
+        watch = self._watch
         try:
             if not self._capture_hz:
+                if watch is None:
+                    return Reading(self._device.read_um())
+                began_s = watch.clock()
                 x_um = self._device.read_um()
-                return self._watch.too_old(began_s) or Reading(x_um)
+                return watch.too_old(began_s) or Reading(x_um)
             block = self._device.read_block()
         except InstrumentError as error:
             return Reading(0.0, fault_of(error))

@@ -7,7 +7,6 @@ its neighbours in one process; what drives it hands it messages and the time.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
-from math import inf
 from time import monotonic
 from typing import Any
 
@@ -59,8 +58,8 @@ class Node:
         self.calibration = Calibration()
         self.config: Any = service.configure(rig)
         self.state: Any = service.start(self.config)
-        oldest_s = inf if rig.lockstep else longest_reading_s(self.period_s)
-        watch = ReadingWatch(oldest_s, clock)
+        oldest_s = longest_reading_s(self.period_s)
+        watch = None if rig.lockstep else ReadingWatch(oldest_s, clock)
         self._device = instrument_of(device, self.period_s, watch, line_counts)
         if service.booted is not None:
             self.state = service.booted(self.state, before.ended)

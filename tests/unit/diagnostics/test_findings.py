@@ -10,7 +10,7 @@ from pincette.config import Output, RigFile, Sensor, read_rig
 from pincette.core import plugins
 from pincette.core.service import AnyService
 from pincette.diagnostics import Finding
-from pincette.diagnostics.instruments import direction, instruments, latency, readings
+from pincette.diagnostics.instruments import direction, instruments, latency, margin, readings
 from pincette.diagnostics.machine import shared_ports
 from pincette.diagnostics.rig_file import limits, model, rig_findings, timing, watchdog
 from pincette.engine.instrument import Device
@@ -188,16 +188,16 @@ def test_a_wrong_unit_a_coarse_display_and_noise_are_found() -> None:
     settings: Sensor = RIG.sensor
     with pytest.raises(InstrumentError, match="steps of 10 µm"):
         Bench(unit="mm")
-    (what,) = missing(readings(settings, Constant(5.0, 5.1)))
+    (what,) = missing(readings(settings, Constant(5.0, 5.1), 0.016))
     assert what == "sensor: readings differ by 0.1 µm at least, limits 0.001 and 0.05 µm"
-    (what,) = missing(readings(settings, Constant(0.00123, 0.00124)))
+    (what,) = missing(readings(settings, Constant(0.00123, 0.00124), 0.016))
     assert "differ by 1e-05 µm" in what
-    (what,) = missing(readings(settings, Constant(5.0, 5.01, 6.0, 7.0)))
+    (what,) = missing(readings(settings, Constant(5.0, 5.01, 6.0, 7.0), 0.016))
     assert "noise 0.837 µm" in what
     assert "the rig file has 0.03 µm" in what
-    (what,) = missing(readings(settings, Constant(20000.0, 20000.02)))
+    (what,) = missing(readings(settings, Constant(20000.0, 20000.02), 0.016))
     assert "range -9999..9999 µm" in what
-    (_, finding) = readings(settings, Constant(5.0))
+    (*_, finding) = readings(settings, Constant(5.0), 0.016)
     assert finding.mark == "note"
 
 
@@ -274,3 +274,14 @@ def test_a_simulated_rig_is_not_moved(tmp_path: Path) -> None:
 def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
     output = Output(driver="srs_dc205", url="/dev/ttyUSB0", on_silence="safe")
     assert "to a safe value by itself" in watchdog(RIG.model_copy(update={"output": output})).what
+
+
+@pytest.mark.parametrize(
+    ("slowest_s", "mark"), [(0.002, "well"), (0.0079, "well"), (0.0081, "note"), (0.05, "note")]
+)
+def test_readings_that_leave_a_thin_margin_below_their_timeout_are_noted(
+    slowest_s: float, mark: str
+) -> None:
+    found = margin([0.0018] * 39 + [slowest_s], 0.016)
+    assert found.mark == mark
+    assert f"{1e3 * slowest_s:.1f} ms at most; later than 16.0 ms is late" in found.what

@@ -110,7 +110,7 @@ def trip(
     return replace(tripped, mode=Mode.FROZEN) if keeps else ramped(tripped, now)
 
 
-def explained(state: S, found: Fault | None) -> S:
+def explained(state: S, found: Fault) -> S:
     """Add to the cause of a trip for want of commands that the sensor's answers came late.
 
     The first late answers look lost; only what comes after the trip shows that they are late.
@@ -118,7 +118,7 @@ def explained(state: S, found: Fault | None) -> S:
     told = any(one.code is FaultCode.INSTRUMENT_LATE for one in state.faults)
     if state.cause != Cause.COMMAND_AGE or state.mode == Mode.ARMED or told:
         return state
-    if found is None or found.code is not FaultCode.INSTRUMENT_LATE:
+    if found.code is not FaultCode.INSTRUMENT_LATE:
         return state
     return replace(state, faults=(*state.faults, found))
 

@@ -10,6 +10,7 @@ from pincette.control.safety.latch import (
     armed,
     arming_objection,
     awake,
+    explained,
     pass_time,
     released,
     reset,
@@ -295,3 +296,20 @@ def test_the_detail_says_what_a_person_asks_for_first() -> None:
     quiet = replace(state, strangers=Strangers(2, OFF), refusal=None, standstills=0)
     assert detail_words(quiet) == "armed"
     assert (state.epoch, state.owner) == (EPOCH, OWNER)
+
+
+LATE = fault(FaultCode.INSTRUMENT_LATE, "answers come late", took_s=0.04)
+
+
+def test_answers_that_prove_late_are_named_beside_the_want_of_commands_once() -> None:
+    tripped = trip(LIMITS, FREE, Cause.COMMAND_AGE, 1.0, faults=(OFF,))
+    named = explained(tripped, LATE)
+    assert named.faults == (OFF, LATE)
+    assert explained(named, LATE) is named
+    assert explained(tripped, OFF) is tripped
+
+
+def test_answers_that_prove_late_explain_no_other_trip() -> None:
+    assert explained(FREE, LATE) is FREE
+    stopped = trip(LIMITS, FREE, Cause.ESTOP, 1.0)
+    assert explained(stopped, LATE) is stopped

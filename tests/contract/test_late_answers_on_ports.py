@@ -1,0 +1,153 @@
+"""Over TCP and a pseudo-terminal an accepted answer belongs to its question, however late it is."""
+
+import time
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from pincette.instruments import icpdas_i7024, keyence_lkg
+from pincette.instruments.line.counts import LineCounts, counting
+from pincette.instruments.line.serial_link import GRACE, Line
+from pincette.instruments.protocols import InstrumentError
+from pincette.sim.instruments.dcon import SimulatedI7024
+from pincette.sim.instruments.keyence import SimulatedKeyence
+from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.wires.wire import serve
+from tests.contract.test_late_answers import output_settings, sensor_settings
+from tests.support.delayed_answers import Delays, constant, drawn
+
+TIMEOUT_S = 0.02
+WRAP_S = 9.0
+UNCERTAIN_S = 0.002
+"""Resolution of what an instrument states, in s, and of what is measured here."""
+
+
+class Delayed:
+    """An instrument that answers each request after a delay, one request after the other."""
+
+    def __init__(self, instrument: Instrument, delays: Delays) -> None:
+        self.instrument, self.delays = instrument, delays
+        self.number = 0
+
+    def idle(self) -> None:
+        self.instrument.idle()
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Work the request off at once, and answer it late, twice or never."""
+        reply = self.instrument.answer(line)
+        delays_s = self.delays(self.number)
+        self.number += 1
+        if reply is None or not delays_s:
+            return None
+        time.sleep(delays_s[0])
+        return b"\r".join([reply] * len(delays_s))
+
+
+def stated_s() -> float:
+    return time.monotonic() % WRAP_S
+
+
+@contextmanager
+def laser(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    instrument = Delayed(SimulatedKeyence(lambda: 100.0 * stated_s()), constant(0.0))
+    with serve(url, instrument) as wire:
+        settings = sensor_settings("keyence_lkg", 0.5).model_copy(update={"url": wire.url})
+        sensor = keyence_lkg.open_sensor(settings)
+        shorten(sensor.link, TIMEOUT_S)
+        instrument.delays = delays
+        yield lambda: sensor.read_um() / 100.0
+        sensor.close()
+
+
+@contextmanager
+def module(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    behind = SimulatedI7024(lambda _voltage_V: None, time.monotonic)
+
+    class Clocked(Delayed):
+        def answer(self, line: bytes) -> bytes | None:
+            if line.startswith(b"$018"):
+                behind.answer(b"#010%+07.3f" % stated_s())
+            return super().answer(line)
+
+    instrument = Clocked(behind, constant(0.0))
+    with serve(url, instrument) as wire:
+        settings = output_settings("icpdas_i7024", 0.5, watchdog_s=0.0)
+        output = icpdas_i7024.open_output(settings.model_copy(update={"url": wire.url}))
+        shorten(vars(output)["_link"], TIMEOUT_S)
+        instrument.delays = delays
+        yield output.read_V
+        output.close()
+
+
+def shorten(link: object, timeout_s: float) -> None:
+    """Shorten the timeout of a line that has been opened."""
+    assert isinstance(link, Line)
+    link.timeout_s = timeout_s
+
+
+def check_ages(use: Callable[[], float], for_s: float) -> tuple[int, int]:
+    """Make exchanges for a while; returns how many were accepted, and how many not."""
+    accepted = refused = 0
+    until_s = time.monotonic() + for_s
+    while time.monotonic() < until_s:
+        began_s = time.monotonic()
+        try:
+            answered_s = use()
+        except InstrumentError:
+            refused += 1
+            continue
+        now_s = time.monotonic()
+        age_s = (now_s - answered_s + 0.5 * WRAP_S) % WRAP_S - 0.5 * WRAP_S
+        assert age_s <= now_s - began_s + UNCERTAIN_S
+        accepted += 1
+    return accepted, refused
+
+
+INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module])
+PORTS = pytest.mark.parametrize("port", ["tcp", "pty"])
+Offer = Callable[[str, Delays], AbstractContextManager[Callable[[], float]]]
+
+
+def url_of(port: str, folder: Path) -> str:
+    return "socket://127.0.0.1:0" if port == "tcp" else str(folder / "port")
+
+
+@PORTS
+@INSTRUMENTS
+def test_answers_later_than_their_timeout_are_never_accepted(
+    offer: Offer, port: str, tmp_path: Path
+) -> None:
+    counts = LineCounts()
+    late = constant((1.3 + GRACE) * TIMEOUT_S)
+    with counting(counts), offer(url_of(port, tmp_path), late) as use:
+        accepted, refused = check_ages(use, 0.3)
+    assert accepted == 0
+    assert refused
+    assert counts.late
+
+
+@PORTS
+@INSTRUMENTS
+def test_answers_that_are_late_lost_or_doubled_by_chance(
+    offer: Offer, port: str, tmp_path: Path
+) -> None:
+    seed = 20261127
+    print(f"seed {seed}")
+    delays = drawn(1.5 * TIMEOUT_S, seed, lost=0.05, doubled=0.05)
+    with offer(url_of(port, tmp_path), delays) as use:
+        accepted, _ = check_ages(use, 0.5)
+    assert accepted
+
+
+@PORTS
+@INSTRUMENTS
+def test_every_delay_from_none_to_three_timeouts(offer: Offer, port: str, tmp_path: Path) -> None:
+    """The whole table (long)."""
+    for tenths in range(31):
+        delay_s = 0.1 * tenths * TIMEOUT_S
+        for number, delays in enumerate((constant(delay_s), drawn(delay_s, tenths, lost=0.05))):
+            print(f"{tenths} tenths of the timeout, {'constant' if not number else 'random'}")
+            with offer(url_of(port, tmp_path), delays) as use:
+                check_ages(use, 0.5)
