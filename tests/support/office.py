@@ -19,7 +19,7 @@ from pincette.core.topics import Request, Topic
 from pincette_supervisor.jobs import job_manager as job_manager_module
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
-from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.drawing import Picture
@@ -84,10 +84,17 @@ class MortalStore(Store):
         self._depth = 0
         super().__init__(path)
 
+    @staticmethod
+    def _killed() -> BaseException:
+        """Return the error of a write after the end; the journal's thread outlives an Exception."""
+        if threading.current_thread().name == "journal":
+            return StoreError("the supervisor was killed")
+        return KilledError()
+
     @contextmanager
     def writing(self) -> Generator[Connection]:
         if self._steps.killed:
-            raise KilledError
+            raise self._killed()
         with self._turn:
             with super().writing() as connection:
                 self._depth += 1
@@ -99,7 +106,7 @@ class MortalStore(Store):
                 self.writes_left -= 1
                 if self.writes_left < 0:
                     self._steps.killed = True
-                    raise KilledError
+                    raise self._killed()
 
 
 class SteppedHealth(Health):
