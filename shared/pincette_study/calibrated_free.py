@@ -39,9 +39,9 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
     cycle_s = _path(program, "cycles").cycle_s
     found = calibrate_free_response(motion, cycle_s / rig.rig.period_s)
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
-    taught_V = (min(motion.voltage_V), max(motion.voltage_V))
+    # Without the voltages that it was identified from: each arm of a study is new and unpoled.
     table = IdentifiedFreeResponse.from_model(
-        found.model, residual_um, found.press_gain, found.rehearsed.growth, taught_V
+        found.model, residual_um, found.press_gain, found.rehearsed.growth
     )
     update = {"free_response": table, "piezo_um_per_V": found.gain.gain_um_per_V}
     return rig.model_copy(update={"model": rig.model.model_copy(update=update)})

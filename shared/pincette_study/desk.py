@@ -9,7 +9,8 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from pincette.config import Calibration, RigFile
-from pincette.control.planning.calibration_programs import FREE, voltage_moves
+from pincette.control.planning.calibration_programs import FREE
+from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.program import Program, Segment
 from pincette.core.faults import Outcome
 from pincette.core.messages import GroundTruth, Message

@@ -155,7 +155,7 @@ def _outcome(program: Program, player: Player) -> Outcome:
     if segment.kind == "path":
         return Outcome.TRACKED
     seeks = any(other.kind == "seek" for other in program.segments)
-    moves = segment.open_loop or (segment.guarded and not seeks)
+    moves = (segment.open_loop or segment.guarded) and not seeks
     return Outcome.MOVED if moves else Outcome.NONE
 
 

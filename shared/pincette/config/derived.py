@@ -17,11 +17,13 @@ from pincette.control.force.observers import (
     least_period_s,
 )
 from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning.conditioning import stroke_depth_V
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
-from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
 from pincette.control.response.identified_response import identified_response
+from pincette.control.response.poled import poled
 from pincette.control.response.recorded_response import recorded_response
 from pincette.control.response.residual_table import ResidualTable
 
@@ -33,7 +35,10 @@ X_START_UM = 0.0
 
 
 def free_response(model: Model) -> FreeResponse:
-    """x_1 of an arm that is unpoled, at 0 V: as it was taught, else a line."""
+    """Return x_1 of an arm at 0 V that no program has followed yet: as identified, else a line.
+
+    The arm is poled where the voltages of its identification are known, else unpoled.
+    """
     taught, recorded = model.free_response, model.recorded_response
     if recorded is not None:
         return recorded_response(recorded.branches(), model.piezo_um_per_V, recorded.residual_um)
@@ -41,8 +46,26 @@ def free_response(model: Model) -> FreeResponse:
         at_rest = FreeSample(0.0, 0.0)
         return nominal_response(model.piezo_um_per_V, at_rest, model.hysteresis_fraction)
     return identified_response(
-        taught.hysteresis(), model.piezo_um_per_V, taught.residual_um, taught.growth()
+        taught.hysteresis(),
+        model.piezo_um_per_V,
+        taught.residual_um,
+        taught.growth(),
+        begin_memory(model),
     )
+
+
+def begin_memory(model: Model) -> HysteresisState | None:
+    """Return the memory that the free response begins with; None: that of an unpoled arm."""
+    taught = model.free_response
+    if taught is None or taught.taught_V is None:
+        return None
+    return poled(taught.hysteresis(), taught.taught_V)
+
+
+def conditioning_V(rig: RigFile) -> float | None:
+    """Return the lowest voltage of conditioning strokes; None where they are not possible."""
+    taught = rig.model.free_response
+    return stroke_depth_V(None if taught is None else taught.taught_V, rig.limits.voltage_min_V)
 
 
 def identified_hysteresis(model: Model) -> HysteresisModel | None:
@@ -112,10 +135,17 @@ def step_limits(rig: RigFile) -> StepLimits:
     return StepLimits(rig.sensor.noise_um, rig.model.compliance_um_per_mN, rig.rig.period_s)
 
 
-def planned_rig(rig: RigFile, stands_um: float | None = None) -> PlannedRig:
-    """A rig as plans take it; ``stands_um``: where its arm stands, None where it rests.
+def planned_rig(
+    rig: RigFile, stands_um: float | None = None, condition_V: float | None = None
+) -> PlannedRig:
+    """Return a rig as plans take it.
 
-    Where the sensor cannot measure, nobody knows where it stands.
+    Parameters
+    ----------
+    stands_um
+        Where its arm stands; None: where it rests. Where the sensor cannot measure, nobody knows.
+    condition_V
+        Lowest voltage of the strokes that a plan begins with; None: it begins without.
     """
     limits, model, sensor = rig.limits, rig.model, rig.sensor
     if stands_um is not None and not sensor.minimum_um <= stands_um <= sensor.maximum_um:
@@ -137,4 +167,6 @@ def planned_rig(rig: RigFile, stands_um: float | None = None) -> PlannedRig:
         stands_um=stands_um,
         free_response=identified_hysteresis(model),
         taught_V=None if model.free_response is None else model.free_response.taught_V,
+        memory=begin_memory(model),
+        condition_V=condition_V,
     )

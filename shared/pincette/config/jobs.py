@@ -24,6 +24,9 @@ class QuickGrip(Table):
     """Time at rest in which the force estimate is set to zero."""
 
 
+Condition = Literal["auto", "always", "never"]
+
+
 class Grip(Table):
     """Defaults of a grip job; a request may replace each.
 
@@ -48,6 +51,10 @@ class Grip(Table):
     """Estimated force that counts as touch."""
     zero_s: Positive = 0.4
     """Time at rest before the arm moves, in which the force estimate is set to zero."""
+    condition: Condition = "auto"
+    """Whether conditioning strokes come before it, three to the lowest voltage identified, without
+    which the arm's unknown past may falsify the force by some mN. ``auto``: where the estimator has
+    not followed the arm since such strokes, as after a start of the programs."""
     quick: QuickGrip = QuickGrip()
     """Of a quick grip."""
 

@@ -13,7 +13,8 @@ from pydantic import TypeAdapter
 from pincette.api.requests import JobRequest
 from pincette.api.results import JobResult
 from pincette.config import Calibration, RigFile, calibrated
-from pincette.control.planning.calibration_programs import FREE, voltage_moves
+from pincette.control.planning.calibration_programs import FREE
+from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import BothArms, Program, Segment
 from pincette.core.faults import Outcome

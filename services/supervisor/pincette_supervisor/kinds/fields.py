@@ -7,6 +7,16 @@ RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="
 ZERO_CONFIRMED = FieldSpec(
     name="zero_confirmed", label="Nothing touches the arm: I have looked", advanced=True
 )
+CONDITION = FieldSpec(
+    name="condition",
+    label="Conditioning strokes",
+    choices=choices(
+        ("", "where the arm's past is not known"),
+        ("always", "always"),
+        ("never", "never"),
+    ),
+    advanced=True,
+)
 RELEASE = FieldSpec(name="release_s", label="Let go over")
 POLICIES = (
     FieldSpec(

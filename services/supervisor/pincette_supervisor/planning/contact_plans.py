@@ -10,15 +10,18 @@ from pincette.api.job_kinds import job_kinds
 from pincette.api.plans import Plan, PlannedPhase, SteadyErrors
 from pincette.api.predictions import Violation
 from pincette.api.requests import ContactJobRequest
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.steady import steady_error_ranges
+from pincette.control.planning.conditioning import PHASE
 from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.feasibility import Violation as Broken
 from pincette.control.planning.sampling import unsampled
 from pincette_supervisor.model.model_in_use import ModelInUse
+from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.laws import choose_law
 from pincette_supervisor.planning.planned import Planned, decimated
+from pincette_supervisor.planning.present import Present
 from pincette_supervisor.results.goal import goal_warnings, tolerances
 
 CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
@@ -30,6 +33,36 @@ def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> 
         name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
         for name in names
     }
+
+
+def conditioning_V(request: ContactJobRequest, rig: RigFile, present: Present) -> float | None:
+    """Return the lowest voltage of the conditioning strokes of a plan; None: it has none.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the request asks for strokes that the model in use does not allow.
+    """
+    low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
+    if condition == "always" and low_V is None:
+        raise FaultyRequestError(
+            "/condition",
+            'condition = "always" needs a free response that was identified down to a voltage '
+            "below 0 V, and the model in use is not: calibrate free_response with voltage_min_V "
+            'below 0, or ask for condition = "never"',
+        )
+    wanted = condition == "always" or (condition == "auto" and present.memory_known is False)
+    return low_V if wanted else None
+
+
+def unconditioned(made: ContactPlan, present: Present) -> list[str]:
+    """Return a warning where the arm's past is not known and the plan has no strokes."""
+    if present.memory_known is not False or made.program.segments[0].phase == PHASE:
+        return []
+    return [
+        "the arm's past is not known and no conditioning strokes come first: the force may be "
+        "off by what the uncertainty says, some mN at the most"
+    ]
 
 
 def part_values(rig: RigFile) -> dict[str, Any]:
@@ -55,6 +88,7 @@ def contact_job(
     made: ContactPlan,
     forces_mN: tuple[float, float],
     values: dict[str, Any],
+    present: Present,
 ) -> Planned:
     """Add the law to a plan; one whose loop is not stable enough is one more violation."""
     rig = model.rig
@@ -74,6 +108,7 @@ def contact_job(
         law=law.view(),
         warnings=[
             *unidentified(rig),
+            *unconditioned(made, present),
             *unsampled(made.program.segments, rig.rig.period_s),
             *goal_warnings(tolerances(request), made.program, job_kinds()[request.kind].goal_phase),
         ],

@@ -19,6 +19,8 @@ class Present:
     second_V: float | None = None
     second_um: float | None = None
     """Of the second arm, where there is one."""
+    memory_known: bool | None = None
+    """Whether the estimator knows the past of the arm's hysteresis well enough for a force."""
     pose_um: float | None = None
     """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
 

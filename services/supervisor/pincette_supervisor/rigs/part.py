@@ -2,7 +2,7 @@
 
 from msgspec import UNSET
 
-from pincette.core.faults import Mode, Phase
+from pincette.core.faults import FaultCode, Mode, Phase
 from pincette.core.messages import Applied, Estimate, Telemetry
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.job import LiveJob
@@ -70,7 +70,16 @@ def present(context: RigContext) -> Present | None:
         None if known == "unknown" else known == "held",
         second_V=None if applied.second is UNSET else applied.second.voltage_V,
         second_um=other.x_um if other is not UNSET and other.valid else None,
+        memory_known=memory_known(context),
     )
+
+
+def memory_known(context: RigContext) -> bool | None:
+    """Whether the estimator knows the past of the arm's hysteresis; None where it is not heard."""
+    answer = context.health.status("estimator")
+    if answer is None:
+        return None
+    return all(finding.code is not FaultCode.MEMORY_UNKNOWN for finding in answer.findings)
 
 
 def unsafe_to_move(context: RigContext, active: LiveJob | None) -> str:

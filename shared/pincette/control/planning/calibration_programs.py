@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import PlannedRig
-from pincette.control.planning.paths import Knot, Path
-from pincette.control.planning.profiles import move_duration
+from pincette.control.planning.path_shapes import voltage_moves
+from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Guards, Program, Segment
 from pincette.control.planning.sweep import Sweep
 
@@ -240,27 +240,6 @@ def full_cycles(path: Path, period_s: float, last: int) -> slice:
         raise ValueError(f"{last} cycles of {path.cycles} at full amplitude, must be 1 to all")
     end = round(path.full_to_s / period_s)
     return slice(end - round(last * path.cycle_s / period_s), end)
-
-
-def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool = False) -> Path:
-    """Path of voltage through stops, each a voltage in V, a peak rate in V/s and a rest in s.
-
-    It begins at the first voltage, whose rate counts for nothing.
-    """
-    first_V, _, rest_s = stops[0]
-    knots = [Knot(0.0, first_V, 0.0)]
-
-    def rest(for_s: float) -> None:
-        if for_s > 0.0:
-            knots.append(Knot(knots[-1].t_s + for_s, knots[-1].value, 0.0))
-
-    rest(rest_s)
-    for voltage_V, rate_V_per_s, rest_s in stops[1:]:
-        way_V = voltage_V - knots[-1].value
-        move_s = move_duration(way_V, rate_V_per_s)
-        knots.append(Knot(knots[-1].t_s + move_s, voltage_V, 0.0))
-        rest(rest_s)
-    return Path("voltage", "step", knots=tuple(knots), relative=relative)
 
 
 def require_voltage(rig: PlannedRig, what: str, voltage_V: float) -> float:

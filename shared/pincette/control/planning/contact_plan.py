@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
+from pincette.control.planning.conditioning import conditioning
 from pincette.control.planning.contact_request import (
     CONTACT_SAMPLES,
     MARGIN_UM,
@@ -29,9 +30,10 @@ from pincette.control.planning.feasibility import (
     excursions,
     named_violation,
 )
+from pincette.control.planning.motion_course import Leg, motion_course, planned_phases
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
-from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
 
 RUN_UP_PERIODS = 5
 """In which a seek that does not stop at the touch comes to its speed."""
@@ -62,6 +64,10 @@ class PlannedRig:
     """As identified; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
     """Voltages between which it was identified; None: not known."""
+    memory: HysteresisState | None = None
+    """Of the free response as a plan begins; None: the arm is unpoled."""
+    condition_V: float | None = None
+    """Lowest voltage of the strokes that a plan begins with; None: it begins without."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +105,8 @@ def plan_contact(
     """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
 
     An arm that stands where it may touch the part, as after a stop on the way or a move, first goes
-    back to where it rests at zero voltage: no force could be zeroed there.
+    back to where it rests at zero voltage: no force could be zeroed there. Conditioning strokes,
+    where the rig asks for them, come first and begin with that way back.
 
     Parameters
     ----------
@@ -122,6 +129,7 @@ def plan_contact(
         contact_um=request.contact_um,
         stiffness_mN_per_um=request.stiffness_mN_per_um,
         free_response=rig.free_response,
+        memory=rig.memory,
     )
     # A quick one may begin where no part was met, or one is lost, and must not be too fast then.
     from_um = request.furthest_um if flying else request.contact_um
@@ -129,25 +137,65 @@ def plan_contact(
     retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um, guarded=True)
     way_there = _way_there(request, arm, rig.period_s if flying else None)
     begin_um, way_out = _way_out(request, arm, rig.stands_um)
+    strokes: Sequence[Segment] = ()
+    if rig.condition_V is not None:
+        stands_um = arm.x_start_um if rig.stands_um is None else rig.stands_um
+        away_um = stands_um - arm.x_start_um
+        strokes = conditioning(
+            rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V
+        )
+        begin_um, way_out = arm.x_start_um, ()
     segments = (*way_out, *way_there, *pressing, retreat)
     phases = _phases(request, arm, segments, rig.period_s, begin_um)
     require_bounded([(phase.phase, phase.duration_s) for phase in phases])
     course = sample_course(arm, phases, rig.period_s, begin_um)
+    phases = _with_voltages(phases, course, rig.period_s)
+    if strokes:
+        phases, course = _conditioned(arm, rig, strokes, phases, course)
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
     broken.extend(_untaught(course, rig.taught_V, pointers))
     broken.extend(_early_contact(request, rig.x_start_um))
     return ContactPlan(
         program=Program(
-            segments,
+            (*strokes, *segments),
             _guards(request, rig.limits),
             request.stiffness_mN_per_um,
             planned_range=_range(request, arm, course, rig),
         ),
-        phases=_with_voltages(phases, course, rig.period_s),
+        phases=phases,
         course=course,
         violations=tuple(broken),
         arm=arm,
     )
+
+
+def _conditioned(
+    arm: PlannedArm,
+    rig: PlannedRig,
+    strokes: Sequence[Segment],
+    phases: Sequence[PlannedPhase],
+    course: Course,
+) -> tuple[tuple[PlannedPhase, ...], Course]:
+    """Put the strokes before the phases and the course of a plan.
+
+    By the nominal gain the arm ends at rest at 0 V, where those of the plan begin.
+    """
+    begin_um = arm.x_start_um if rig.stands_um is None else rig.stands_um
+    begin_V = (begin_um - arm.x_start_um) / arm.piezo_um_per_V
+    legs = [Leg(segment, arm.x_start_um, 0.0) for segment in strokes]
+    before = motion_course(legs, begin_um, begin_V, arm.piezo_um_per_V, rig.period_s)
+    stroked = planned_phases(legs)
+    end_s = stroked[-1].end_s
+    later = [replace(phase, start_s=end_s + phase.start_s) for phase in phases]
+    # The last tick of the strokes is the first of the plan.
+    joined = Course(
+        before.t_s[:-1] + [end_s + t_s for t_s in course.t_s],
+        before.phase[:-1] + course.phase,
+        before.x_r_um[:-1] + course.x_r_um,
+        before.force_r_mN[:-1] + course.force_r_mN,
+        before.voltage_V[:-1] + course.voltage_V,
+    )
+    return (*stroked, *later), joined
 
 
 def _way_out(

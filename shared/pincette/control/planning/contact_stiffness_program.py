@@ -15,10 +15,9 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.calibration_programs import voltage_moves
 from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
 from pincette.control.planning.contact_request import ContactRequest
-from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.path_shapes import sinusoid, voltage_moves
 from pincette.control.planning.program import Program, Segment
 
 LEVELS_V = (0.3, 1.0, 1.5, 2.0)

@@ -16,7 +16,7 @@ from pincette.control.checks import require_positive
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import move, quintic, run_up
 from pincette.control.planning.program import SegmentKind
-from pincette.control.response.hysteresis import HysteresisModel
+from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
 from pincette.control.response.inverse import free_voltages
 
 LONGEST_S = 10_800.0
@@ -38,6 +38,8 @@ class PlannedArm:
     stiffness_mN_per_um: float
     """K_e."""
     free_response: HysteresisModel | None = None
+    memory: HysteresisState | None = None
+    """Of the free response as the plan begins; None: the arm is unpoled."""
 
     def pressed_um(self, force_mN: float) -> float:
         """Position x = x_e + F/K_e at which the contact bears a force."""
@@ -46,14 +48,14 @@ class PlannedArm:
     def voltages_V(
         self, x_um: Sequence[float], force_mN: Sequence[float], period_s: float
     ) -> list[float]:
-        """Voltages that lead the unpoled arm along positions against forces, a period each."""
+        """Voltages that lead the arm along positions against forces, a period each."""
         free_um = [
             x - self.x_start_um + self.compliance_um_per_mN * force
             for x, force in zip(x_um, force_mN, strict=True)
         ]
         if self.free_response is None:
             return [displacement / self.piezo_um_per_V for displacement in free_um]
-        return free_voltages(self.free_response, free_um, period_s)
+        return free_voltages(self.free_response, free_um, period_s, self.memory)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,9 @@ from pincette.control.planning.calibration_programs import (
     free_program,
     require_voltage,
     require_within,
-    voltage_moves,
 )
 from pincette.control.planning.contact_plan import PlannedRig
-from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.path_shapes import sinusoid, voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.teaching import COURSE
@@ -55,6 +54,7 @@ def free_response_program(
     rate_V_per_s: float,
     rest_V: float = 0.0,
     grip_V_per_s: float | None = None,
+    lowest_V: float | None = None,
 ) -> Program:
     """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
     ``before step``, ``step``, ``creep`` and ``return``; then of each rehearsal N, from 1 on,
@@ -70,6 +70,9 @@ def free_response_program(
         Peak rate of the rehearsed grips; None: as the course.
     rest_V
         Voltage at which it begins and ends.
+    lowest_V
+        Lowest voltage of the course; None: ``from_V``. Conditioning strokes may go as low as the
+        course has gone, since the model is not known below it.
 
     Raises
     ------
@@ -84,7 +87,7 @@ def free_response_program(
     mean_V = cycles_mean_V(rig, rest_V)
     low_V = min(from_V, mean_V - 0.5 * GAIN_PP_V)
     high_V = max(to_V, mean_V + 0.5 * GAIN_PP_V)
-    for voltage_V in (rest_V, low_V, high_V):
+    for voltage_V in (rest_V, min(low_V, lowest_V or low_V), high_V):
         require_voltage(rig, "free motion", voltage_V)
         require_within(
             f"position at {voltage_V:g} V",
@@ -96,7 +99,9 @@ def free_response_program(
     fastest = max(rate_V_per_s, pi * GAIN_PP_V * GAIN_HZ)
     require_within("rate of the free motion", fastest, "V/s", 0.0, rig.limits.slew_V_per_s)
     way_V = to_V - from_V
-    course = [(from_V + leg.to * way_V, leg.pace * rate_V_per_s, leg.rest_s) for leg in COURSE]
+    least_V = from_V if lowest_V is None else min(lowest_V, from_V)
+    course_V = to_V - least_V
+    course = [(least_V + leg.to * course_V, leg.pace * rate_V_per_s, leg.rest_s) for leg in COURSE]
     teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
     cycles = sinusoid("voltage", mean_V, GAIN_PP_V, GAIN_HZ, SETTLING_CYCLES + GAIN_CYCLES)
     press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V

@@ -13,12 +13,13 @@ from math import ceil, pi
 from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
-from pincette.control.planning.calibration_programs import FREE, voltage_moves
+from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
 from pincette.control.planning.contact_request import CONTACT_SAMPLES
 from pincette.control.planning.course import require_bounded
 from pincette.control.planning.feasibility import excursions, named_violation
 from pincette.control.planning.motion_course import Leg, motion_course, planned_phases
+from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import move_duration
 from pincette.control.planning.program import Guards, Program, Segment

@@ -6,7 +6,7 @@ from math import sqrt
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.paths import Knot, Path, Quantity
-from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.profiles import minimum_duration, move_duration
 from pincette.control.quantities import MAX_ITEMS
 
 KNOTS_MAX = MAX_ITEMS
@@ -189,3 +189,30 @@ def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -
     a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     return a / (omega_n * omega_n)
+
+
+def voltage_moves(stops: Sequence[tuple[float, float, float]], *, relative: bool = False) -> Path:
+    """Return the path of a voltage from stop to stop, each move smooth.
+
+    Parameters
+    ----------
+    stops
+        Of each the voltage in V, the peak rate in V/s of the move there, and the rest in s after
+        it. The path begins at the first one, whose rate is not used.
+    relative
+        Whether the voltages count from the one at which the path begins.
+    """
+    first_V, _, rest_s = stops[0]
+    knots = [Knot(0.0, first_V, 0.0)]
+
+    def rest(for_s: float) -> None:
+        if for_s > 0.0:
+            knots.append(Knot(knots[-1].t_s + for_s, knots[-1].value, 0.0))
+
+    rest(rest_s)
+    for voltage_V, rate_V_per_s, rest_s in stops[1:]:
+        way_V = voltage_V - knots[-1].value
+        move_s = move_duration(way_V, rate_V_per_s)
+        knots.append(Knot(knots[-1].t_s + move_s, voltage_V, 0.0))
+        rest(rest_s)
+    return Path("voltage", "step", knots=tuple(knots), relative=relative)

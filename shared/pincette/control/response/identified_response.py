@@ -73,11 +73,17 @@ def identified_response(
     piezo_um_per_V: float,
     model_error_um: float,
     growth: ErrorGrowth | None = None,
+    memory: HysteresisState | None = None,
 ) -> IdentifiedResponse:
-    """Response of an unpoled actuator; raises ValueError for an impossible d_p or error."""
+    """Return the response of an actuator with a memory, at 0 V and 0 µm; None: it is unpoled.
+
+    Raises ValueError for an impossible d_p or error.
+    """
+    begins = start(model) if memory is None else memory
     return IdentifiedResponse(
         model=model,
-        memory=start(model),
+        memory=begins,
+        offset_um=-displacement_um(model, begins),
         nominal_um_per_V=require_positive("piezoelectric constant", piezo_um_per_V, "µm/V"),
         model_error_um=require_not_negative("model error", model_error_um, "µm"),
         growth=growth,

@@ -115,17 +115,23 @@ def voltage_for(
 
 
 def free_voltages(
-    model: HysteresisModel, displacements_um: Sequence[float], period_s: float
+    model: HysteresisModel,
+    displacements_um: Sequence[float],
+    period_s: float,
+    begins: HysteresisState | None = None,
 ) -> list[float]:
-    """Voltages in V, held for a period each, that bring an unpoled arm to displacements in µm.
+    """Return voltages in V, held for a period each, that bring an arm to displacements in µm.
+
+    ``begins`` is its memory, from whose displacement the others count; None: the arm is unpoled.
 
     The displacement a voltage leads to is continuous in it, and rises over the states that a
     model was identified by. Each is found by false position (Illinois) between two voltages that
     enclose it, to ``TOLERANCE_UM``; where it did not rise, one of several would be found.
     """
-    state, voltages = start(model), list[float]()
+    state, voltages = start(model) if begins is None else begins, list[float]()
+    from_um = displacement_um(model, state)
     for wanted_um in displacements_um:
-        state = _reach(model, state, wanted_um, period_s)
+        state = _reach(model, state, from_um + wanted_um, period_s)
         voltages.append(state.voltage_V)
     return voltages
 

@@ -7,7 +7,7 @@ from math import sin, sqrt
 import numpy as np
 import pytest
 
-from pincette.control.planning.calibration_programs import voltage_moves
+from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.teaching import COURSE
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import (

@@ -117,6 +117,7 @@ KIND = JobKind(
             advanced=True,
         ),
         FieldSpec(name="load_um_per_s", label="Load at most at", advanced=True),
+        fields.CONDITION,
         *fields.TOLERANCES,
         *fields.LAW,
         *fields.POLICIES,

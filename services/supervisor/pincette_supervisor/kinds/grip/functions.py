@@ -16,6 +16,7 @@ from pincette_supervisor.kinds.grip.profile import chosen_speeds
 from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.planning.contact_plans import (
     CONTACT_FIELDS,
+    conditioning_V,
     contact_job,
     contact_pointer,
     contact_values,
@@ -43,11 +44,12 @@ def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planne
     if speeds is not None:
         values |= speeds.values()
         part |= {"zero_s": rig.grip.quick.zero_s, "quick": True}
-    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig, present.x_um))
+    low_V = conditioning_V(request, rig, present)
+    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig, present.x_um, low_V))
     if speeds is not None:
         made = replace(made, violations=(*speeds.violations, *made.violations))
     values["profile"] = "gentle" if speeds is None else "quick"
-    return contact_job(request, model, made, (0.0, values["force_mN"]), values)
+    return contact_job(request, model, made, (0.0, values["force_mN"]), values, present)
 
 
 def pointer(quantity: str, phase: str) -> str:

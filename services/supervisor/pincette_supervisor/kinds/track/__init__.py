@@ -240,6 +240,7 @@ KIND = JobKind(
             placeholder="0 5\n2 10\n4 5",
         ),
         FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
+        fields.CONDITION,
         *fields.TOLERANCES,
         *fields.LAW,
         *fields.POLICIES,

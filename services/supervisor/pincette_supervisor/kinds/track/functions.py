@@ -25,6 +25,7 @@ from pincette_supervisor.model.model_in_use import ModelInUse
 from pincette_supervisor.model.residuals import learning_digest
 from pincette_supervisor.planning.contact_plans import (
     CONTACT_FIELDS,
+    conditioning_V,
     contact_job,
     contact_pointer,
     contact_values,
@@ -56,10 +57,11 @@ def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Plann
         acceleration_um_per_s2=values["acceleration_um_per_s2"],
         pointer=pointer,
     )
-    made = plan_track(track, derived.planned_rig(rig, present.x_um))
+    low_V = conditioning_V(request, rig, present)
+    made = plan_track(track, derived.planned_rig(rig, present.x_um, low_V))
     found = peaks(path)
     planned = contact_job(
-        request, model, made, (found.lowest, found.highest), {**values, **contact}
+        request, model, made, (found.lowest, found.highest), {**values, **contact}, present
     )
     return learning(planned, path, rig.rig.period_s) if request.learn else planned
 

@@ -39,6 +39,9 @@ from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
 
 BELOW_REST = 0.1
 """How far the free motion goes below rest, as a share of its height above."""
+LARGEST_GAIN = 1.6
+"""Gain of an arm that no model knows, as a share of the assumed one. The course goes no lower than
+the limit of position allows for it: conditioning strokes need depth, but no certain one."""
 LESS = 0.8
 """Of the voltage from rest at which the arm came beyond a limit of position."""
 QUICKEST = 0.9
@@ -71,6 +74,7 @@ def program(
         rate_V_per_s=rate,
         rest_V=rest_V,
         grip_V_per_s=min(quick, QUICKEST * limits.slew_V_per_s),
+        lowest_V=max(limits.voltage_min_V, rest_V + limits.position_min_um / (LARGEST_GAIN * d_p)),
     )
     return made, {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate}, {}
 
@@ -85,6 +89,12 @@ def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
         most_V = min(most_V, request.most_V)
     closer = {"voltage_min_V": least_V, "voltage_max_V": most_V}
     return rig.model_copy(update={"limits": limits.model_copy(update=closer)})
+
+
+def _fitted_V(motion: FreeMotion) -> tuple[float, float]:
+    """Return the least and the largest voltage of the course, from which the model is fitted."""
+    voltages_V = motion.voltage_V[motion.course]
+    return float(np.min(voltages_V)), float(np.max(voltages_V))
 
 
 def moves_less(request: FreeResponseRequest, run: Run) -> tuple[FreeResponseRequest, str] | None:
@@ -155,7 +165,7 @@ def analyse(run: Run) -> Analysis:
         residual_um,
         found.press_gain,
         found.rehearsed.growth,
-        (float(np.min(found.voltage_V)), float(np.max(found.voltage_V))),
+        _fitted_V(motion),
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
     warnings = ()
