@@ -31,6 +31,8 @@ RELAYS: Tree = {
     "hysteresis": None,
     "relays": {"loop_share": 0.15, "full_drive_V": 4.0, "centre_V": 1.0},
 }
+LEAST_V, MOST_V = -0.7, 2.6
+"""Of the calibration, so that an arm of relays stays within its travel."""
 DEPTH_V = -0.5
 """Depth of the strokes, at the least."""
 AFTER_S = 30.0
@@ -71,7 +73,7 @@ def identified(simulation: Tree) -> RigFile:
     """A rig with the free response that its calibration finds."""
     away = demo_rig({"simulation": {**simulation, "bead": False}}, time="lockstep")
     with opened_benches() as benches:
-        record, _ = calibrated(away, benches, "free_response")
+        record, _ = calibrated(away, benches, "free_response", least_V=LEAST_V, most_V=MOST_V)
     values = {
         name: value(record, name)
         for name in ("model.free_response", "model.piezo_um_per_V", "model.creep_mN_per_decade")

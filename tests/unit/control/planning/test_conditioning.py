@@ -1,0 +1,112 @@
+import pytest
+
+from pincette.config.derived import conditioning_V, planned_rig
+from pincette.control.planning.conditioning import REST_S, STROKES, conditioning, stroke_depth_V
+from pincette.control.response.hysteresis import displacement_um, step
+from pincette.control.response.poled import poled
+from pincette_supervisor.kinds.grip import GripJobRequest
+from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.present import Present
+from tests.support.rigs import Tree, demo_rig
+
+TAUGHT: Tree = {"model": {"free_response": {"taught_V": [-0.8, 3.4]}}}
+SLEW_V_PER_S = 10.0
+
+
+@pytest.mark.parametrize(
+    ("taught_V", "voltage_min_V", "depth_V"),
+    [
+        (None, -1.0, None),
+        ((-0.8, 3.0), -1.0, -0.8),
+        ((-0.8, 3.0), -0.5, -0.5),
+        ((0.0, 3.0), -1.0, None),
+        ((-0.8, 3.0), 0.0, None),
+        ((-0.1, 3.0), -1.0, None),
+    ],
+)
+def test_strokes_go_no_lower_than_identified_and_allowed(
+    taught_V: tuple[float, float] | None, voltage_min_V: float, depth_V: float | None
+) -> None:
+    assert stroke_depth_V(taught_V, voltage_min_V) == depth_V
+
+
+def test_three_strokes_stay_below_the_slew_limit_and_end_with_a_rest_at_0_V() -> None:
+    _, strokes = conditioning(-0.8, SLEW_V_PER_S, 0.0, 19.0)
+    path, period_s = strokes.path, 0.001
+    assert path is not None
+    voltages_V = [path.at(tick * period_s) for tick in range(round(path.duration_s / period_s) + 1)]
+    rates = [
+        abs(after - before) / period_s
+        for before, after in zip(voltages_V, voltages_V[1:], strict=False)
+    ]
+    assert max(rates) <= SLEW_V_PER_S
+    assert min(voltages_V) == -0.8
+    assert max(voltages_V) == voltages_V[-1] == 0.0
+    assert sum(1 for knot in path.knots if knot.value == -0.8) == STROKES
+    assert strokes.duration_s == pytest.approx(path.duration_s + REST_S)
+
+
+@pytest.mark.parametrize(
+    ("condition", "known", "conditioned"),
+    [
+        ("auto", False, True),
+        ("auto", True, False),
+        ("auto", None, False),
+        (None, False, True),
+        ("always", True, True),
+        ("never", False, False),
+    ],
+)
+def test_a_plan_begins_with_strokes_where_they_are_wanted(
+    condition: str | None, known: bool | None, *, conditioned: bool
+) -> None:
+    rig = demo_rig(TAUGHT)
+    present = Present(x_um=0.0, memory_known=known)
+    plan = plan_job(GripJobRequest(kind="grip", condition=condition), rig, present).plan
+    usual = plan_job(GripJobRequest(kind="grip", condition="never"), rig, present).plan
+    assert plan.violations == []
+    assert (plan.phases[0].phase == "condition") is conditioned
+    longer_s = plan.duration_s - usual.duration_s
+    assert (longer_s > REST_S) if conditioned else longer_s == 0.0
+    assert plan.phases[-1].voltage_V == usual.phases[-1].voltage_V
+
+
+def test_strokes_that_the_model_does_not_allow_are_refused_by_the_member() -> None:
+    with pytest.raises(FaultyRequestError) as refused:
+        plan_job(GripJobRequest(kind="grip", condition="always"), demo_rig())
+    assert refused.value.pointer == "/condition"
+
+
+def test_a_plan_without_strokes_warns_of_an_unknown_past() -> None:
+    known, unknown = [
+        plan_job(GripJobRequest(kind="grip"), demo_rig(), Present(memory_known=memory)).plan
+        for memory in (True, False)
+    ]
+    assert len(unknown.warnings) == len(known.warnings) + 1
+
+
+def test_a_rig_file_may_do_without_strokes() -> None:
+    rig = demo_rig({**TAUGHT, "grip": {"condition": "never"}})
+    plan = plan_job(GripJobRequest(kind="grip"), rig, Present(memory_known=False)).plan
+    assert plan.phases[0].phase == "zero"
+
+
+def test_strokes_lead_a_model_from_different_pasts_to_one_place() -> None:
+    rig = demo_rig(TAUGHT)
+    model, memory = planned_rig(rig).free_response, planned_rig(rig).memory
+    low_V = conditioning_V(rig)
+    assert model is not None
+    assert memory == poled(model, (-0.8, 3.4))
+    assert low_V == -0.8
+    at_um: dict[float, tuple[float, float]] = {}
+    for past_V in (1.0, 2.0, 3.4):
+        state = step(model, step(model, memory, past_V, 60.0), 0.0, 30.0)
+        before_um = displacement_um(model, state)
+        for to_V in (low_V, 0.0) * STROKES:
+            state = step(model, state, to_V, 0.2)
+        state = step(model, state, 0.0, REST_S)
+        at_um[past_V] = before_um, displacement_um(model, state)
+    before, after = zip(*at_um.values(), strict=True)
+    assert max(before) - min(before) > 1.0
+    assert max(after) - min(after) < 0.15 * (max(before) - min(before))
