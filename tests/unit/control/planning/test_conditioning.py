@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import pytest
 
 from pincette.config.derived import conditioning_V, planned_rig
@@ -36,10 +38,7 @@ def test_three_strokes_stay_below_the_slew_limit_and_end_with_a_rest_at_0_V() ->
     path, period_s = strokes.path, 0.001
     assert path is not None
     voltages_V = [path.at(tick * period_s) for tick in range(round(path.duration_s / period_s) + 1)]
-    rates = [
-        abs(after - before) / period_s
-        for before, after in zip(voltages_V, voltages_V[1:], strict=False)
-    ]
+    rates = [abs(after - before) / period_s for before, after in pairwise(voltages_V)]
     assert max(rates) <= SLEW_V_PER_S
     assert min(voltages_V) == -0.8
     assert max(voltages_V) == voltages_V[-1] == 0.0
