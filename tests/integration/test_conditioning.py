@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import fsum
 
 import pytest
+from msgspec import UNSET, UnsetType
 
 from pincette.config import Calibration, RigFile
 from pincette.config import calibrated as calibrated_rig
@@ -15,6 +16,7 @@ from pincette.control.planning.calibration_programs import free_program
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.program import Program, Segment
 from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
+from pincette.core.messages.second import SecondTruth
 from pincette.engine.composed import ComposedLoop
 from pincette.sim.bench import Bench, open_bench
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -50,9 +52,16 @@ class Laboratory:
     def __post_init__(self) -> None:
         self.bench = open_bench(self.rig, lambda: 0.0, self._tell)
 
-    def _tell(self, seq: int, x_um: float, force_mN: float, voltage_V: float) -> None:
+    def _tell(
+        self,
+        seq: int,
+        x_um: float,
+        force_mN: float,
+        voltage_V: float,
+        second: SecondTruth | UnsetType = UNSET,
+    ) -> None:
         if self.told is not None:
-            self.told(GroundTruth(seq, x_um, force_mN, voltage_V))
+            self.told(GroundTruth(seq, x_um, force_mN, voltage_V, second))
 
     def play(self, program: Program) -> list[Message]:
         """Start the programs and play one."""

@@ -2,6 +2,7 @@ from itertools import pairwise
 
 import pytest
 
+from pincette.api.plans import Plan
 from pincette.config.derived import conditioning_V, planned_rig
 from pincette.control.planning.conditioning import REST_S, STROKES, conditioning, stroke_depth_V
 from pincette.control.response.hysteresis import displacement_um, step
@@ -62,7 +63,8 @@ def test_a_plan_begins_with_strokes_where_they_are_wanted(
 ) -> None:
     rig = demo_rig(TAUGHT)
     present = Present(x_um=0.0, memory_known=known)
-    plan = plan_job(GripJobRequest(kind="grip", condition=condition), rig, present).plan
+    request = GripJobRequest.model_validate({"kind": "grip", "condition": condition})
+    plan = plan_job(request, rig, present).plan
     usual = plan_job(GripJobRequest(kind="grip", condition="never"), rig, present).plan
     assert plan.violations == []
     assert (plan.phases[0].phase == "condition") is conditioned
@@ -82,6 +84,8 @@ def test_a_plan_without_strokes_warns_of_an_unknown_past() -> None:
         plan_job(GripJobRequest(kind="grip"), demo_rig(), Present(memory_known=memory)).plan
         for memory in (True, False)
     ]
+    assert isinstance(known, Plan)
+    assert isinstance(unknown, Plan)
     assert len(unknown.warnings) == len(known.warnings) + 1
 
 
@@ -93,11 +97,11 @@ def test_a_rig_file_may_do_without_strokes() -> None:
 
 def test_strokes_lead_a_model_from_different_pasts_to_one_place() -> None:
     rig = demo_rig(TAUGHT)
-    model, memory = planned_rig(rig).free_response, planned_rig(rig).memory
-    low_V = conditioning_V(rig)
+    model, low_V = planned_rig(rig).free_response, -0.8
     assert model is not None
-    assert memory == poled(model, (-0.8, 3.4))
-    assert low_V == -0.8
+    assert conditioning_V(rig) == low_V
+    memory = poled(model, (low_V, 3.4))
+    assert planned_rig(rig).memory == memory
     at_um: dict[float, tuple[float, float]] = {}
     for past_V in (1.0, 2.0, 3.4):
         state = step(model, step(model, memory, past_V, 60.0), 0.0, 30.0)
