@@ -61,6 +61,8 @@ def guard(
         if watched.suspect is not None or watched.seen_step is not player.seen_step:
             return watched
         player = watched
+    elif player.suspect is not None:
+        player = replace(player, suspect=None)
     if segment.kind == "seek":
         return _seek(program, player, estimate)
     if segment.guarded and player.outcome not in UNGUARDED:

@@ -207,6 +207,8 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         from_rate_mN_per_s=0.0,
         from_V=player.applied_V,
         voltage_V=player.applied_V,
+        # A step that was suspected in the segment before must not freeze this one.
+        suspect=None,
         pair=None if player.pair is None else player.pair.entered(),
     )
 
