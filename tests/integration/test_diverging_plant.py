@@ -17,7 +17,17 @@ HOLD = CLEAN.begin_of("hold") + 10
 FORCE_MAX_MN, HARD_MN = 40.0, 50.0
 GAIN_UM_PER_V = 24.95
 """Of the demo rig's simulation."""
-GUARDED = ("overforce", "no_contact", "zero_refused", "wrong_stiffness", "lost", "contact")
+GUARDED = (
+    "overforce",
+    "no_contact",
+    "zero_refused",
+    "wrong_stiffness",
+    "lost",
+    "contact",
+    "slipped",
+    "sensor_jump",
+    "position_step",
+)
 
 
 def at(seq: int, target: str, what: str, **more: float) -> Tree:

@@ -59,6 +59,7 @@ class VirtualPairBench:
             rig_file.output.timeout_s,
         )
         self.taken = Taken()
+        self.reading_clock: Callable[[], float] = lambda: 0.0
         self.quick = False
         """Exchanges take what the drivers state."""
         self._rig_file = rig_file

@@ -25,6 +25,8 @@ STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
 LINE_S = 0.02
 """Time constant with which a load follows the contact line that it shows, in s."""
+FREE = 2.0
+"""Stated uncertainties within which the force of an arm that has lost its part lies."""
 DRIFT_S = 0.2
 """Over which the force of a free approach is averaged."""
 UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
@@ -58,7 +60,10 @@ def guard(
         return _await_zero(program, player, estimate, period_s)
     if player.held and limits is not None:
         watched = watch_steps(program, player, estimate, limits)
-        if watched.suspect is not None or watched.seen_step is not player.seen_step:
+        frozen = watched.segment.open_loop and watched.outcome == Outcome.POSITION_STEP
+        if watched.suspect is not None:
+            return watched
+        if watched.seen_step is not player.seen_step and not frozen:
             return watched
         player = watched
     elif player.suspect is not None:
@@ -74,6 +79,8 @@ def guard(
         return _follow_line(program, player, estimate, period_s, limits)
     if segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
+    if player.held and player.segment.open_loop and player.outcome == Outcome.POSITION_STEP:
+        return _watch_frozen(program, player, estimate)
     return player
 
 
@@ -266,6 +273,20 @@ def _turn_back(
     back_um = x_um + BACK_UM if behind else min(player.begin_x_um, x_um)
     rest = Segment(Phase.STOPPING, "free", RETREAT_S, x_to_um=back_um, law=player.segment.law)
     return enter(touched, -1, rest)
+
+
+def _watch_frozen(program: Program, player: Player, estimate: Estimate) -> Player:
+    """End as ``lost`` where the step of a frozen arm has led it to where it would be free.
+
+    A sensor would have to jump by just the force over the compliance to read no force.
+    """
+    guards = program.guards
+    least_mN = min(guards.contact_force_mN, FREE * estimate.force_uncertainty_mN)
+    if abs(estimate.force_mN) > least_mN:
+        return replace(player, count=0) if player.count else player
+    if player.count + 1 < guards.lost_samples:
+        return replace(player, count=player.count + 1)
+    return jump(program, replace(player, outcome=Outcome.LOST), Phase.RETREAT, estimate.x_um)
 
 
 def _watch_part(program: Program, player: Player, estimate: Estimate) -> Player:

@@ -11,6 +11,7 @@ from math import inf
 from msgspec.structs import replace
 
 from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning import conditioning
 from pincette.control.planning.program import Program
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
@@ -155,7 +156,8 @@ def _outcome(program: Program, player: Player) -> Outcome:
     if segment.kind == "path":
         return Outcome.TRACKED
     seeks = any(other.kind == "seek" for other in program.segments)
-    moves = (segment.open_loop or segment.guarded) and not seeks
+    strokes = segment.phase == conditioning.PHASE
+    moves = (segment.open_loop and not strokes) or (segment.guarded and not seeks)
     return Outcome.MOVED if moves else Outcome.NONE
 
 

@@ -155,7 +155,7 @@ class PositionStep(Model):
     slip_um: float | None
     """Way by which the part gave way, where a slip can be the cause and its stiffness is known."""
     slips: int
-    """Number of times that the part gave way in a load or along a path."""
+    """Number of times that the part gave way in a load."""
     force_mN: float
     """Estimated force just before it."""
     force_if_slip_mN: float | None

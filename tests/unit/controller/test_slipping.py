@@ -12,7 +12,7 @@ from pincette_controller.actions import release
 from pincette_controller.player import advance
 from pincette_controller.slipping import MOST_STIFFNESS, admissible
 
-from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T
+from .ideal_arm import K_E, PROGRAM, Arm, T
 from .test_quick_grip import QUICK
 
 S_P, NOISE_UM, SEED = 0.46, 0.03, 46
@@ -158,18 +158,6 @@ def test_a_single_wild_sample_changes_nothing() -> None:
     arm.until()
     assert arm.player.outcome == "gripped"
     assert arm.player.seen_step is None
-
-
-@pytest.mark.parametrize(("jump_um", "outcome"), [(-2.0, "sensor_jump"), (2.0, "slipped")])
-def test_a_step_along_a_path_ends_the_path(jump_um: float, outcome: str) -> None:
-    arm = Sensed(TRACK)
-    arm.until("track")
-    for _ in range(30):
-        arm.tick()
-    arm.jump_um = jump_um
-    arm.until()
-    assert arm.player.outcome == outcome
-    assert not arm.player.held
 
 
 @pytest.mark.parametrize("share", [0.31, 1.0, 2.9])

@@ -47,7 +47,8 @@ def test_a_trip_counts_once_however_long_it_lasts() -> None:
 
 
 def test_every_cause_there_is_has_a_count_and_no_other() -> None:
-    counters = fed([applied("latched", f"asked: invented {number}") for number in range(50)])
+    asked = [applied("latched", f"asked: invented {number}") for number in range(50)]
+    counters = fed([state for one in asked for state in (one, applied("idle"))])
     assert set(counters.trips()) == set(CAUSES)
     assert trips(counters) == {"asked": 50}
 

@@ -88,7 +88,7 @@ def contact_job(
     made: ContactPlan,
     forces_mN: tuple[float, float],
     values: dict[str, Any],
-    present: Present,
+    present: Present | None = None,
 ) -> Planned:
     """Add the law to a plan; one whose loop is not stable enough is one more violation."""
     rig = model.rig
@@ -108,7 +108,7 @@ def contact_job(
         law=law.view(),
         warnings=[
             *unidentified(rig),
-            *unconditioned(made, present),
+            *unconditioned(made, present or Present()),
             *unsampled(made.program.segments, rig.rig.period_s),
             *goal_warnings(tolerances(request), made.program, job_kinds()[request.kind].goal_phase),
         ],

@@ -250,7 +250,7 @@ def _range(
     """Return how far the softest part that is admitted, touched last, leads the arm.
 
     The voltage is that of the free response, or of d_p, and ``RANGE_SHARE`` of it and ``RANGE_V``
-    beyond, for creep, hysteresis and the law's own motion; never beyond the limits of the rig.
+    beyond, for creep, hysteresis and the law's own motion.
     """
     force_mN = max(course.force_r_mN)
     x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
@@ -261,7 +261,8 @@ def _range(
     return PlannedRange(
         position_max_um=x_um + MARGIN_UM,
         force_max_mN=force_mN,
-        voltage_max_V=min(rig.limits.voltage_max_V, (1.0 + RANGE_SHARE) * furthest_V + RANGE_V),
+        # The limit of the rig is the actuator's: what it keeps back is a violation of the plan.
+        voltage_max_V=(1.0 + RANGE_SHARE) * furthest_V + RANGE_V,
     )
 
 
