@@ -10,6 +10,7 @@ from pincette.core.service import RefusedError
 from pincette.engine.instrument import open_device
 from pincette.engine.node import Node
 from pincette.engine.process import CannotStart, loop_services
+from pincette.instruments.icpdas_i7024 import I7024
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
@@ -92,4 +93,6 @@ def test_an_output_that_never_says_what_it_puts_out_ends_the_start_with_a_reason
         device = open_device(SERVICES["actuator"], rig)
         with pytest.raises(RefusedError, match="wrong checksum"):
             Node(SERVICES["actuator"], rig, device)
+        assert isinstance(device, I7024)
+        device.close()
     assert RefusedError in CannotStart
