@@ -222,26 +222,6 @@ def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatc
         assert not behind.close_to_others()
 
 
-@pytest.fixture
-def echo() -> Generator[PrivatePort]:
-    """A private port behind which everything is said again."""
-    behind = PrivatePort.chosen()
-    with socket.create_server((behind.host, behind.port)) as listener:
-        assert behind.close_to_others()
-
-        def answer() -> None:
-            line, _ = listener.accept()
-            with line:
-                while found := line.recv(65536):
-                    line.sendall(found)
-
-        thread = threading.Thread(target=answer, daemon=True)
-        thread.start()
-        yield behind
-        thread.join(5.0)
-        assert not thread.is_alive()
-
-
 def test_a_slow_reader_is_waited_for_and_nothing_is_lost(echo: PrivatePort) -> None:
     port = free_ports(1)
     guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))

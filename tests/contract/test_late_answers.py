@@ -351,20 +351,21 @@ def test_answers_that_come_twice(make: Callable[[Clock], Made], timeout_s: float
 @every_timeout
 @every_driver
 def test_a_connection_that_is_lost_while_answers_are_due(
-    make: Callable[[Clock], Made], timeout_s: float, survives: bool
+    make: Callable[[Clock], Made],
+    timeout_s: float,
+    survives: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """``survives``: as at a serial server, which hands an old answer to the next connection."""
     with driven(make, timeout_s, survives=survives) as driver:
         chance, receive = random.Random(5), DelayedPort.receive
 
-        def breaking(wait_s: float) -> bytes:
+        def breaking(port: DelayedPort, wait_s: float) -> bytes:
             if wait_s and chance.random() < 0.1:
                 raise OSError("the other end has closed the connection")
-            return receive(driver.port, wait_s)
+            return receive(port, wait_s)
 
-        type(driver.port).receive = lambda _self, wait_s: breaking(wait_s)  # type: ignore[method-assign]
-        try:
+        with monkeypatch.context() as patch:
+            patch.setattr(DelayedPort, "receive", breaking)
             check_ages(driver, drawn(3.0 * timeout_s, 1, lost=0.1), 300)
-        finally:
-            DelayedPort.receive = receive  # type: ignore[method-assign]
         check_recovers(driver)

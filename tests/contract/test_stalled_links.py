@@ -109,29 +109,6 @@ def test_a_link_to_which_nothing_can_be_written_for_a_lease_is_ended(
         until(lambda: any("link down" in one for one in caplog.messages))
 
 
-@pytest.fixture
-def echo() -> Generator[PrivatePort]:
-    """A private port behind which everything is sent back, and which then waits for its reader."""
-    behind = PrivatePort.chosen()
-    with socket.create_server((behind.host, behind.port)) as listener:
-        assert behind.close_to_others()
-
-        def answer() -> None:
-            line, _ = listener.accept()
-            with line:
-                try:
-                    while found := line.recv(65536):
-                        line.sendall(found)
-                except OSError:
-                    return
-
-        thread = threading.Thread(target=answer, daemon=True)
-        thread.start()
-        yield behind
-        thread.join(SLACK_S)
-        assert not thread.is_alive()
-
-
 def test_a_relay_ends_a_link_on_which_both_ends_wait_for_the_other_to_read(
     echo: PrivatePort,
 ) -> None:

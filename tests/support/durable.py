@@ -1,4 +1,4 @@
-"""What a power cut leaves of a folder, if the disk keeps only what was synced.
+"""A folder as a power cut leaves it, on a disk that keeps only what was synced.
 
 This is stricter than any file system: a file has the content of its last sync, and a folder the
 entries of its own last sync. A file whose entry was synced and whose content never was is empty.

@@ -194,7 +194,7 @@ def _track(player: Player, path: Path, t_s: float) -> Player:
 
 
 def enter(player: Player, index: int, segment: Segment) -> Player:
-    """Stand at the begin of a segment, with references and voltage as they are."""
+    """Return the player at the begin of a segment; references and voltage do not change."""
     return replace(
         player,
         index=index,

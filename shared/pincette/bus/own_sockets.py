@@ -152,7 +152,8 @@ class _Line:
     family: int
     on_stall: Callable[[], None] | None
     mark: int = -1
-    """What has been acknowledged of a TCP connection, or waits in a Unix socket; -1: nothing."""
+    """Bytes that the partner of a TCP connection has acknowledged, or that wait in a Unix socket;
+    -1 where the system does not say."""
     stalled_s: float = 0.0
 
 

@@ -46,7 +46,7 @@ class Topic:
 
     @property
     def per_service(self) -> bool:
-        """Whether each service of the loop publishes it on a key of its own."""
+        """Whether the key ends with the service, since each service of the loop publishes one."""
         return self.producer == EACH_SERVICE
 
     @property

@@ -1,4 +1,4 @@
-"""What a power cut leaves of a record, and what the next start makes of it."""
+"""Records after a power cut, and their repair at the next start."""
 
 import json
 import os

@@ -150,7 +150,7 @@ def _is_held(lock: "threading.RLock") -> bool:
 def test_a_request_that_waits_for_the_disk_keeps_no_stop_from_the_rig(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever has a job taken holds the manager's lock while the job is stored."""
+    """The manager's lock is held while a new job is being stored."""
     job = harness.playing_to(IN_APPROACH)
     with frozen_disk(monkeypatch):
         body = {"kind": "grip", "autostart": True, "queue": True}

@@ -122,7 +122,7 @@ class KeySnapshot:
 
 
 class Authenticator:
-    """Identifies callers from memory: an emergency stop waits for no disk and no lock."""
+    """Identify callers by the keys and sessions in memory, so that no stop waits for the disk."""
 
     # Keys are required once there is, or was, one: with the last one revoked nobody comes in.
 
@@ -217,7 +217,7 @@ class Authenticator:
         self._noted = noted
 
     def agree_to_time(self, repository: KeyRepository) -> None:
-        """Judge by the present time of day from here on, whatever was seen; raises StoreError."""
+        """Accept the present time of day, although a later one was seen; raises StoreError."""
         with self._turn:
             self.time.agree()
             repository.note_latest(self.time.now())
@@ -310,7 +310,7 @@ class Authenticator:
         return len(self._unwritten)
 
     def write_sessions(self) -> None:
-        """Try to write the sessions that could not be written when they began."""
+        """Write the sessions that the journal could not take when their users signed in."""
         self._write_queue.flush()
 
     def sign_out(self, repository: KeyRepository, cookie: str) -> None:

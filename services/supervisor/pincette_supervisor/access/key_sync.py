@@ -58,6 +58,6 @@ class KeySync:
             self._store.troubles.pop(KEY_CLOCK, None)
 
     def close(self) -> None:
-        """Stop, and write what waits."""
+        """Stop the thread and write the changes that are not stored yet."""
         self._repeated.close()
         self._repeated.run(lambda: self._sync(last=True))

@@ -170,7 +170,7 @@ def _stop(context: RigContext, how: ActionCode) -> str:
 
 
 def _stopped_by_itself(context: RigContext) -> str:
-    """The controller's text of a lease that has ended while no supervisor ran."""
+    """Return why the controller stopped, where its lease ended while no supervisor ran."""
     controller = context.health.status("controller")
     words = "" if controller is None else ended_text(controller)
     if not words:

@@ -41,7 +41,7 @@ class JobIndex:
     def job(self, name: str) -> Job:
         """One job; raises ProblemError if there is none of this name.
 
-        While the journal does not answer, a job that was started is told from memory.
+        While the journal does not answer, a job that was started is returned from memory.
         """
         live = self._live(name)
         if live is not None and self._context.write_queue.late:

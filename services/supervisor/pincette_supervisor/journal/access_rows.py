@@ -15,9 +15,9 @@ from pincette_supervisor.journal.key_file import KeyFile, KeyRow
 from pincette_supervisor.journal.tables import AUDIT, KEYS, SESSIONS
 
 AUDIT_KEPT = 200_000
-"""Entries that are kept at least; the file refuses to lose one of them."""
+"""Number of the newest audit entries, which the journal refuses to delete."""
 AUDIT_SWEEP = 1000
-"""How far beyond it may grow before the oldest go."""
+"""Number of further entries after which the oldest are deleted."""
 CHAIN_ROWS = 5000
 """Entries that are read at a time where the chain is followed."""
 SESSIONS_MAX = 200

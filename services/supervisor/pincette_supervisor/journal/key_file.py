@@ -43,7 +43,7 @@ class KeyRow:
 
 
 class _Content(BaseModel):
-    """What the file holds; a key more or less of it is damage."""
+    """Content of the file; an unknown or missing member means that it is damaged."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     version: int

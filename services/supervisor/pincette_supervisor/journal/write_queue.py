@@ -119,7 +119,7 @@ class WriteQueue:
             error: Exception | None = None
             try:
                 entry.write()
-            except Exception as found:  # noqa: BLE001  the caller is told, or the log
+            except Exception as found:  # noqa: BLE001  raised in the caller, or logged
                 error = found
             self._end(entry, error)
 

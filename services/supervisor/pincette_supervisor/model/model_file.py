@@ -106,7 +106,7 @@ class ModelFiles:
         return model
 
     def write(self, model: StoredModel) -> None:
-        """Write a version, wholly or not at all; raises OSError."""
+        """Write a version to the disk atomically; raises OSError."""
         make_folder(self.folder)
         path = self.folder / f"{model.version:04d}-{model.digest}.json"
         text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False)

@@ -35,7 +35,7 @@ FORMS: tuple[tuple[re.Pattern[bytes], re.Pattern[bytes]], ...] = (
     (re.compile(rb"~..0"), STATUS),
     (re.compile(rb"[$~]..[^*]+"), NOTHING),
 )
-"""What follows the address in the answer to a command, by the form of the command."""
+"""Regular expression of the rest of an answer, after the address, for each form of command."""
 SETTING = re.compile(rb"#.*")
 SUM = b".."
 CONFIRMATIONS = tuple(re.compile(rb"(>|!|\?(..)?)" + end, re.DOTALL) for end in (b"", SUM))

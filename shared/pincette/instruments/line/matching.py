@@ -34,7 +34,7 @@ class Matching:
     probes: Sequence[bytes] = ()
     """Requests that change nothing at the instrument and whose answers no other answer matches."""
     accept: Callable[[bytes], bool] = every_line
-    """Whether a line can be an answer; other lines are unsolicited and are skipped."""
+    """Whether a line can answer any request. Other lines are unsolicited and are skipped."""
 
 
 def confusable(first: re.Pattern[bytes], second: re.Pattern[bytes]) -> bool:
