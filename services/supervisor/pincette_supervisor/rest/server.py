@@ -4,6 +4,7 @@ import asyncio
 import ssl
 from collections.abc import Callable
 from functools import partial
+from math import inf
 from socket import IPPROTO_TCP, TCP_NODELAY, socket
 from typing import Any, cast
 
@@ -33,6 +34,9 @@ LINE_BYTES = 512
 """Bytes of a request in which its line is looked for, to serve a stop first."""
 REQUEST_BYTES = 1_048_576
 """Bytes of one request on the wire, of which the framing of tiny chunks may be the most."""
+DRAINED_BYTES = 65_536
+"""Largest body that is still read after an answer that came before its end. Clients that send head
+and body in two writes use the connection again; without this their next request would fail."""
 LINGER_S = 2.0
 """Time in which a client can read an answer that came before the end of its body."""
 TOO_MANY_HEADERS = (
@@ -133,7 +137,7 @@ class Connection(H11Protocol):
     def work(self) -> bool:
         """Process one slice or a pipelined request; returns whether a request has begun."""
         begun = len(self.tasks)
-        if self.idle and self.conn.our_state is h11.DONE:
+        if self.idle and self.conn.our_state is h11.DONE and not self._drains():
             super().on_response_complete()
         else:
             self._process()
@@ -146,7 +150,8 @@ class Connection(H11Protocol):
         data = bytes(self._received[:SLICE_BYTES])
         del self._received[:SLICE_BYTES]
         self._size += len(data)
-        if self.idle and self._has_too_many_headers(data):
+        drains = self._drains()
+        if self.idle and not drains and self._has_too_many_headers(data):
             self.transport.write(TOO_MANY_HEADERS)
             self._linger()
             return
@@ -155,7 +160,10 @@ class Connection(H11Protocol):
         super().data_received(data)
         if self.transport.is_closing() or self._lingers:
             return
-        if self.idle:
+        if drains and not self._drains() and not self.conn.trailing_data[0]:
+            self._cancel()
+            self._queue.add_silent(self)
+        elif self.idle:
             self._await_head()
             self._queue.add_silent(self)
         else:
@@ -200,18 +208,32 @@ class Connection(H11Protocol):
         super().data_received(estop)
 
     def on_response_complete(self) -> None:
-        """Wait for the next request, or end where the body of this one has not been read."""
+        """Wait for the next request, or end where a long body of this one has not been read."""
         self._head_data = b""
         self._size = self._lines = 0
         self._is_stop = False
-        if self.conn.their_state is h11.SEND_BODY and not self.transport.is_closing():
-            self.server_state.total_requests += 1
-            self._linger()
+        if self._drains() and not self.transport.is_closing():
+            if self._declared_bytes() <= DRAINED_BYTES:
+                self._await_head()
+                self._queue.add_silent(self)
+                super().on_response_complete()
+            else:
+                self.server_state.total_requests += 1
+                self._linger()
         elif self.conn.trailing_data[0]:
             self._queue.add(self)  # the next request is there, and waits for its turn
         else:
             self._queue.add_silent(self)
             super().on_response_complete()
+
+    def _drains(self) -> bool:
+        """Whether the request has been answered and its body has not come to its end."""
+        return self.idle and self.conn.their_state is h11.SEND_BODY
+
+    def _declared_bytes(self) -> float:
+        """Return the length of the body by its header; infinite where the body is chunked."""
+        length = dict(self.scope["headers"]).get(b"content-length", b"")
+        return int(length) if length.isdigit() else inf
 
     def _linger(self) -> None:
         """End the connection; ignore what comes until the client has read its answer."""
