@@ -24,6 +24,8 @@ PRESS = """async () => {
   }
   return (performance.now() - begun) / 1000;
 }"""
+SAMPLE_S = 5.0
+"""Longest wait for a sample on a machine that has much else to do."""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,10 @@ def until_live(page: Page, condition: str = LIVE) -> None:
 def stop_from(rig: RunningRig, page: Page) -> float:
     """Press in a window; the time until the window shows the confirmation."""
     taken_s = float(page.evaluate(PRESS))
-    assert rig.view()["latch"]["cause"] == "estop"
+    # The view of the rig follows the actuator's next sample.
+    deadline_s = monotonic() + SAMPLE_S
+    while rig.view()["latch"]["cause"] != "estop":
+        assert monotonic() < deadline_s, rig.view()["latch"]
     make_ready(rig)
     return taken_s
 
