@@ -30,8 +30,8 @@ WORDS = (
     '"socket://"', '"socket://[::1"', '"grpc://x:y"', '"' + "x" * 5000 + '"', "1_000_000_000_000",
 )  # fmt: skip
 BROKEN: dict[str, tuple[bytes, str]] = {
-    "no UTF-8": (b"\xff\xfe[\x00r\x00", "not TOML"),
-    "broken UTF-8": (b'[rig]\nname = "\xc3\x28"\n', "not TOML"),
+    "no UTF-8": (b"\xff\xfe[\x00r\x00", "UTF-16"),
+    "broken UTF-8": (b'[rig]\nname = "\xc3\x28"\n', "not UTF-8"),
     "lists in lists": (b"a = " + b"[" * 20_000, "not TOML"),
     "maps in maps": (b"a = " + b"{b=" * 20_000, "not TOML"),
     "tables in tables": (b"[" + b"a." * 20_000 + b"a]\n", "rig file"),

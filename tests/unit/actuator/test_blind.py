@@ -1,8 +1,13 @@
 """Why a command was not valid, in the cause of the trip that follows."""
 
+import pytest
 from msgspec.structs import replace
 
+from pincette.core.faults import Cause, Fault, FaultCode
+
 from .bench import OFF, WAKE, Inputs, cause_words, command, holding, play, position
+
+LATE = Fault(FaultCode.INSTRUMENT_LATE)
 
 
 def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
@@ -15,3 +20,18 @@ def test_a_trip_by_age_names_what_the_controller_could_not_see() -> None:
     )
     assert state.mode in ("ramping", "latched")
     assert cause_words(state).endswith("limit 50 ms; sensor: laser off")
+
+
+@pytest.mark.parametrize(
+    ("found", "named"), [(LATE, 1), (OFF, 0)], ids=["late answers", "another fault"]
+)
+def test_a_trip_by_age_names_late_answers_that_show_after_it(found: Fault, named: int) -> None:
+    wakes = [(WAKE, 0.005 * count) for count in range(5, 21)]
+    tripped, _ = play(holding(held=False), (position(1), 0.02), *wakes)
+    assert tripped.cause == Cause.COMMAND_AGE
+    before = len(tripped.faults)
+    later = position(5).position
+    assert later is not None
+    lost = position(5)._replace(position=replace(later, valid=False, fault=found))
+    state, _ = play(tripped, (lost, 0.11), (lost, 0.12))
+    assert len(state.faults) == before + named

@@ -60,7 +60,7 @@ def test_a_job_is_run_found_again_and_told_of(
     assert ended["notes"] == "with\N{REPLACEMENT CHARACTER}nul"
     other = harness.grip()["id"]
     harness.ended(other)
-    for query in ({"text": "b7"}, {"label": "tray=7"}, {"text": "TRAY"}, {"sample": "Größe B7"}):
+    for query in ({"text": "E B7"}, {"label": "tray=7"}, {"text": "TRAY"}, {"sample": "Größe B7"}):
         found = harness.get("/jobs", **query)["jobs"]
         assert [one["id"] for one in found] == [job], query
     assert len(harness.get("/jobs", outcome="gripped")["jobs"]) == 2
