@@ -29,6 +29,8 @@ class Steps:
 
     def __init__(self, rig: VirtualRig) -> None:
         self.rig = rig
+        self.guard_s = GUARD_S
+        """Longest time by the clock on the wall that a job's thread may compute."""
         self.killed = self.free = False
         """Free: nobody rests any more, and time passes by itself."""
         self.threads: set[threading.Thread] = set()
@@ -68,7 +70,7 @@ class Steps:
         """Wait until all threads rest or have ended."""
         begun_at = monotonic()
         while any(t.is_alive() and t.ident not in self._resting for t in tuple(self.threads)):
-            assert monotonic() - begun_at < GUARD_S, "a job's thread hangs"
+            assert monotonic() - begun_at < self.guard_s, "a job's thread hangs"
             sleep(LOOK_S / 10)
 
     def pass_(self, ticks: int = 1) -> None:

@@ -34,7 +34,7 @@ from pincette.engine import composed
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.instrument import Device
 from pincette.engine.simulated import devices_on, serve_sim_commands
-from pincette.sim.bench import open_bench
+from pincette.sim.bench import Bench, open_bench
 from pincette.sim.script.script import script_of
 from pincette_recorder.config import configure
 from pincette_recorder.intake import Intake
@@ -49,9 +49,13 @@ WAITS = 100
 
 
 class VirtualRig:
-    """The loop as it is, on a bus that may be asked from any thread; time passes by ``tick``."""
+    """The loop as it is, on a bus that may be asked from any thread; time passes by ``tick``.
 
-    def __init__(self, rig: RigFile, data: Path) -> None:
+    ``bench`` replaces the simulated rig and its instruments, as of an arm that lives on after these
+    programs have ended.
+    """
+
+    def __init__(self, rig: RigFile, data: Path, bench: Bench | None = None) -> None:
         self.rig = rig
         self.now_s = 0.0
         self.turn = threading.RLock()
@@ -70,7 +74,8 @@ class VirtualRig:
             ) -> None:
                 publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
 
-            return devices_on(open_bench(rig_file, lambda: 0.0, truth, script), rig_file)
+            at = bench or open_bench(rig_file, lambda: 0.0, truth, script)
+            return devices_on(at, rig_file)
 
         with (
             patch.object(composed, "simulated_devices", devices),

@@ -1,0 +1,68 @@
+"""Random rigs on an independent plant, brought up and used through the supervisor."""
+
+import os
+
+import numpy as np
+import pytest
+
+from tests.support.campaign.__main__ import campaign
+from tests.support.campaign.arm import Part
+from tests.support.campaign.drawing import draw
+from tests.support.campaign.hysteresis import CLASSES, Class, drawn, loop
+from tests.support.campaign.judgement import table, targets
+from tests.support.campaign.treatment import Treated
+
+FEW, FIRST = 6, 1001
+"""Rigs of the full test, and the seed of the first."""
+ALL = 200
+WORST_PEAK = 1.5
+"""True force over the plan that no rig may reach, whatever happens to it."""
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.25])
+def test_a_drawn_arm_has_the_loop_that_was_asked_for(kind: Class, share: float) -> None:
+    arm, stroke, width = drawn(kind, share, np.random.default_rng(4), far=False)
+    assert width == pytest.approx(share, abs=0.01)
+    assert stroke > 1.0
+    assert loop(arm)[1] == pytest.approx(share, abs=0.01)
+
+
+def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_gives_way() -> None:
+    arm = draw(FIRST).arm
+    for _ in range(200):
+        arm.put_out(1.5)
+    free_um = arm.x_um
+    arm.part = Part(free_um - 10.0, 2.0, slip_force_mN=None)
+    arm.rest(1.0)
+    kappa = 2.0 * arm.compliance_um_per_mN
+    assert arm.force_mN == pytest.approx(10.0 * 2.0 / (1.0 + kappa), rel=0.02)
+    pressed_mN = arm.force_mN
+    arm.part = Part(free_um - 10.0, 2.0, slip_force_mN=0.5 * pressed_mN, slip_um=3.0, slips_left=1)
+    arm.put_out(1.5)
+    arm.rest(1.0)
+    assert arm.slips == 1
+    assert pressed_mN - arm.force_mN == pytest.approx(3.0 * 2.0 / (1.0 + kappa), rel=0.05)
+
+
+@pytest.mark.full
+def test_a_few_rigs_of_the_campaign_are_used_without_harm() -> None:
+    rows = list(campaign(range(FIRST, FIRST + FEW), 1))
+    for row in rows:
+        print("\n".join(row.lines()))
+    print(table(rows))
+    grips = [grip for row in rows for grip in row.grips]
+    assert grips
+    assert all(grip.peak_mN < WORST_PEAK * grip.wish.force_mN for grip in grips)
+
+
+@pytest.mark.slow
+def test_the_campaign_meets_its_targets() -> None:
+    jobs = max(1, (os.cpu_count() or 1) - 1)
+    rows: list[Treated] = []
+    for row in campaign(range(1, ALL + 1), jobs):
+        rows.append(row)
+        print("\n".join(row.lines()), flush=True)
+    print(table(rows))
+    missed = [target for target in targets(rows) if not target.met]
+    assert not missed

@@ -1,0 +1,171 @@
+"""Three classes of hysteresis, written for the campaign alone: relays, plays, and Bouc-Wen.
+
+Nothing here is shared with the simulated plant of the product. Each class maps a voltage in V to a
+motion in V of the same scale: ``y = (1 - share)·u + share·H(u)``, with H(u) close to u for large
+swings, and keeps its memory over all calls.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Class = Literal["relays", "plays", "Bouc-Wen"]
+CLASSES: tuple[Class, ...] = ("relays", "plays", "Bouc-Wen")
+GRID = 56
+SCALED_V = 4.0
+PLAYS = 16
+WIDEST_SHARE = 0.93
+"""Largest hysteretic share: beyond it an arm could move against its voltage."""
+BISECTIONS = 18
+REFERENCE_V = 1.0
+"""Amplitude of the cycle by which the loop's width is stated: 2 V peak to peak."""
+WORKING_V = (-0.5, 3.0)
+"""Voltages between which the gain is stated."""
+CYCLE_STEPS = 60
+
+
+class Hysteresis(Protocol):
+    """Memory of one arm."""
+
+    share: float
+    """Hysteretic share of the motion."""
+
+    def to(self, u_V: float) -> float:
+        """Lead the voltage to ``u_V`` and return the motion there."""
+        ...
+
+
+class RelayGrid:
+    """Relays with thresholds on a grid, Gaussian in their mean and in their half width.
+
+    A relay turns up where u rises beyond mean + half, and down where it falls below mean - half.
+    Far from saturation, the spreads are several times the drive. The motion is scaled to that of
+    the line between -4 and 4 V.
+    """
+
+    def __init__(self, mean_spread_V: float, half_spread_V: float) -> None:
+        means = np.linspace(-2.6, 2.6, GRID) * mean_spread_V
+        halves = (np.arange(GRID) + 0.5) / GRID * 2.6 * half_spread_V
+        mean, half = (axis.ravel() for axis in np.meshgrid(means, halves))
+        weight = np.exp(-0.5 * (mean / mean_spread_V) ** 2 - 0.5 * (half / half_spread_V) ** 2)
+        self.up: NDArray[np.float64] = mean + half
+        self.down: NDArray[np.float64] = mean - half
+        self.weight: NDArray[np.float64] = weight / weight.sum()
+        self.share = 0.0
+        self.scale_V = 1.0
+        self.u_V, self.sum = 0.0, 0.0
+        self.state: NDArray[np.float64] = np.where(mean < 0.0, 1.0, -1.0)
+        unpoled = self.state.copy()
+        sums: list[float] = []
+        for u_V in (SCALED_V, -SCALED_V, SCALED_V):
+            self.to(u_V)
+            sums.append(self.sum)
+        self.scale_V = 2.0 * SCALED_V / (sums[2] - sums[1])
+        self.state, self.u_V = unpoled, 0.0
+        self.sum = float(self.weight @ self.state)
+
+    def to(self, u_V: float) -> float:
+        if u_V != self.u_V:
+            if u_V > self.u_V:
+                self.state[self.up <= u_V] = 1.0
+            else:
+                self.state[self.down >= u_V] = -1.0
+            self.u_V = u_V
+            self.sum = float(self.weight @ self.state)
+        return (1.0 - self.share) * u_V + self.share * self.scale_V * self.sum
+
+
+class PlayStack:
+    """Play operators of rising radius: y = sum of weights times the plays' outputs."""
+
+    def __init__(self, widest_V: float, decay: float) -> None:
+        self.radius: NDArray[np.float64] = np.linspace(0.04, 1.0, PLAYS) * widest_V
+        weight = np.exp(-decay * np.linspace(0.0, 1.0, PLAYS))
+        self.weight: NDArray[np.float64] = weight / weight.sum()
+        self.state: NDArray[np.float64] = np.zeros(PLAYS)
+        self.share = 0.0
+
+    def to(self, u_V: float) -> float:
+        lowest, highest = u_V - self.radius, u_V + self.radius
+        self.state = np.minimum(np.maximum(self.state, lowest), highest)
+        return (1.0 - self.share) * u_V + self.share * float(self.weight @ self.state)
+
+
+class BoucWen:
+    """dh = du·(1 - (b·sign(du·h) + g)·|h|): h is the elastic part that is not given as motion."""
+
+    LONGEST_V = 0.02
+
+    def __init__(self, b_per_V: float, g_per_V: float) -> None:
+        self.b_per_V, self.g_per_V = b_per_V, g_per_V
+        self.h_V = self.u_V = 0.0
+        self.share = 0.0
+
+    def to(self, u_V: float) -> float:
+        way_V = u_V - self.u_V
+        steps = int(abs(way_V) / self.LONGEST_V) + 1
+        for _ in range(steps if way_V else 0):
+            du_V = way_V / steps
+            sign = 1.0 if du_V * self.h_V > 0.0 else -1.0
+            slope = 1.0 - (self.b_per_V * sign + self.g_per_V) * abs(self.h_V)
+            self.h_V += du_V * slope
+        self.u_V = u_V
+        return u_V - self.share * self.h_V
+
+
+def _shape(kind: Class, chance: np.random.Generator, *, far: bool) -> Hysteresis:
+    if kind == "relays":
+        low_V, high_V = (3.0, 6.0) if far else (0.8, 2.0)
+        return RelayGrid(float(chance.uniform(low_V, high_V)), float(chance.uniform(low_V, high_V)))
+    if kind == "plays":
+        return PlayStack(float(chance.uniform(1.0, 3.0)), float(chance.uniform(0.0, 3.0)))
+    b = float(chance.uniform(0.6, 1.6))
+    return BoucWen(b, float(chance.uniform(-0.4, 0.4)) * b)
+
+
+def cycle(low_V: float, high_V: float) -> Sequence[float]:
+    """Return the voltages of one cycle from the bottom over the top to the bottom."""
+    turn = np.linspace(0.0, 2.0 * np.pi, CYCLE_STEPS, endpoint=False)
+    middle, half = 0.5 * (low_V + high_V), 0.5 * (high_V - low_V)
+    return [float(u) for u in middle - half * np.cos(turn)]
+
+
+def loop(hysteresis: Hysteresis) -> tuple[float, float]:
+    """Return stroke and width, as a share of it, of a settled cycle at ``REFERENCE_V``."""
+    voltages = cycle(-REFERENCE_V, REFERENCE_V)
+    motion: list[float] = []
+    for _ in range(3):
+        motion = [hysteresis.to(u) for u in voltages]
+    half = CYCLE_STEPS // 2
+    rising, falling = motion[: half + 1], [*motion[half:], motion[0]][::-1]
+    stroke = motion[half] - motion[0]
+    return stroke, max(f - r for f, r in zip(falling, rising, strict=True)) / stroke
+
+
+def drawn(
+    kind: Class, loop_share: float, chance: np.random.Generator, *, far: bool
+) -> tuple[Hysteresis, float, float]:
+    """Draw an arm whose loop is as wide as ``loop_share``, or as wide as its class can be made.
+
+    Returns the unpoled arm, its stroke over the working range, and the width of its loop.
+    """
+    seed = int(chance.integers(2**32))
+
+    def made(share: float) -> Hysteresis:
+        shape = _shape(kind, np.random.default_rng(seed), far=far)
+        shape.share = share
+        return shape
+
+    low, high = 0.0, WIDEST_SHARE
+    if loop(made(high))[1] > loop_share:
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            if loop(made(middle))[1] < loop_share:
+                low = middle
+            else:
+                high = middle
+    arm = made(high)
+    working = [arm.to(u) for u in (*WORKING_V, *WORKING_V)]
+    return made(high), working[-1] - working[-2], loop(made(high))[1]

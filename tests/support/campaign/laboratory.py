@@ -1,0 +1,174 @@
+"""One rig of the campaign in use: an arm that lives on, programs and supervisors that come and go.
+
+A person brings the rig up by its checklist, accepts what is proposed, and grips. Every job goes
+through the supervisor's job manager, its journal and its records; only time is virtual.
+"""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import TypeAdapter
+
+from pincette.api.jobs import Job
+from pincette.api.requests import JobRequest
+from pincette.core.messages import Estimate, Message, Reset, Telemetry
+from pincette.core.topics import ESTIMATE, RESET, TELEMETRY, Topic
+from pincette.sim.bench import Bench
+from pincette.sim.instruments.fitting import Fitted, Setting, simulated_driver
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.model.checklist import checklist
+from tests.support.campaign.arm import Truth
+from tests.support.campaign.drawing import Drawn
+from tests.support.office import Office
+from tests.support.virtual_rig import VirtualRig
+
+REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
+LONGEST_TICKS = 60_000
+"""Of one job, 20 virtual minutes."""
+HANDS_TICKS = 25
+COMPUTES_S = 900.0
+"""Longest wall-clock time of one calibration's evaluation on a loaded machine."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample of a job: what the product states and what is true."""
+
+    estimate: Estimate
+    truth: Truth
+
+
+@dataclass
+class Watched:
+    """Samples of one job."""
+
+    samples: dict[int, Sample] = field(default_factory=dict[int, Sample])
+    views: dict[int, Telemetry] = field(default_factory=dict[int, Telemetry])
+
+
+class Laboratory:
+    """An arm, its instruments, and the programs that are started beside it."""
+
+    def __init__(self, drawn: Drawn, data: Path) -> None:
+        self.drawn, self.arm, self.data = drawn, drawn.arm, data
+        self._bench = _bench(drawn)
+        self.watched = Watched()
+        self._open()
+
+    def _open(self) -> None:
+        self.rig = VirtualRig(self.drawn.rig, self.data, self._bench)
+        for topic in (ESTIMATE, TELEMETRY):
+            self.rig.bus.subscribe(topic, self._hear)
+        self.office = Office(self.rig, self.data)
+        self.office.steps.guard_s = COMPUTES_S
+        self.rig.call(RESET, Reset(acknowledge=True))
+        self.office.health.refresh(force=True)
+
+    def _hear(self, _topic: Topic, message: Message) -> None:
+        if isinstance(message, Estimate):
+            self.watched.samples[message.seq] = Sample(message, self.arm.truth)
+        elif isinstance(message, Telemetry):
+            self.watched.views[message.seq] = message
+
+    def close(self) -> None:
+        """End supervisor and programs."""
+        self.office.end()
+        self.rig.close()
+
+    def restart(self, rest_s: float) -> None:
+        """End all programs, let the arm rest, and start all programs again."""
+        self.close()
+        self.arm.rest(rest_s)
+        self._open()
+
+    def run(self, body: dict[str, Any]) -> Job:
+        """Run one job to its end, and hang what it asks for; raises ProblemError where refused."""
+        self.watched = Watched()
+        self.arm.peak_mN = 0.0
+        manager, steps = self.office.manager, self.office.steps
+        name = manager.create(REQUEST.validate_python(body), predict=False)[0].id
+        waited = 0
+        for _ in range(LONGEST_TICKS):
+            if manager.index.is_over(name):
+                break
+            steps.pass_()
+            view = self._newest_view()
+            if view is None or not view.playing:
+                continue
+            job = manager.active
+            if job is None or "continue" not in manager.index.job(name).allowed_actions:
+                waited = 0
+                continue
+            waited += 1
+            if waited == HANDS_TICKS:
+                progress = manager.index.job(name).progress
+                weight_mN = None if progress is None else progress.weight_mN
+                self.arm.hang(weight_mN or 0.0)
+                manager.perform(name, "continue", "person")
+        else:
+            raise TimeoutError(f"{body} goes on after {LONGEST_TICKS} ticks")
+        if self.office.faults:
+            raise self.office.faults[0]
+        return manager.index.job(name)
+
+    def reset(self) -> None:
+        """Clear the actuator's latch, as a person does who has seen its cause."""
+        manager = self.office.manager
+        manager.context.health.refresh(force=True)
+        if manager.context.health.latched() is not None:
+            manager.latch.reset("person")
+
+    def _newest_view(self) -> Telemetry | None:
+        views = self.watched.views
+        return next(reversed(views.values())) if views else None
+
+    def bring_up(self, tries: int = 2) -> str:
+        """Follow the checklist to its end; returns why it could not be done, empty where it was."""
+        manager = self.office.manager
+        left = tries
+        while True:
+            listed = checklist(manager.context.model, manager.calibrations)
+            step = next((one for one in listed.steps if one.calibration == listed.next), None)
+            if step is None:
+                return ""
+            needs = [need.code for need in step.needs]
+            self.arm.part = None if "part_removed" in needs else self.drawn.planned_part()
+            job = self.run(step.request)
+            self.arm.hang(0.0)
+            if job.state != "succeeded":
+                self.reset()
+                left -= 1
+                if left == 0:
+                    outcome = (job.result or {}).get("outcome", "")
+                    return f"{step.calibration}: {job.state}, {outcome}, {job.cause}"
+                continue
+            left = tries
+            manager.calibrations.act(job.id, "accept")
+
+
+@contextmanager
+def laboratory(drawn: Drawn, data: Path) -> Generator[Laboratory]:
+    """Open a laboratory and close it."""
+    opened = Laboratory(drawn, data)
+    try:
+        yield opened
+    finally:
+        opened.close()
+
+
+def _bench(drawn: Drawn) -> Bench:
+    """Put the instruments' simulated bytes around the arm."""
+    rig, arm = drawn.rig, cast(Any, drawn.arm)
+    assert rig.simulation is not None
+    fitted: dict[str, Fitted] = {}
+    for table, driver in (("sensor", rig.sensor.driver), ("output", rig.output.driver)):
+        found = simulated_driver(driver)
+        assert found is not None
+        setting = Setting(
+            rig, rig.simulation, arm, arm.measure_um, arm.put_out, lambda _table, one: one, {}
+        )
+        fitted |= found.fit(setting, frozenset({table}))
+    return Bench(arm, fitted)
