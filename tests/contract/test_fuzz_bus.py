@@ -35,7 +35,7 @@ ENCODINGS = (ENCODING, "zenoh/bytes", "application/msgpack;pincette.v2", "text/p
 def program() -> Generator[tuple[ZenohBus, zenoh.Session]]:
     """A program of the rig, and a stranger's session."""
     with router(RIG) as ends, open_session(ends, "stranger") as stranger:
-        bus = ZenohBus(ends, RIG, "actuator", reliable=True)
+        bus = ZenohBus(ends, RIG, "actuator")
         yield bus, stranger
         bus.close()
 

@@ -31,7 +31,7 @@ SAMPLE = Position(3, 0, 0.0, 1.25, True)
 def both() -> Generator[tuple[ZenohBus, zenoh.Session]]:
     """A program of this version, and a session of whichever."""
     with router("demo") as ends, open_session(ends, "other") as other:
-        bus = ZenohBus(ends, "demo", "tool", reliable=True)
+        bus = ZenohBus(ends, "demo", "tool")
         yield bus, other
         bus.close()
 

@@ -124,11 +124,11 @@ def _messages(**messages: str) -> Json:
 
 def _topic(topic: Topic) -> Json:
     often = "every tick" if topic.per_tick else "when there is something to say"
-    stalled = "delayed for a bounded time" if topic.reliable else "dropped, except in lockstep"
     return {
         "address": key("{rig}", topic, "{service}"),
         "summary": topic.summary,
-        "description": f"From `{topic.producer}`, {often}; where a link stalls, {stalled}.",
+        "description": f"From `{topic.producer}`, {often}; dropped where a link stalls, except in "
+        "lockstep.",
         "parameters": _parameters("rig", *(("service",) if topic.per_service else ())),
         "messages": _messages(sample=topic.message.__name__, query="Query"),
     }

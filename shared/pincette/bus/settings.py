@@ -13,9 +13,22 @@ LEASE_MS = 500
 QUEUE = 16
 """Batches a priority may queue; the largest Zenoh takes."""
 BLOCK_US = 200_000
-"""How long a reliable put may wait for a stalled link; Zenoh's own default is 5 s."""
+"""Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
 """Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
+NEVER_WAIT = {
+    "messages": ["put", "delete", "query"],
+    "flows": ["ingress", "egress"],
+    "qos": {"congestion_control": "block"},
+    "overwrite": {"congestion_control": "drop"},
+}
+"""Rule for a session in real time: a message for a link whose queue is full is dropped after 1 ms.
+
+Zenoh blocks by default for a query and whatever the sender asks for in a foreign message. The
+thread that sends then waits for the slowest link: the loop's own thread for a reply, and a router's
+receiving thread, which serves other links too. A reply has the quality of service of its query, so
+the rule applies to queries as they arrive.
+"""
 MOST_BYTES = 2 * MAX_BYTES
 """Of what is received at all: more than any payload that a decoder takes, with its envelope."""
 PRIORITIES = (
@@ -65,6 +78,8 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
             },
         },
     }
+    if not config.patient:
+        tree["qos"] = {"network": [NEVER_WAIT]}
     if config.tls is not None:
         tree["transport"]["link"] |= {
             "protocols": ["tls"],

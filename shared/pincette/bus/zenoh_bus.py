@@ -66,15 +66,12 @@ class ForeignDeclaration:
 class ZenohBus:
     """One program's place on the bus of one rig."""
 
-    def __init__(
-        self, config: SessionConfig, rig: str, program: str, *, reliable: bool = False
-    ) -> None:
+    def __init__(self, config: SessionConfig, rig: str, program: str) -> None:
         self._rig = rig
         self._config, self._name = config, f"{rig}/{program}"
         self._identity = config.tls.credentials.identity.name if config.tls else ""
         self._joined = open_session(config, self._name)
         self._session = self._joined.session
-        self._reliable = reliable
         self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
         """By the kind of message, and by service where each service has a key of its own."""
         self._declaring = threading.RLock()
@@ -194,7 +191,7 @@ class ZenohBus:
         with self._declaring:
             if name in self._publishers:
                 return
-            publisher = _Publisher(key(self._rig, topic, service), topic, reliable=self._reliable)
+            publisher = _Publisher(key(self._rig, topic, service), topic, self._config)
             self._declare(publisher.open)
             self._publishers[name] = publisher
 
@@ -339,23 +336,22 @@ class ZenohBus:
 class _Publisher:
     """Publishes one topic, and keeps the newest payload for queries."""
 
-    __slots__ = ("_newest", "_place", "_publisher", "_reliable", "_topic")
+    __slots__ = ("_newest", "_patient", "_place", "_publisher", "_topic")
 
     _publisher: zenoh.Publisher
 
-    def __init__(self, place: str, topic: Topic, *, reliable: bool) -> None:
-        self._place, self._topic, self._reliable = place, topic, reliable
+    def __init__(self, place: str, topic: Topic, config: SessionConfig) -> None:
+        self._place, self._topic, self._patient = place, topic, config.patient
         self._newest: bytes | None = None
 
     def open(self, session: zenoh.Session) -> Any:
         """Publish at a session, and answer there."""
-        reliable, topic = self._reliable or self._topic.reliable, self._topic
         control, priority = zenoh.CongestionControl, zenoh.Priority
         self._publisher = session.declare_publisher(
             self._place,
             encoding=MESSAGE,
-            congestion_control=control.BLOCK if reliable else control.DROP,
-            priority=priority.INTERACTIVE_HIGH if topic.reliable else priority.REAL_TIME,
+            congestion_control=control.BLOCK if self._patient else control.DROP,
+            priority=priority.INTERACTIVE_HIGH if self._topic.bulky else priority.REAL_TIME,
         )
         return session.declare_queryable(self._place, self.reply)
 

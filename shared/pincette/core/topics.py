@@ -1,9 +1,8 @@
 """Every key on the bus, declared once: message, producer, when and how it is sent.
 
-A sample goes out at real-time priority and is dropped, not blocked, when a link stalls; in
-lockstep it is sent reliably, since there every service answers every tick. A topic that is
-not sent every tick is sent reliably, unless its producer must not be delayed. The newest message of
-every topic can be queried on the topic's own key.
+A message is dropped where a link stalls, so that no program waits for a link. In lockstep it is
+delayed instead, since there every service answers every tick. The newest message of every topic can
+be queried on the topic's own key.
 
 A key has one producer, so that a query for its newest message has one reply. A topic that every
 service of the loop publishes has a key for each of them.
@@ -41,18 +40,13 @@ class Topic:
     """States of the rig in which it is published, in real time. In lockstep there are no ticks
     outside a job."""
     per_tick: bool = True
-    urgent: bool = False
-    """Sent by a program that must never wait for a link."""
+    bulky: bool = False
+    """True for messages so large that they are sent at a lower priority than samples."""
 
     @property
     def per_service(self) -> bool:
         """Whether the key ends with the service, since each service of the loop publishes one."""
         return self.producer == EACH_SERVICE
-
-    @property
-    def reliable(self) -> bool:
-        """Whether a stalled link delays it, for a bounded time, rather than losing it."""
-        return not (self.per_tick or self.urgent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +68,7 @@ BURST = Topic(
     "buffered acquisition, if the sensor makes one",
     published=("job",),
     per_tick=False,
+    bulky=True,
 )
 ESTIMATE = Topic("estimate", messages.Estimate, "estimator", "contact force and perturbation")
 COMMAND = Topic("command", messages.Command, "controller", "commanded voltage")
@@ -98,7 +93,6 @@ REQUEST_LOG = Topic(
     EACH_SERVICE,
     "each request that the service accepts; for the record only",
     per_tick=False,
-    urgent=True,
 )
 TIMING = Topic(
     "timing",
@@ -106,7 +100,6 @@ TIMING = Topic(
     EACH_SERVICE,
     "timing statistics, about once a second in real time",
     per_tick=False,
-    urgent=True,
 )
 
 JOB = Topic(

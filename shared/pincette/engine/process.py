@@ -186,7 +186,7 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
         notes: Notes = {}
         nodes = _opened(name, rig, options.data, notes, stack)
         config = service_endpoint(rig, name, participants)
-        bus = ZenohBus(config, rig.rig.name, name, reliable=rig.lockstep)
+        bus = ZenohBus(config, rig.rig.name, name)
         stack.callback(bus.close)
         urgent = awaited(name, participants, lockstep=rig.lockstep) if len(nodes) > 1 else None
         loop = Loop(
