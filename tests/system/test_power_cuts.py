@@ -38,6 +38,8 @@ LONGEST_S = 0.5
 LOST_S = 1.0
 """Longest time of samples that a power cut may cost."""
 READY_S = 60.0
+MOST_GRIPS = 5
+"""Grips for each cut in a phase; more are needed where the machine is too busy to cut in time."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,10 @@ class Cut:
 def cut_in_each_phase(
     rig: RunningRig, seen: Witness, disk: LoopDisk, images: Path, chance: random.Random
 ) -> list[Cut]:
-    """Play a grip with another one behind it, and cut the power in each phase of the first."""
+    """Play a grip with another one behind it, and cut the power in each phase of the first.
+
+    On a busy machine the other one may begin before the image is copied; that cut is left out.
+    """
     make_ready(rig)
     begun_s = monotonic()
     running = rig.start_grip(**GRIP)
@@ -72,7 +77,10 @@ def cut_in_each_phase(
         jobs = {job["id"]: job for job in rig.get("/jobs", limit=500)["jobs"]}
         newest = seen.newest(Applied).seq
         image = disk.cut(images / f"{running}-{phase}.img")
-        cuts.append(Cut(phase, image, jobs, running, waiting, newest))
+        if rig.job(waiting)["state"] == "queued":
+            cuts.append(Cut(phase, image, jobs, running, waiting, newest))
+        else:
+            image.unlink()
     for job in (running, waiting):
         ended = rig.ended(job)
         assert ended["state"] == "succeeded", ended["cause"]
@@ -140,8 +148,11 @@ def test_after_a_power_cut_nothing_that_was_reported_as_stored_is_lost(
         running_rig(rig_file, disk.root) as rig,
         witness(rig_file) as seen,
     ):
-        for _ in range(cuts):
+        grips = 0
+        while any([one.phase for one in found].count(phase) < cuts for phase in PHASES):
             found += cut_in_each_phase(rig, seen, disk, tmp_path / "images", chance)
+            grips += 1
+            assert grips < MOST_GRIPS * cuts
     lost_s: dict[str, list[float]] = {phase: [] for phase in PHASES}
     for cut in found:
         lost_s[cut.phase].append(check(cut, rig_file, tmp_path / "left"))
