@@ -22,8 +22,9 @@ from pincette.bus import settings as bus_settings
 from pincette.bus.protocol import BusError
 from pincette.bus.topology import address_of, client_session, direct_session, peer_session
 from pincette.bus.zenoh_bus import ZenohBus
+from pincette.control.quantities import Document
 from pincette.core.codec import encode
-from pincette.core.faults import Cause
+from pincette.core.faults import ActionCode, Cause
 from pincette.core.messages import (
     Ack,
     Action,
@@ -141,7 +142,7 @@ def test_a_loop_program_waits_for_no_client_that_reads_no_reply(refused: bool) -
     def answer(_: Request, _request: Message, reply: Callable[[Message | str], None]) -> None:
         nonlocal sent
         begun_s = monotonic()
-        reply(CHUNK if refused else RigFileReply(CHUNK, ""))
+        reply(CHUNK if refused else RigFileReply(Document(CHUNK), ""))
         took_s.append(monotonic() - begun_s)
         sent += len(CHUNK)
 
@@ -181,7 +182,7 @@ def test_a_supervisor_waits_for_no_router_that_takes_nothing() -> None:
         notices = FULL_BYTES // len(encode(NOTICE))
         assert longest(notices, lambda: bus.publish(NOTICE)) < LONGEST_S
         requests: list[tuple[Request, Message]] = [
-            (ACTION, Action("stop")),
+            (ACTION, Action(ActionCode.STOP)),
             (LEASE, Lease(1, 1.0)),
             (TRIP, Trip(Cause.ESTOP)),
         ]

@@ -1,13 +1,17 @@
 """The rig program: the simulated plant behind its instruments' real bytes."""
 
+import secrets
 import time
 from collections.abc import Callable
 
 from msgspec import UNSET, UnsetType
 
+from pincette import __version__
+from pincette.bus.refused import RefusedMessages
 from pincette.config import ConfigError
-from pincette.core.messages import GroundTruth
+from pincette.core.messages import GroundTruth, Status
 from pincette.core.messages.second import SecondTruth
+from pincette.core.topics import STATUS
 from pincette.engine.program import Context
 from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.simulated import serve_sim_commands
@@ -68,9 +72,30 @@ def run(context: Context) -> None:
         bench = open_bench(rig, time.monotonic, truth, script, pace)
         with bench.offer():
             serve_sim_commands(bus, script)
+            instance, digest = secrets.randbits(48), rig.digest()
+            bus.serve(
+                STATUS["rig"],
+                lambda _, _request, reply: reply(status(instance, digest, bus.refused)),
+            )
             bus.announce("rig")
             urls = dict.fromkeys(fitted.url for fitted in bench.fitted.values())
             context.ready(f"simulates {' and '.join(urls)}")
             context.stop.wait()
     finally:
         bus.close()
+
+
+def status(instance: int, digest: str, refused: RefusedMessages) -> Status:
+    """Return the status of this program, which has no epoch and makes no steps."""
+    found = refused.finding()
+    return Status(
+        service="rig",
+        version=__version__,
+        instance=instance,
+        digest=digest,
+        epoch=0,
+        steps=0,
+        missed=0,
+        refused=refused.count,
+        findings=() if found is None else (found,),
+    )

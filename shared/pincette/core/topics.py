@@ -155,7 +155,7 @@ STATUS = {
     name: Request(
         "status", name, messages.StatusRequest, messages.Status, "version, epoch, counters"
     )
-    for name in (*LOOP, "recorder")
+    for name in (*LOOP, "recorder", "rig")
 }
 TIMING_OF = {
     name: Request("timing", name, messages.TimingRequest, messages.Timing, "timing statistics")

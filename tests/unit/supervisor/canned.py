@@ -13,7 +13,7 @@ from pincette.control.record import replace
 from pincette.core import messages
 from pincette.core.faults import Acted, Fault, Mode, Outcome, Predecessor
 from pincette.core.topics import TOPIC_OF, Request, Topic
-from pincette_supervisor.rigs.health import PROGRAMS
+from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
 from tests.support.bytes_bus import carried
 
 from . import samples
@@ -21,6 +21,9 @@ from .canned_record import closed, trip_reason
 
 IN_HOLD, IN_APPROACH = 350, 60
 """Ticks of the canned grip."""
+
+ANSWERING = (*PROGRAMS, SIMULATION)
+"""Programs that state their status."""
 
 
 class CannedRig:
@@ -35,8 +38,8 @@ class CannedRig:
 
     def __init__(self, rig: RigFile) -> None:
         self.rig = rig
-        self.digests: dict[str, str] = dict.fromkeys(PROGRAMS, rig.digest())
-        self.instances: dict[str, int] = dict.fromkeys(PROGRAMS, 1)
+        self.digests: dict[str, str] = dict.fromkeys(ANSWERING, rig.digest())
+        self.instances: dict[str, int] = dict.fromkeys(ANSWERING, 1)
         self.replaces: int | None = None
         """Instance of the actuator before, which was switched off with the latch of its boot."""
         self.told = rig.model_dump_json()
@@ -99,7 +102,7 @@ class CannedRig:
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
         self._watchers.append(sink)
-        for program in (*PROGRAMS, "rig"):
+        for program in ANSWERING:
             sink(program, True)
 
     def kill(self, program: str) -> None:

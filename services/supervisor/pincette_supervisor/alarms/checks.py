@@ -14,7 +14,7 @@ from pincette.core.wording import fault_text, status_text
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.alarm_rows import Severity
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.rigs.health import PROGRAMS
+from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
 from pincette_supervisor.rigs.part import is_playing
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -159,7 +159,8 @@ def _recorder(context: RigContext) -> Check:
 
 def _refused(context: RigContext) -> Check:
     """Whether a program, this supervisor included, has refused messages in the last minute."""
-    answers = ((program, context.health.status(program)) for program in PROGRAMS)
+    answers = [(program, context.health.status(program)) for program in PROGRAMS]
+    answers.append((SIMULATION, context.health.simulation))
     found = [
         (program, one)
         for program, answer in answers

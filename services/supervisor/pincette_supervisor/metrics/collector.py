@@ -93,7 +93,7 @@ class RigCollector:
 
 
 def _update_statuses(context: RigContext) -> None:
-    for answer in context.health.statuses.values():
+    for answer in (*context.health.statuses.values(), context.health.simulation):
         if isinstance(answer, Status):
             context.observer.counters.update_status(answer)
 

@@ -79,7 +79,7 @@ class RigCounters:
         self._durations = {
             (service, quantity): MonotonicHistogram() for service in LOOP for quantity in QUANTITIES
         }
-        self._refused = {service: MonotonicCounter() for service in OBSERVED}
+        self._refused = {service: MonotonicCounter() for service in (*OBSERVED, "rig")}
         self._instrument = {
             pair: MonotonicCounter() for pair in product(WITH_INSTRUMENT, INSTRUMENT_KINDS)
         }

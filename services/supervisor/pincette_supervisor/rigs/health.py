@@ -32,6 +32,8 @@ SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent, or read no position, this long, whichever is longer."""
 PROGRAMS = (*LOOP, "recorder")
 """Those that a job needs."""
+SIMULATION = "rig"
+"""Program of a simulated rig in real time; a job does not wait for its status."""
 SHOWN: dict[Mode, RigState] = {
     Mode.IDLE: "idle",
     Mode.ARMED: "armed",
@@ -84,9 +86,11 @@ class Health:
         """Of the programs that were there then; see ``Observer.tokens_changed``."""
         self._rounds, self._round = count(1), 0
         self._turn = threading.Lock()
-        self._pool = ThreadPoolExecutor(len(PROGRAMS), thread_name_prefix="status")
+        self._pool = ThreadPoolExecutor(len(PROGRAMS) + 1, thread_name_prefix="status")
         self.statuses: dict[str, Status | str] = {}
         """For each service its answer, or why there is none."""
+        self.simulation: Status | None = None
+        """Status of the program that simulates the rig, if any."""
         self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
@@ -99,13 +103,18 @@ class Health:
         if not force and there == self._asked_of and self.clock() - self._asked_at < FRESH_S:
             return
         try:
-            answers = [*self._pool.map(self._ask, PROGRAMS)]
+            asked: list[str] = [*PROGRAMS]
+            if self._observer.alive(SIMULATION):
+                asked.append(SIMULATION)
+            answers = dict(zip(asked, self._pool.map(self._ask, asked), strict=True))
         except (RuntimeError, CancelledError):
             return  # closed meanwhile, since the rig is served anew: the last answers stay
         with self._turn:
             if number < self._round:
                 return  # another thread has asked later, and has its answers already
-            self.statuses = dict(zip(PROGRAMS, answers, strict=True))
+            simulation = answers.pop(SIMULATION, None)
+            self.simulation = simulation if isinstance(simulation, Status) else None
+            self.statuses = answers
             self._round, self._asked_at, self._asked_of = number, self.clock(), there
         actuator = self.status("actuator")
         if actuator is not None and self._trusted is None:
