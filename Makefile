@@ -142,11 +142,10 @@ mutants: dev ## change the safety module in every small way; its unit tests must
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
 	@$(BIN)/pincette paper $(ARGS)
 
-bench: dev ## measure loop, hops, plant, batches, rates, many rigs; writes bench.json
+bench: dev ## measure loop, hops, plant, rates, many rigs; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)
 	@$(BIN)/python -m tests.bench.hop
 	@$(BIN)/python -m tests.bench.plant
-	@$(BIN)/python -m tests.bench.batch
 	@$(BIN)/python -m tests.bench.realtime.rates
 	@$(BIN)/python -m tests.bench.realtime.scale
 

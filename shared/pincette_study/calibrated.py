@@ -8,7 +8,6 @@ from pincette.config.gains import tuned
 from pincette.control.laws.definition import LawSettings
 from pincette.core.messages import Message, Telemetry
 from pincette.engine.teaching import teach
-from pincette_batch.tuning import compiled_tracks
 from pincette_study import printed
 from pincette_study.closed_loop import StudyError, outcome, play, tracking_plan
 
@@ -23,7 +22,7 @@ class Prepared:
 
     def gains(self, scheme: str) -> LawSettings:
         """The balanced gains of a scheme on the identified model."""
-        return tuned(self.rig, scheme, "consistent", tracks=compiled_tracks).chosen.settings
+        return tuned(self.rig, scheme, "consistent").chosen.settings
 
 
 def prepare(rig: RigFile) -> Prepared:

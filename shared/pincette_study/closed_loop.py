@@ -1,8 +1,10 @@
 """Closed loop: a program played by the real services over the simulated instruments' bytes."""
 
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from math import sqrt
+from multiprocessing import get_context
 
 import numpy as np
 from msgspec.structs import replace
@@ -18,9 +20,6 @@ from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
 from pincette.core.wording import applied_text
 from pincette.engine.composed import ComposedLoop
-from pincette_batch.cases import Case, Run
-from pincette_batch.kernel.lane import COLUMNS
-from pincette_batch.runs import play_all
 from pincette_study import printed
 
 Series = NDArray[np.float64]
@@ -125,7 +124,7 @@ def outcome(messages: Sequence[Message]) -> str:
     return outcomes[-1] if outcomes else ""
 
 
-def record(messages: Sequence[Message], phase: str) -> Record:
+def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
     """Columns of one phase; raises StudyError where the run never had it."""
     views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
     if not views:
@@ -153,7 +152,7 @@ def record(messages: Sequence[Message], phase: str) -> Record:
     ]
     columns = np.array(rows).T
     return Record(
-        t_s=np.array([view.seq for view in views], dtype=np.float64),
+        t_s=period_s * np.arange(len(views), dtype=np.float64),
         x_r_um=columns[0],
         force_r_mN=columns[1],
         sliding_um=columns[2],
@@ -189,16 +188,18 @@ def track(
 
 def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
     """Track each, on so many processes; raises StudyError where one does not come to its path."""
-    cases: list[Case] = []
-    for trial in trials:
-        line = "identified" if trial.identified else "planned"
-        program = replace(trial.plan.program, laws=(trial.settings.spec(),), contact_line=line)
-        cases.append(Case(trial.rig, program))
-    found = [
-        _tracked(case, run)
-        for case, run in zip(cases, play_all(cases, workers=workers), strict=True)
-    ]
-    return [(record_, errors(record_)) for record_ in found]
+    if workers == 1 or len(trials) < 2:
+        return [_track(trial) for trial in trials]
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        return list(pool.map(_track, trials))
+
+
+def _track(trial: Trial) -> tuple[Record, Errors]:
+    line = "identified" if trial.identified else "planned"
+    program = replace(trial.plan.program, laws=(trial.settings.spec(),), contact_line=line)
+    path = next(segment.path for segment in program.segments if segment.path is not None)
+    found = tracked(play(trial.rig, program), path, trial.rig.rig.period_s)
+    return found, errors(found)
 
 
 def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int = 0) -> Record:
@@ -206,7 +207,7 @@ def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int
 
     The references of a sample are those of the tick before it.
     """
-    seen = record(messages, "track")
+    seen = record(messages, "track", period_s)
     begin_s = path.full_from_s + cycle * path.cycle_s
     full = slice(round(begin_s / period_s), round(path.full_to_s / period_s))
     series = {
@@ -214,35 +215,8 @@ def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int
         for each in fields(seen)
         if each.name != "stiffness_mN_per_um"
     }
+    series["t_s"] -= series["t_s"][0]
     return Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um)
-
-
-def _tracked(case: Case, run: Run) -> Record:
-    """The part of a tracked path that has its whole amplitude."""
-    whole, period_s = run.during("track"), case.rig.rig.period_s
-    if not whole.shape[1]:
-        raise StudyError(f"no track: ended {run.outcome}")
-    path = next(segment.path for segment in case.program.segments if segment.path is not None)
-    full = whole[:, round(path.full_from_s / period_s) : round(path.full_to_s / period_s)]
-
-    def column(name: str) -> Series:
-        return full[COLUMNS.index(name)]
-
-    return Record(
-        t_s=np.arange(full.shape[1], dtype=np.float64) * period_s,
-        x_um=column("x_um"),
-        x_r_um=column("x_r_um"),
-        true_x_um=column("true_x_um"),
-        force_mN=column("force_mN"),
-        force_r_mN=column("force_r_mN"),
-        true_force_mN=column("true_force_mN"),
-        voltage_V=column("applied_V"),
-        sliding_um=column("sliding_um"),
-        band_um=column("band_um"),
-        perturbation_error_mN=column("perturbation_error_mN"),
-        residual_um=column("residual_um"),
-        stiffness_mN_per_um=float(whole[COLUMNS.index("stiffness_mN_per_um"), -1]),
-    )
 
 
 def errors(found: Record) -> Errors:

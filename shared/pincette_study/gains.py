@@ -3,7 +3,6 @@
 from pincette.config.gains import tuned
 from pincette.control.stability.tuning import Tuning
 from pincette.plotting import BLUE, FAINT, ORANGE, RED, Axis, label, legend, picture
-from pincette_batch.tuning import compiled_tracks
 from pincette_study.calibrated import Prepared
 from pincette_study.closed_loop import Errors, track, tracking_plan
 from pincette_study.report import Comparison, Picture, Section
@@ -14,8 +13,7 @@ SCHEMES = ("pbsmic", "dsmifc")
 def search(prepared: Prepared) -> Section:
     """Tune both laws on the identified model, then track with what was chosen."""
     found: dict[str, Tuning] = {
-        scheme: tuned(prepared.rig, scheme, "consistent", tracks=compiled_tracks)
-        for scheme in SCHEMES
+        scheme: tuned(prepared.rig, scheme, "consistent") for scheme in SCHEMES
     }
     plan = tracking_plan(prepared.rig)
     tried: dict[str, Errors] = {

@@ -88,7 +88,7 @@ def _hold(rig: RigFile, program: Program) -> Record:
     messages = play(rig, program)
     if outcome(messages) != "gripped":
         raise StudyError(f"the grip ended {outcome(messages)!r}")
-    return record(messages, "hold")
+    return record(messages, "hold", rig.rig.period_s)
 
 
 def _picture(records: dict[str, Record], rig: RigFile) -> bytes:

@@ -8,7 +8,6 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.messages import Estimate, GroundTruth, Telemetry
 from pincette.engine.composed import ComposedLoop
-from pincette_batch.followed import program_objection
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import Tree, demo_rig
@@ -95,8 +94,3 @@ def test_a_light_quick_grip_goes_as_slowly_as_its_force_asks_for() -> None:
     assert grip.outcome == "gripped"
     assert grip.at_touch_mN < 3.3
     assert grip.peak_mN < 7.5
-
-
-def test_batches_leave_it_to_the_composed_loop() -> None:
-    program = plan_job(GripJobRequest(kind="grip"), demo_rig(time="lockstep")).program
-    assert program_objection(program) == "segment 4 (load)"

@@ -1,4 +1,4 @@
-"""Whole grips of an arm with relays: one process, and a batch."""
+"""Whole grips of an arm with relays, in one process."""
 
 from math import fsum
 
@@ -7,13 +7,8 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.messages import GroundTruth, Telemetry
 from pincette.engine.composed import ComposedLoop
-from pincette_batch.cases import Case
-from pincette_batch.composed import play_composed
-from pincette_batch.followed import rig_objection
-from pincette_batch.runs import play_all
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from tests.support.batches import same, short_grip
 from tests.support.rigs import demo_rig
 
 
@@ -38,11 +33,3 @@ def test_a_grip_ends_and_its_force_is_the_relays_own(rig: RigFile) -> None:
     assert 15.0 < force_mN < 25.0
     assert held_mN(rig) == force_mN
     assert abs(held_mN(demo_rig(time="lockstep")) - force_mN) > 0.05
-
-
-def test_a_batch_leaves_it_to_the_composed_loop(rig: RigFile) -> None:
-    assert rig_objection(rig) == "the arm has relays, whose turning points no lane can keep"
-    case = Case(rig, short_grip(rig))
-    (run,) = play_all([case])
-    assert run.outcome == "gripped"
-    same(run, play_composed(case))

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SERVICES = sorted(path.name for path in (ROOT / "services").iterdir() if path.is_dir())
 OUTSIDE_THE_LOOP = ("foxglove", "recorder", "rig", "sila", "supervisor")
-SHARED = ("pincette", "pincette_batch", "pincette_nidaqmx", "pincette_study")
+SHARED = ("pincette", "pincette_nidaqmx", "pincette_study")
 BUILT_ON_THE_LIBRARY = [
     *(f"pincette_{name}" for name in SERVICES),
     *(name for name in SHARED if name != "pincette"),

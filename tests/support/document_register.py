@@ -173,16 +173,9 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/how-to/batches.md": Sitting(
         (
-            Told("pip install 'pincette[batch]'", "requirements/dev.txt has the extra already"),
-            Typed("from pathlib import Path", r"4000\.0 4 \(", seconds=300.0),
-            Told("from pincette_batch.tuning", "a search of 10 000 gains takes many minutes"),
-            Told(
-                "pip install 'pincette[batch,cluster]'",
-                "requirements/dev.txt has the extra already",
-            ),
-            Told(
-                "from distributed import Client", "tests/integration/test_batch_cluster.py does it"
-            ),
+            Typed("from concurrent.futures", r"4000\.0 4 \(", seconds=300.0),
+            Told("pip install 'pincette[cluster]'", "requirements/dev.txt has the extra already"),
+            Told("from distributed import Client", "tests/orchestrators/test_extras.py does it"),
         ),
         slow=True,
     ),

@@ -20,11 +20,9 @@ from pincette.control.stability.limits import LIMIT_PEAK, limit_radius_at, short
 from pincette.control.stability.loop_matrix import Loop
 from pincette.control.stability.tuning import (
     Grid,
-    Tracks,
     Tuning,
     TuningPath,
     TuningRig,
-    track_each,
     tune,
 )
 from pincette.control.stability.worst_case import (
@@ -63,7 +61,6 @@ def tuned(
     parameter_set: ParameterSet | None = None,
     *,
     grid: Grid | None = None,
-    tracks: Tracks = track_each,
 ) -> Tuning:
     """Search the gains of a scheme on the rig's model, reproducibly; raises ValueError.
 
@@ -71,7 +68,7 @@ def tuned(
     """
     given = None if grid is None else tuple((name, tuple(each)) for name, each in grid.items())
     of_set = parameter_set or default_set(identified=rig.model.free_response is not None)
-    return _tuned(rig.model_dump_json(), law_definition(scheme), of_set, given, tracks)
+    return _tuned(rig.model_dump_json(), law_definition(scheme), of_set, given)
 
 
 @lru_cache(maxsize=8)
@@ -80,7 +77,6 @@ def _tuned(
     definition: LawDefinition,
     parameter_set: ParameterSet,
     grid: tuple[tuple[str, tuple[float, ...]], ...] | None,
-    tracks: Tracks,
 ) -> Tuning:
     rig = RigFile.model_validate_json(rig_json)
     path, limit = _path(rig), limit_radius_at(rig.rig.period_s)
@@ -92,7 +88,6 @@ def _tuned(
         lambda settings: _judged_radius(rig, settings, limit),
         radius_limit=limit,
         grid=None if grid is None else dict(grid),
-        tracks=tracks,
         parameter_set=parameter_set,
     )
 

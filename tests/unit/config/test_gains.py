@@ -1,6 +1,5 @@
 """Whether a law may run on a rig file, and the gains that are found for one."""
 
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -8,17 +7,11 @@ import pytest
 from pincette.config import RigFile, gains
 from pincette.config.gains import judged, tuned
 from pincette.config.reading import laid_over
-from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.parameters import ParameterSet
+from pincette.control.stability import tuning
 from pincette.control.stability.limits import LIMIT_RADIUS
 from pincette.control.stability.loop_matrix import Loop
-from pincette.control.stability.tuning import (
-    Sides,
-    Tracked,
-    TuningPath,
-    TuningRig,
-    track_each,
-)
+from pincette.control.stability.tuning import TuningPath, TuningRig
 from pincette.control.stability.worst_case import Intervals, worst_case
 from tests.support.laws import default_settings, law_settings
 from tests.support.rigs import Tree, demo_rig
@@ -90,18 +83,19 @@ def test_what_the_rig_file_says_of_the_part_is_what_is_judged(rig: RigFile) -> N
 def test_tuned_gains_may_run(rig: RigFile, scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks, limits = list[int](), list[float]()
 
-    def tracks(
-        tuning: TuningRig, path: TuningPath, laws: Sequence[LawSettings], sides: Sides
-    ) -> Iterable[Tracked]:
-        ticks.append(len(path.force_r_mN) * len(laws) * len(sides))
-        return track_each(tuning, path, laws, sides)
+    played = tuning.track
+
+    def tracked(of: TuningRig, path: TuningPath, *others: Any) -> tuple[float, float]:
+        ticks.append(len(path.force_r_mN))
+        return played(of, path, *others)
 
     def counted(loop: Loop, met: Intervals, limit: float, *, enough: float) -> Any:
         limits.append(limit)
         return worst_case(loop, met, limit, enough=enough)
 
     monkeypatch.setattr(gains, "worst_case", counted)
-    found = tuned(rig, scheme, tracks=tracks)
+    monkeypatch.setattr(tuning, "track", tracked)
+    found = tuned(rig, scheme)
     # A user waits for it: some seconds of a processor.
     assert sum(ticks) <= MOST_TICKS
     assert 0 < len(limits) <= MOST_RADII

@@ -92,4 +92,4 @@ def test_a_faster_path_has_as_many_seconds() -> None:
 
 def test_a_run_without_the_phase_says_so() -> None:
     with pytest.raises(StudyError, match="no track: ended"):
-        record([], "track")
+        record([], "track", 0.02)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.config.laws import Law, law_definition
@@ -16,14 +15,8 @@ from pincette.control.arm.plant import consistent_arm
 from pincette.control.laws.impedance import discrete_impedance_of
 from pincette.control.laws.law import build
 from pincette.control.stability.loop_matrix import law_matrix
-from pincette_batch.cases import Case
-from pincette_batch.followed import program_objection
-from pincette_batch.kernel.lane import Ending
-from pincette_batch.runs import play_all
-from tests.support.batches import short_grip
 from tests.support.command_line import request_of
 from tests.support.example_packages import EXAMPLES, installed
-from tests.support.rigs import demo_rig
 
 from .harness import Harness
 
@@ -128,12 +121,3 @@ def test_a_scheme_that_is_not_installed_is_refused_with_those_that_are(harness: 
 def test_the_command_line_passes_it_on() -> None:
     words = ("job", "grip", "--scheme", NAME, "--gains", "K_I=0.2,K_f=4000")
     assert request_of(*words) == {"scheme": NAME, "gains": {"K_I": 0.2, "K_f": 4000.0}}
-
-
-def test_batches_play_it_uncompiled() -> None:
-    rig = demo_rig(time="lockstep")
-    program = replace(short_grip(rig), laws=(law_definition(NAME).settings().spec(),))
-    assert program_objection(program) == f"the law {NAME!r} cannot be compiled"
-    (run,) = play_all([Case(rig, program)])
-    assert run.ending is Ending.DONE
-    assert run.outcome == "gripped"

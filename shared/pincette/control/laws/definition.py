@@ -107,9 +107,6 @@ class LawDefinition:
     rebase: Callable[[Any], Any] | None = None
     """Of a law that previews: what becomes of its state where the force input begins or ends, that
     is where a contact is told of, or told of no more; None: nothing."""
-    compiled: bool = False
-    """Whether ``start`` and ``step`` are made of numbers, records of numbers and functions of
-    such alone, so that batches can compile them; else batches play the law uncompiled."""
     arms: int = 1
     """That it drives."""
 

@@ -159,5 +159,4 @@ LAW = LawDefinition(
     search=SEARCH,
     switching=SWITCHING,
     remedies=remedies,
-    compiled=True,
 )

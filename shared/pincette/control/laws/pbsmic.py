@@ -136,5 +136,4 @@ LAW = LawDefinition(
     search=SEARCH,
     switching=SWITCHING,
     remedies=remedies,
-    compiled=True,
 )

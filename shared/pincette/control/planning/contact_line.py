@@ -51,23 +51,7 @@ class ContactLine(FrozenRecord, frozen=True):
     def add(self, x_um: float, force_mN: float, force_r_mN: float) -> "ContactLine":
         """Return the line with one more sample in it: x, F̂ and the F_r that holds for them."""
         if self.count == 0:
-            # Written out, since compiled code knows no defaults.
-            nothing = 0.0
-            return ContactLine(
-                1,
-                x_um,
-                force_mN,
-                force_r_mN,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-            )
+            return ContactLine(1, x_um, force_mN, force_r_mN)
         x = x_um - self.first_x_um
         F = force_mN - self.first_force_mN
         z = force_r_mN - self.first_force_r_mN

@@ -5,8 +5,7 @@ stands at k-1, u = H_{k-1}⁻¹(x) is sought by the secant and, once two voltage
 position (Illinois): G. Dahlquist and Å. Björck, Numerical Methods, Prentice-Hall 1974, section 6.4.
 H rises with u, so that there is one u. Two to four evaluations are usual; ``MOST`` bounds them.
 
-The search is a record and a pure step from one evaluation to the next, so that the loop and a
-compiled batch evaluate H each in their own way and come to the same bits.
+The search is a record and a pure step from one evaluation to the next.
 """
 
 from collections.abc import Sequence

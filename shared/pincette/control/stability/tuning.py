@@ -5,7 +5,7 @@ in contact, with the sensor's noise and a plan that errs by what the identificat
 leaves open; what it trades is position against force.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import sqrt
@@ -84,15 +84,6 @@ Sides = Sequence[tuple[float, float, float]]
 steeper the free response is than its model, 1 for as steep."""
 Tracked = Sequence[tuple[float, float]]
 """For each of them the errors in µm and mN, r.m.s."""
-Tracks = Callable[[TuningRig, TuningPath, Sequence[LawSettings], Sides], Iterable[Tracked]]
-"""Plays all of the sides with each law."""
-
-
-def track_each(
-    rig: TuningRig, path: TuningPath, laws: Sequence[LawSettings], sides: Sides
-) -> Iterable[Tracked]:
-    """One track after the other."""
-    return ([track(rig, path, law, *side) for side in sides] for law in laws)
 
 
 def tune(
@@ -103,7 +94,6 @@ def tune(
     *,
     radius_limit: float,
     grid: Grid | None = None,
-    tracks: Tracks = track_each,
     parameter_set: ParameterSet = "consistent",
 ) -> Tuning:
     """Search the gains of a law on a grid, the others at their defaults.
@@ -119,8 +109,6 @@ def tune(
         Candidates that reach it do not count.
     grid
         None: that of the law.
-    tracks
-        How the candidates are played; the numbers are those of ``track``.
     parameter_set
         Of the law; the identified one wants an ``IdentifiedResponse``.
 
@@ -138,8 +126,10 @@ def tune(
         start.with_gains(**dict(zip(searched, values, strict=True)))
         for values in product(*searched.values())
     ]
-    found = tracks(rig, path, laws, _sides(rig))
-    left = [_candidate(rig, path, law, errors) for law, errors in zip(laws, found, strict=True)]
+    sides = _sides(rig)
+    left = [
+        _candidate(rig, path, law, [track(rig, path, law, *side) for side in sides]) for law in laws
+    ]
     radii: dict[LawSettings, float] = {}
     while left:
         front = pareto_front(left)

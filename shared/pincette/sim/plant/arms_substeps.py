@@ -1,7 +1,4 @@
-"""Both arms over substeps: whole ones where nothing can touch or leave, else in pieces.
-
-Flat records and numbers alone, so that it can be compiled as it stands.
-"""
+"""Both arms over substeps: whole ones where nothing can touch or leave, else in pieces."""
 
 from collections.abc import MutableSequence, Sequence
 

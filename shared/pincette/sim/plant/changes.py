@@ -1,7 +1,4 @@
-"""A substep in which the arms may touch or leave: cut into pieces, each moment found by the secant.
-
-Flat records and numbers alone, so that it can be compiled as it stands.
-"""
+"""Divide a substep at the moments in which an arm touches or leaves, found by the secant method."""
 
 import math
 

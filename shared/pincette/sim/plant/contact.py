@@ -41,7 +41,7 @@ def static_force_mN(
         root = lower
         if settled:
             break
-    # A power would be the C library's here, and a product where it is compiled.
+    # A product has the same bits everywhere; a power is the C library's.
     return root * root * root
 
 

@@ -63,7 +63,7 @@ def rest_um(p: PlantParameters, state: PlantState) -> float:
 
 
 def rest_of(k: DriveConstants, at: Electrical) -> float:
-    """The same of the electrical part alone; can be compiled as it stands."""
+    """The same of the electrical part alone."""
     w = at.drive_V
     y = k.d * w * (1.0 + k.kappa * w) - k.scale * at.hysteresis_um
     c0, c1, c2, c3, c4 = at.creep_um
@@ -135,7 +135,7 @@ def drive_substeps(
 
     The output goes to ``target_V``; where ``targets_V`` has a target for each substep, to those,
     and ``voltages_V`` is filled with the voltage after each. ``scratch`` is as long as
-    ``rests_um``. Floats and flat records alone, so that it can be compiled as it stands.
+    ``rests_um``.
     """
     # The same place holds w, then y, then x_f of a substep.
     put_out = _put_out(k, before, target_V, targets_V, rests_um, voltages_V)
@@ -197,7 +197,6 @@ def _bent(
 def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float]) -> CreepStates:
     """Creep: puts x_f in the place of each y; returns the lags."""
     gamma, sag, gains = k.gamma, k.sag_um, k.gains
-    # By place, since a compiled kernel has an array there.
     g0, g1, g2, g3, g4 = gains[0], gains[1], gains[2], gains[3], gains[4]
     c0, c1, c2, c3, c4 = at
     for index in range(len(rests_um)):

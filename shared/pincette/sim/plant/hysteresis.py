@@ -39,10 +39,7 @@ def follow_voltages(
     voltages_V: Sequence[float],
     levels_um: MutableSequence[float],
 ) -> float:
-    """Go straight from voltage to voltage; fills h after each, and returns the last.
-
-    Floats and flat records alone, so that it can be compiled as it stands.
-    """
+    """Go straight from voltage to voltage; fills h after each, and returns the last."""
     done = 0
     while done < len(voltages_V):
         before_V = voltages_V[done - 1] if done > 0 else begin_V

@@ -1,7 +1,4 @@
-"""Both arms on their way, from a state of the plant and back into one.
-
-Flat records and numbers alone, so that it can be compiled as it stands.
-"""
+"""Both arms on their way, from a state of the plant and back into one."""
 
 import math
 from functools import lru_cache

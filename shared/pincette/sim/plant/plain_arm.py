@@ -73,8 +73,7 @@ def plain_substeps(
 ) -> tuple[float, float]:
     """A substep towards each free position; returns x and ẋ.
 
-    ``positions_um``, the position after each, is filled unless it is empty. Floats and flat records
-    alone, so that it can be compiled as it stands.
+    ``positions_um``, the position after each, is filled unless it is empty.
     """
     ratio, stiffer, tells = k.ratio, 1.0 + k.ratio, len(positions_um) > 0
     free = (k.free.xx, k.free.xv, k.free.vx, k.free.vv, k.free.per_square)

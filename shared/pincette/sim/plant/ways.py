@@ -1,8 +1,7 @@
 """A way in which the arms can move, laid out alike for all arms, and what is computed of it; pure.
 
 Three modes w and six components of the state, in the order q_1, q_2, y, q̇_1, q̇_2, ẏ; what an arm
-does not have is 0. Flat records and numbers alone, so that it can be compiled as it stands; what is
-constant is read by name and by place, since a compiled kernel has arrays in place of tuples there.
+does not have is 0.
 """
 
 import math

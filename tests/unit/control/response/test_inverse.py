@@ -1,4 +1,4 @@
-"""The inverse of the free response: it leads where it should, in few steps, compiled as well."""
+"""The inverse of the free response: it leads where it should, in few steps."""
 
 from statistics import median
 
@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pincette.control.response import play_operators
 from pincette.control.response.hysteresis import (
     HysteresisModel,
     HysteresisState,
@@ -84,27 +83,6 @@ def test_displacement_after_is_that_of_a_step(
     memory = led(model, voltages_V)
     stepped = displacement_um(model, step(model, memory, voltage_V, PERIOD_S))
     assert displacements_after(model, memory, PERIOD_S)(voltage_V) == stepped
-
-
-@SOME
-@given(models(), histories, ways_um)
-def test_arrays_have_the_same_bits_and_stay_as_they_are(
-    model: HysteresisModel, voltages_V: list[float], way_um: float
-) -> None:
-    memory = led(model, voltages_V)
-    plays, creep = np.array(memory.plays_V), np.array(memory.creep_um)
-    wanted_um = displacement_um(model, memory) + way_um
-    found_V = play_operators.voltage_for(
-        play_operators.plays_of(model, PERIOD_S),
-        plays,
-        creep,
-        memory.static_um,
-        memory.voltage_V,
-        wanted_um,
-        UM_PER_V,
-    )
-    assert found_V == inverted(model, memory, wanted_um)
-    assert (tuple(plays), tuple(creep)) == (memory.plays_V, memory.creep_um)
 
 
 @SOME
