@@ -1,4 +1,4 @@
-"""Install the programs that some tests need and pip cannot install: a browser, reverse proxies.
+"""Install the programs that some tests need and pip cannot install: a browser, proxies.
 
 Run by make before the tests, with any Python from 3.11 on and its standard library alone. A program
 that is missing and cannot be installed is reported, and its tests are skipped.
@@ -39,6 +39,7 @@ PROGRAMS = (
     Program("Firefox", ("firefox-esr", "firefox"), ("firefox-esr",), "of the page in Firefox"),
     Program("nginx", ("nginx",), ("nginx-light",), PROXIES),
     Program("HAProxy", ("haproxy",), ("haproxy",), PROXIES),
+    Program("tinyproxy", ("tinyproxy",), ("tinyproxy-bin",), "of webhooks behind a forward proxy"),
     Program("Caddy", ("caddy",), ("caddy",), PROXIES),
 )
 

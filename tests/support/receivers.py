@@ -1,6 +1,7 @@
 """Receivers of notices on this machine: an HTTP server, and an SMTP server that takes mail."""
 
 import socketserver
+import ssl
 import threading
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -37,8 +38,10 @@ def _serving(server: socketserver.BaseServer) -> Generator[None]:
 
 
 @contextmanager
-def http_receiver(statuses: Sequence[int] = ()) -> Generator[Received]:
-    """An HTTP server that answers with these statuses, then with 204."""
+def http_receiver(
+    statuses: Sequence[int] = (), tls: ssl.SSLContext | None = None
+) -> Generator[Received]:
+    """Serve HTTP, or HTTPS, with these statuses, then with 204."""
     received = Received(statuses=list(statuses))
 
     class Handler(BaseHTTPRequestHandler):
@@ -54,19 +57,32 @@ def http_receiver(statuses: Sequence[int] = ()) -> Generator[Received]:
             pass
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    if tls is not None:
+        server.socket = _over_tls(server, tls)
     received.port = server.server_port
     with _serving(server):
         yield received
 
 
+def _over_tls(server: socketserver.TCPServer, tls: ssl.SSLContext) -> ssl.SSLSocket:
+    # The handshake is left to the thread of the connection: a client that gives up ends that only.
+    return tls.wrap_socket(server.socket, server_side=True, do_handshake_on_connect=False)
+
+
 @contextmanager
-def smtp_receiver(refusals: int = 0) -> Generator[Received]:
-    """An SMTP server (RFC 5321) that first refuses some mails for a while."""
+def smtp_receiver(
+    refusals: int = 0, tls: ssl.SSLContext | None = None, starttls: ssl.SSLContext | None = None
+) -> Generator[Received]:
+    """Serve SMTP (RFC 5321), by TLS from the first byte or from STARTTLS; refuse some mails."""
     received = Received(statuses=[451] * refusals)
 
     class Handler(socketserver.StreamRequestHandler):
         def say(self, text: str) -> None:
             self.wfile.write(f"{text}\r\n".encode())
+
+        def finish(self) -> None:
+            super().finish()
+            self.connection.close()
 
         def handle(self) -> None:
             self.say("220 receiver")
@@ -74,7 +90,14 @@ def smtp_receiver(refusals: int = 0) -> Generator[Received]:
             while line := self.rfile.readline():
                 words = line.decode().strip()
                 verb = words[:4].upper()
-                if verb == "MAIL":
+                if verb == "EHLO" and starttls is not None:
+                    self.say("250-receiver\r\n250 STARTTLS")
+                elif verb == "STAR" and starttls is not None:
+                    self.say("220 go on")
+                    self.connection = starttls.wrap_socket(self.connection, server_side=True)
+                    self.rfile = self.connection.makefile("rb")
+                    self.wfile = self.connection.makefile("wb", buffering=0)
+                elif verb == "MAIL":
                     sender = words[10:].strip("<>").partition(">")[0]
                     self.say("451 not now" if received.statuses else "250 ok")
                     received.statuses = received.statuses[1:]
@@ -95,6 +118,8 @@ def smtp_receiver(refusals: int = 0) -> Generator[Received]:
                     self.say("250 receiver")
 
     server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler)
+    if tls is not None:
+        server.socket = _over_tls(server, tls)
     received.port = server.server_address[1]
     with _serving(server):
         yield received

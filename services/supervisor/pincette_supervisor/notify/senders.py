@@ -13,36 +13,25 @@ import time
 from email.message import EmailMessage
 from email.policy import SMTP
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
 from pincette.core.files import EncodingError, decoded
-from pincette_supervisor.access.origin_check import is_loopback
+from pincette_supervisor.notify.authorities import REMEDY, UNKNOWN_ISSUER, trusted
+from pincette_supervisor.notify.errors import NotWantedError, RefusedError
 from pincette_supervisor.notify.notices import Notice
-
-if TYPE_CHECKING:
-    import httpx
+from pincette_supervisor.notify.proxies import proxy_of
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
 TIMEOUT_S = 15.0
-AUTHORITIES = ("SSL_CERT_FILE", "SSL_CERT_DIR")
-"""Variables of the environment that name authorities to trust."""
 GONE = 410
 """By this status a receiver says that it wants no more."""
 
 
 class SecretError(OSError):
     """A file with a secret cannot be used; the text names it and the remedy."""
-
-
-class RefusedError(Exception):
-    """A receiver has not taken a notice; the text says why."""
-
-
-class NotWantedError(Exception):
-    """A receiver wants no more notices."""
 
 
 class Sender(Protocol):
@@ -101,9 +90,6 @@ class WebhookSender:
 
     def send(self, notice: Notice) -> None:
         """Post a notice, with the same id each time it is tried."""
-        # Most supervisors have no webhook, and httpx is a tenth of the work of their start.
-        import httpx
-
         body = json.dumps(notice.body, ensure_ascii=False, separators=(",", ":")).encode()
         message, sent_s = f"msg_{notice.data['rig']}_{notice.number}", int(time.time())
         headers = {
@@ -113,33 +99,42 @@ class WebhookSender:
             "webhook-timestamp": str(sent_s),
             "webhook-signature": signature(self._secret, message, sent_s, body),
         }
-        try:
-            with _client(self._url) as client:
-                status = client.post(self._url, content=body, headers=headers).status_code
-        except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
-            raise RefusedError(str(error) or type(error).__name__) from error
+        status = self._post(body, headers)
         if status == GONE:
             raise NotWantedError(f"status {GONE}")
         if not 200 <= status < 300:
             raise RefusedError(f"status {status}")
 
+    def _post(self, body: bytes, headers: dict[str, str]) -> int:
+        """Return the status of the answer; raises RefusedError."""
+        # Most supervisors have no webhook, and httpx is a tenth of the work of their start.
+        import httpx
 
-def _client(url: str) -> "httpx.Client":
-    """Return a client by the environment: proxies, and the certificates that are trusted.
+        context = trusted()
+        place = ""
+        try:
+            proxy = proxy_of(self._url, os.environ)
+            place = f"through {proxy}: " if proxy else ""
+            settings: dict[str, Any] = {}
+            if proxy:
+                tls = context if proxy.over_tls else None
+                settings["proxy"] = httpx.Proxy(proxy.url, ssl_context=tls)
+            with httpx.Client(
+                timeout=TIMEOUT_S, verify=context, trust_env=False, **settings
+            ) as client:
+                return client.post(self._url, content=body, headers=headers).status_code
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError, ImportError) as error:
+            raise RefusedError(place + _reason(error)) from error
 
-    ``HTTPS_PROXY``, ``HTTP_PROXY``, ``ALL_PROXY`` and ``NO_PROXY`` name proxies, which no address
-    of this machine is sent to. ``SSL_CERT_FILE`` and ``SSL_CERT_DIR`` name authorities.
-    Raises RefusedError where those cannot be read.
-    """
-    import httpx
 
-    try:
-        trusted = httpx.create_ssl_context()
-    except (OSError, ValueError) as error:
-        named = {name: os.environ[name] for name in AUTHORITIES if name in os.environ}
-        raise RefusedError(f"the certificates of {named} cannot be read: {error}") from error
-    host = httpx.URL(url).host
-    return httpx.Client(timeout=TIMEOUT_S, verify=trusted, trust_env=not is_loopback(host))
+def _reason(error: Exception) -> str:
+    """Return why a receiver could not be reached, with the remedy if its issuer is not trusted."""
+    reason = str(error) or type(error).__name__
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, ssl.SSLCertVerificationError):
+        cause = cause.__cause__ or cause.__context__
+    unknown = cause is not None and cause.verify_code in UNKNOWN_ISSUER
+    return f"{reason}: {REMEDY}" if unknown else reason
 
 
 class MailSender:
@@ -168,18 +163,17 @@ class MailSender:
         try:
             with self._opened() as server:
                 if mail.security == "starttls":
-                    server.starttls(context=ssl.create_default_context())
+                    server.starttls(context=trusted())
                 if mail.user:
                     server.login(mail.user, self._password)
                 server.send_message(self.message(notice))
         except (OSError, smtplib.SMTPException) as error:
-            raise RefusedError(str(error) or type(error).__name__) from error
+            raise RefusedError(_reason(error)) from error
 
     def _opened(self) -> smtplib.SMTP:
         host, port = self._mail.host, self._mail.port
         if self._mail.security == "tls":
-            context = ssl.create_default_context()
-            return smtplib.SMTP_SSL(host, port, timeout=TIMEOUT_S, context=context)
+            return smtplib.SMTP_SSL(host, port, timeout=TIMEOUT_S, context=trusted())
         return smtplib.SMTP(host, port, timeout=TIMEOUT_S)
 
 
