@@ -46,6 +46,8 @@ class LearnedList(Model):
 
     rig: str
     programs: list[LearnedProgram]
+    next: str | None = None
+    """Program to pass as ``before`` for the following page; null at the end."""
 
 
 class Erased(Model):

@@ -234,6 +234,8 @@ class RecipeHistory(Model):
 class RecipeList(Model):
     """The newest version of every recipe, by name."""
 
-    model_config = example(recipes=[])
+    model_config = example(recipes=[], next=None)
 
     recipes: list[Recipe]
+    next: str | None = None
+    """Name to pass as ``before`` for the following page; null at the end."""

@@ -8,7 +8,7 @@ from pincette.api.access import Claim
 from pincette.api.checklist import Checklist
 from pincette.api.events import Event, EventList
 from pincette.api.jobs import Job, JobList, StoppedRequest
-from pincette.api.learning import Erased, LearnedList
+from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
 from pincette.api.plans import JobPlan
@@ -225,8 +225,14 @@ class AsyncRigHandle:
         return await self._transport.send(call)
 
     async def learning(self) -> LearnedList:
-        """What the programs of the rig have learned across their cycles."""
-        return await self._transport.send(get(f"/rigs/{self.name}/learning", LearnedList))
+        """Return what the programs of the rig have learned across their cycles."""
+        path, found = f"/rigs/{self.name}/learning", list[LearnedProgram]()
+        before: str | None = None
+        while True:
+            page = await self._transport.send(get(path, LearnedList, limit=PAGE, before=before))
+            found += page.programs
+            if (before := page.next) is None:
+                return LearnedList(rig=page.rig, programs=found)
 
     async def erase_learning(self, program: str | None = None) -> Erased:
         """Forget what one program has learned, or every one."""

@@ -166,8 +166,15 @@ class AsyncSupervisor:
         return await self.transport.send(call)
 
     async def recipes(self) -> list[Recipe]:
-        """The newest version of every recipe."""
-        return (await self.transport.send(get("/recipes", RecipeList))).recipes
+        """Return the newest version of every recipe, by name."""
+        found: list[Recipe] = []
+        before: str | None = None
+        while True:
+            call = get("/recipes", RecipeList, limit=PAGE, before=before)
+            page = await self.transport.send(call)
+            found += page.recipes
+            if (before := page.next) is None:
+                return found
 
     async def recipe(self, name: str) -> RecipeHistory:
         """One recipe with all its versions."""

@@ -5,10 +5,19 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import httpx
+import pytest
+
 from pincette.api.access import AuditEntry, AuditList
 from pincette.client.supervisor import AsyncSupervisor
+from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
+from pincette_supervisor.rest.api import create_app
+
+from . import samples
+from .harness import Harness
 
 
 def test_trajectories_are_listed_page_by_page(tmp_path: Path) -> None:
@@ -44,3 +53,93 @@ def test_the_client_reads_page_after_page() -> None:
         supervisor.transport = Pages()  # pyright: ignore[reportAttributeAccessIssue]
         entries = asyncio.run(supervisor.audit(limit))
         assert [entry.number for entry in entries] == list(range(1200, 1200 - wanted, -1))
+
+
+def read(harness: Harness, path: str, member: str, name: str, size: int) -> list[str]:
+    """Read a list to its end in pages of a size; return what names its entries."""
+    found: list[str] = []
+    query: dict[str, Any] = {}
+    while True:
+        page = harness.get(path, limit=size, **query)
+        names = [str(row[name]) for row in page[member]]
+        assert 1 <= len(names) <= size
+        found += names
+        if page["next"] is None:
+            return found
+        assert page["next"] == names[-1]
+        query = {"before": page["next"]}
+
+
+def kept_recipes(harness: Harness) -> list[str]:
+    repository = RecipeRepository(harness.store)
+    for number in range(7):
+        repository.add(f"bead-{number}", {"force_mN": 5.0}, "")
+    repository.add("bead-3", {"force_mN": 6.0}, "")
+    return [f"bead-{number}" for number in range(7)]
+
+
+def learned_programs(harness: Harness) -> list[str]:
+    repository = LearnedRepository(harness.store, harness.manager.name)
+    names = [f"{number:016x}" for number in range(7)]
+    for number, name in enumerate(names):
+        at = f"2026-03-01T12:00:0{number}.000Z"
+        repository.keep(LearnedRow(name, "j", at, {}, (0.1,), (0.2,)))
+    return names[::-1]
+
+
+def kept_trajectories(harness: Harness) -> list[str]:
+    repository = TrajectoryRepository(harness.store)
+    rows = [
+        repository.add(TrajectoryRow("demo", {"kind": "grip", "n": number}, "f", 1, "m"))[0]
+        for number in range(7)
+    ]
+    return [row.digest for row in rows[::-1]]
+
+
+def succeeded_calibrations(harness: Harness) -> list[str]:
+    harness.bus.edit = lambda ticks: samples.rest(ticks[0].position.epoch, 0.03)
+    return [str(harness.calibrated()["id"]) for _ in range(3)][::-1]
+
+
+LISTS: dict[str, Any] = {
+    "/recipes": ("recipes", "name", kept_recipes),
+    "/rigs/demo/learning": ("programs", "program", learned_programs),
+    "/trajectories": ("trajectories", "digest", kept_trajectories),
+    "/calibrations": ("calibrations", "id", succeeded_calibrations),
+}
+
+
+@pytest.mark.parametrize("path", LISTS)
+def test_every_list_is_read_page_by_page(path: str, harness: Harness) -> None:
+    member, name, fill = LISTS[path]
+    wanted = fill(harness)
+    for size in (1, 2, len(wanted) - 1, len(wanted), 500):
+        assert read(harness, path, member, name, size) == wanted
+    rows = harness.get(path)[member]
+    assert [row[name] for row in rows] == wanted
+    for limit in (0, 501, "all"):
+        assert harness.call("GET", f"/api/v1{path}?limit={limit}").status_code == 422
+
+
+@pytest.mark.parametrize("path", ["/trajectories", "/calibrations", "/rigs/demo/learning"])
+def test_an_unknown_cursor_is_not_found(path: str, harness: Harness) -> None:
+    answer = harness.call("GET", f"/api/v1{path}?before={'0' * 16}")
+    assert answer.status_code == 404, answer.text
+
+
+def test_the_client_reads_recipes_and_learning_to_their_ends(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("supervisor", "rig"):
+        monkeypatch.setattr(f"pincette.client.{module}.PAGE", 3)
+    names, programs = kept_recipes(harness), learned_programs(harness)
+
+    async def read_all() -> tuple[list[str], list[str]]:
+        transport = httpx.ASGITransport(create_app(harness.rigs))
+        async with AsyncSupervisor("http://localhost", transport=transport) as supervisor:
+            recipes = await supervisor.recipes()
+            learned = await (await supervisor.rig("demo")).learning()
+        assert {row.name: row.version for row in recipes}["bead-3"] == 2
+        return [row.name for row in recipes], [row.program for row in learned.programs]
+
+    assert asyncio.run(read_all()) == (names, programs)

@@ -81,8 +81,8 @@ class RecipeRepository:
         wanted = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
         return self._store.rows(RecipeRow, wanted)
 
-    def newest(self) -> list[RecipeRow]:
-        """The newest version of every recipe, by name."""
+    def newest(self, limit: int = RECIPES_MAX, after: str | None = None) -> list[RecipeRow]:
+        """Return the newest version of recipes, by name; those after a name."""
         last = (
             select(RECIPES.c.name, func.max(RECIPES.c.version).label("version"))
             .group_by(RECIPES.c.name)
@@ -92,7 +92,10 @@ class RecipeRepository:
             select(RECIPES)
             .join(last, (RECIPES.c.name == last.c.name) & (RECIPES.c.version == last.c.version))
             .order_by(RECIPES.c.name)
+            .limit(limit)
         )
+        if after is not None:
+            wanted = wanted.where(RECIPES.c.name > after)
         return self._store.rows(RecipeRow, wanted)
 
 

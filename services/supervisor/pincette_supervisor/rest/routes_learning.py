@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Query
 
 from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.problems import responses
@@ -11,6 +11,9 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Manager, Note
 
+PROGRAM = "^[0-9a-f]{16}$"
+"""Form of a program's digest."""
+
 router = APIRouter(prefix="/rigs/{rig}/learning", tags=["learning"])
 
 
@@ -18,11 +21,26 @@ def _repository(manager: JobManager) -> LearnedRepository:
     return LearnedRepository(manager.context.store, manager.name)
 
 
-@router.get("", responses=responses(404, 503), dependencies=[OBSERVE])
-def learned(manager: Manager) -> LearnedList:
+@router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+def learned(
+    manager: Manager,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[
+        str | None, Query(description="those that follow this program", pattern=PROGRAM)
+    ] = None,
+) -> LearnedList:
     """What the programs of a rig have learned, with the error over their cycles."""
     rows = _repository(manager).all()
-    return LearnedList(rig=manager.name, programs=[_view(row) for row in rows])
+    if before is not None:
+        programs = [row.program for row in rows]
+        if before not in programs:
+            raise problems.not_found("program that has learned", before)
+        rows = rows[programs.index(before) + 1 :]
+    return LearnedList(
+        rig=manager.name,
+        programs=[_view(row) for row in rows[:limit]],
+        next=rows[limit - 1].program if len(rows) > limit else None,
+    )
 
 
 @router.delete("", responses=responses(404, 409, 503), dependencies=[OPERATE])
@@ -33,9 +51,7 @@ def erase_all(manager: Manager, note: Note) -> Erased:
 
 
 @router.delete("/{program}", responses=responses(404, 409, 503), dependencies=[OPERATE])
-def erase(
-    program: Annotated[str, Path(pattern="^[0-9a-f]{16}$")], manager: Manager, note: Note
-) -> Erased:
+def erase(program: Annotated[str, Path(pattern=PROGRAM)], manager: Manager, note: Note) -> Erased:
     """Forget what one program has learned."""
     note(program)
     erased = _repository(manager).erase(program)

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Response
+from fastapi import APIRouter, Depends, Path, Query, Response
 from fastapi.exceptions import RequestValidationError
 
 from pincette.api.problems import responses
@@ -14,6 +14,7 @@ from pincette_supervisor.planning.recipes import FaultyValuesError, checked_valu
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Journal, Note
 from pincette_supervisor.rest.limits import LARGE
+from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 router = APIRouter(prefix="/recipes", tags=["recipes"], route_class=StrictRoute)
@@ -55,10 +56,20 @@ def create(body: RecipeRequest, repository: Repository, response: Response, note
     return _view(row)
 
 
-@router.get("", dependencies=[OBSERVE])
-def recipes(repository: Repository) -> RecipeList:
+@router.get("", responses=responses(422), dependencies=[OBSERVE])
+def recipes(
+    repository: Repository,
+    limit: Annotated[int, Query(ge=1, le=500)] = 500,
+    before: Annotated[
+        str | None, Query(description="those that follow this name", max_length=NAME_LENGTH)
+    ] = None,
+) -> RecipeList:
     """The newest version of every recipe, by name."""
-    return RecipeList(recipes=[_view(row) for row in repository.newest()])
+    found = repository.newest(limit + 1, before)
+    return RecipeList(
+        recipes=[_view(row) for row in found[:limit]],
+        next=found[limit - 1].name if len(found) > limit else None,
+    )
 
 
 @router.get("/{name}", responses=responses(404), dependencies=[OBSERVE])
