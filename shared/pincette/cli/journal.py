@@ -57,7 +57,7 @@ def backup(
         parent = file.absolute().parent
         with tempfile.TemporaryDirectory(dir=parent) as work, patience("copying"):
             copy = Path(work) / JOURNAL
-            _copied(journal, copy)
+            _copy_journal(journal, copy)
             names = backup_file.write(draft, copy, data, records=records)
         publish(draft, file)
     except (OSError, sqlite3.Error, tarfile.TarError) as error:
@@ -68,12 +68,27 @@ def backup(
     form.answer({"file": str(file), "files": names}, text)
 
 
-def _copied(journal: Path, copy: Path) -> None:
-    """Copy a database that others may be writing to: SQLite's own copy sees one state of it."""
+def _copy_journal(journal: Path, copy: Path) -> None:
+    """Copy a database that others may be writing to: SQLite's own copy sees one state of it.
+
+    Raises CliError where the journal cannot be read, and sqlite3.Error where the copy fails.
+    """
+    # Nobody else opens the copy, so that it may lie on a share without locks.
+    copied = f"{copy.absolute().as_uri()}?nolock=1"
+    place = f"{journal.absolute().as_uri()}?mode=ro"
     with (
-        closing(sqlite3.connect(f"file:{journal}?mode=ro", uri=True)) as source,
-        closing(sqlite3.connect(copy)) as target,
+        closing(sqlite3.connect(place, uri=True)) as source,
+        closing(sqlite3.connect(copied, uri=True)) as target,
     ):
+        try:
+            # Without this, ``backup`` would wait for ever for a lock that it cannot get.
+            source.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        except sqlite3.DatabaseError as error:
+            raise CliError(
+                f"{journal} cannot be read: {error}; end the program that keeps it locked. If "
+                "there is none, its file system has no locks, as many network shares: copy the "
+                "folder to a local disk while no supervisor runs, and back up the copy"
+            ) from error
         source.backup(target)
 
 

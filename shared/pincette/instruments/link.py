@@ -51,6 +51,11 @@ REMEDIES = {
     ),
     errno.ENOENT: "no such device; is the adapter plugged in, or `pincette run rig` started?",
     errno.EACCES: "permission denied; may this user open serial ports (group dialout)?",
+    **dict.fromkeys(
+        (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS),
+        "cannot be locked, so that another program could read from it at the same time; name the "
+        "device itself in /dev, not on a network share or a file system without locks",
+    ),
 }
 """Why a port does not open, and what to do, by the system's number of the error."""
 
