@@ -195,8 +195,11 @@ class Job(Model):
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str
+    """Time of the request, in UTC; a queued job may start much later."""
     started_at: str | None
+    """Time at which the job got the rig, in UTC; null while it is queued."""
     ended_at: str | None
+    """Time at which the rig was free again, in UTC; null before."""
     record: str | None
     """Folder of the record on the supervisor's machine."""
     artifacts: ArtifactState = "none"

@@ -93,12 +93,14 @@ def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
     jobs = [handle.job for handle in wanted.supervisor().jobs(limit, **wanted.filters)]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
-    rows = table("job", *rig, "kind", "state", "outcome", "begun", *said, right=())
+    requested = [] if all(job.started_at for job in jobs) else ["requested"]
+    headers = ("job", *rig, "kind", "state", "outcome", *requested, "started", *said)
+    rows = table(*headers, right=())
     rows.columns[0].no_wrap = True
     for job in jobs:
         state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
-        begun = clock(job.started_at or job.created_at)
-        cells = (job.kind, state_text, outcome(job), begun)
+        times = [clock(job.created_at)] if requested else []
+        cells = (job.kind, state_text, outcome(job), *times, clock(job.started_at))
         told = [escape(_said(job))] if said else []
         rows.add_row(job.id, *([job.rig] if rig else []), *cells, *told)
     none = "no such job" if wanted.filters else "no job yet; `pincette job grip` starts one"

@@ -205,6 +205,9 @@ def show_job(job: "Job", console: "Console") -> None:
     given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
     given += [f"{name}: {value}" for name, value in said.items() if value]
     console.print(f"\nasked for: {', '.join(given)}", markup=False)
+    times = {"requested": job.created_at, "started": job.started_at, "ended": job.ended_at}
+    known = [f"{name} {clock(at)}" for name, at in times.items() if at]
+    console.print(", ".join(known), markup=False)
     for action in job.actions:
         at = "" if action.seq is None else f", took effect at sample {action.seq}"
         console.print(
