@@ -92,6 +92,7 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         forgotten_scale_V=model.forgotten_scale_V,
         zero_limits=ZeroLimits(
             rest_samples=derived.rest_samples(period_s),
+            noise_um=rig.sensor.noise_um,
             first_touch_um=part.contact_um - part.contact_tolerance_um,
             touch_um=s_p * rig.grip.contact_force_mN,
         ),

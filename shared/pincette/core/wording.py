@@ -38,7 +38,8 @@ TEXTS: Mapping[FaultCode, str] = {
     ),
     FaultCode.ZERO_NOT_SETTLED: (
         "zero refused: the arm has not settled, it spread over {spread_um:.3f} µm in "
-        "{samples:.0f} samples, limit {limit_um} µm"
+        "{samples:.0f} samples, limit {limit_um:.3g} µm at a noise of {noise_um:.3g} µm: let the "
+        "arm come to rest, or calibrate `noise` where the sensor is noisier than that"
     ),
     FaultCode.ZERO_BEYOND_FIRST_TOUCH: (
         "zero refused: the arm rests at {x_um:.3f} µm, where it may touch the part, "
@@ -121,6 +122,13 @@ TEXTS: Mapping[FaultCode, str] = {
     ),
 }
 """By code; those of an instrument come in its driver's words."""
+UNKNOWN_FORCE: Mapping[FaultCode, str] = {
+    FaultCode.FREEZE_RELEASED: (
+        "released: the force is unknown, since the output does not confirm its voltage; "
+        "limit {limit_mN:.1f} mN"
+    ),
+}
+"""Texts in place of those of ``TEXTS`` where the fault carries no value of the force."""
 IN_A_ROW = frozenset(
     {
         FaultCode.FORCE_BEYOND_LIMIT,
@@ -166,7 +174,10 @@ def fault_text(fault: Fault | None) -> str:
     if fault.code is FaultCode.RECORDER_STATE:
         counts = (f"{value:.0f} {name.replace('_', ' ')}" for name, value in values.items())
         return "; ".join((fault.words, *counts))
-    text = TEXTS.get(fault.code, "").format_map(_with_milliseconds(values))
+    template = TEXTS.get(fault.code, "")
+    if fault.number("force_mN") is None:
+        template = UNKNOWN_FORCE.get(fault.code, template)
+    text = template.format_map(_with_milliseconds(values))
     if fault.code in IN_A_ROW and "samples" in values:
         text = f"{text}, {values['samples']:.0f} samples in a row"
     if "arm" in values:

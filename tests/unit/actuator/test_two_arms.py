@@ -182,6 +182,17 @@ def test_a_freeze_ends_where_the_second_arm_is_pressed_too_hard() -> None:
     assert "second arm: released: 60.0 mN" in fault_text(state.faults[-1])
 
 
+def test_a_freeze_that_ends_while_the_output_is_silent_states_no_force() -> None:
+    state = at(1.0, 2.0, held=True)
+    state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
+    state = feed(replace(state, unconfirmed=True), range(1, 4), 60.0, 2.0, held=True)
+    assert state.mode == Mode.RAMPING
+    (released,) = [one for one in state.faults if one.code is FaultCode.FREEZE_RELEASED]
+    assert released.number("force_mN") is None
+    assert "60" not in fault_text(released)
+    assert "unknown" in fault_text(released)
+
+
 def test_a_freeze_that_the_first_arm_has_ended_is_not_ended_again() -> None:
     state = at(1.0, 2.0, held=True)
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)

@@ -213,3 +213,20 @@ def test_a_job_that_ends_while_it_is_looked_at_is_not_told_as_recorded(
     monkeypatch.setattr(index, "is_over", ends)
     assert not index.is_recorded(job)
     gate.set()
+
+
+def test_a_job_that_repeats_a_motion_waits_for_its_record(
+    harness: Harness, gate: threading.Event
+) -> None:
+    job = over(harness)
+    body = {"kind": "calibrate", "calibration": "residual", "of_job": job, "dry_run": True}
+    answers: list[int] = []
+    asking = threading.Thread(
+        target=lambda: answers.append(harness.post("/jobs", body).status_code)
+    )
+    asking.start()
+    asking.join(0.3)
+    assert asking.is_alive()
+    gate.set()
+    asking.join(60.0)
+    assert answers

@@ -3,6 +3,8 @@
 Requests that wait for a change ask here again and again; only ``job`` reads the journal.
 """
 
+from time import monotonic
+
 from pincette.api.jobs import Job
 from pincette_supervisor.jobs import refusals
 from pincette_supervisor.jobs.crash_recovery import NOTHING
@@ -11,6 +13,9 @@ from pincette_supervisor.jobs.job_queue import JobQueue
 from pincette_supervisor.jobs.job_view import job_view
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.rigs.rig_context import RigContext
+
+WRITTEN_S = 30.0
+"""Longest time that a request waits for records that are being written, in s."""
 
 
 class JobIndex:
@@ -71,6 +76,13 @@ class JobIndex:
         live = self._live(name)
         written = live is None or live.recorded.is_set()
         return written and not self.left.being_written(name)
+
+    def wait_for_records(self, timeout_s: float) -> None:
+        """Wait until the records of ended jobs are written, together for ``timeout_s`` at most."""
+        deadline = monotonic() + timeout_s
+        for live in self._lives:
+            if live.terminal:
+                live.recorded.wait(max(0.0, deadline - monotonic()))
 
     def changed_since(self, name: str, revision: int) -> bool:
         """Whether a job has changed since a revision."""

@@ -15,7 +15,7 @@ from pincette_supervisor.jobs.actions import JobActions, await_end, hand_over
 from pincette_supervisor.jobs.claims import Claims
 from pincette_supervisor.jobs.crash_recovery import recover_from_crash
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
-from pincette_supervisor.jobs.job_index import JobIndex
+from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex
 from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
 from pincette_supervisor.jobs.job_view import fingerprint_of, new_row
 from pincette_supervisor.jobs.key_turns import KeyTurns
@@ -77,6 +77,8 @@ class JobManager:
     def plan(self, request: JobRequest) -> Planned:
         """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
         live = self.active
+        if request.plays is not None:  # the job whose motion is repeated may just have ended
+            self.index.wait_for_records(WRITTEN_S)
         return planner.plan(self.context, request, moving=live is not None and not live.terminal)
 
     def create(

@@ -52,8 +52,16 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
                 "name a job with a shorter hold",
             )
         table: Columns = source.read(columns=list(COLUMNS)).to_pydict()
+    except FileNotFoundError as error:
+        raise FaultyRequestError(
+            "/of_job",
+            f"job {row.id} has no recorded samples: its record is not written yet, or was "
+            "deleted; try again in some seconds, or name another job",
+        ) from error
     except OSError as error:
-        raise FaultyRequestError("/of_job", f"the record of job {row.id}: {error}") from error
+        raise FaultyRequestError(
+            "/of_job", f"the record of job {row.id} cannot be read: {error.strerror or error}"
+        ) from error
     digest = row.plan.get("values", {}).get("program", "")
     try:
         return motion_of(

@@ -7,13 +7,11 @@ from pincette.api.jobs import Artifact, ArtifactList
 from pincette.api.problems import responses
 from pincette.records import csv_export, folder
 from pincette_supervisor import problems
+from pincette_supervisor.jobs.job_index import WRITTEN_S
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 CSV = "samples.csv"
-
-WRITTEN_S = 30.0
-"""How long files that are being written are waited for."""
 
 
 async def _written(job: str, rigs: AllRigs) -> None:

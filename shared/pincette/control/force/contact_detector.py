@@ -69,11 +69,11 @@ class ContactDetector(FrozenRecord, frozen=True):
     nominal_um: float
     x_um: float
     """At the end of the last step."""
-    slope: float = 0.0
-    """Of the last step."""
+    slope: float = -inf
+    """Of the last step; -inf where there was none on this branch, so that none can fall from it."""
     nominal_2_um: float = 0.0
     x_2_um: float = 0.0
-    slope_2: float = 0.0
+    slope_2: float = -inf
     """Of the step before; one that touches on its way has a slope between."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
@@ -94,11 +94,16 @@ class ContactDetector(FrozenRecord, frozen=True):
                 touch = None
             return ContactDetector(nominal_um, x_um, touch=touch, free_to_um=free_to_um)
         slope = (x_um - self.x_um) / travel_um
-        if touch is None and slope < self.slope - limits.drop:
-            touch = self._met(limits, self.x_um, self.nominal_um, self.slope)
-        elif touch is None and slope < self.slope_2 - limits.drop:
-            touch = self._met(limits, self.x_2_um, self.nominal_2_um, self.slope_2)
-        if touch is None:
+        if touch is None or not touch.on_new_ground:
+            met = None
+            if slope < self.slope - limits.drop:
+                met = self._met(limits, self.x_um, self.nominal_um, self.slope)
+            elif slope < self.slope_2 - limits.drop:
+                met = self._met(limits, self.x_2_um, self.nominal_2_um, self.slope_2)
+            # A kink where the arm has been before does not hide one where it has not.
+            if met is not None and (touch is None or met.on_new_ground):
+                touch = met
+        if touch is None or not touch.on_new_ground:
             free_to_um = max(free_to_um, x_um)
         return ContactDetector(
             nominal_um, x_um, slope, self.nominal_um, self.x_um, self.slope, touch, free_to_um

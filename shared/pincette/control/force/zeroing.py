@@ -6,11 +6,15 @@ holds, so each reason to doubt is a reason to refuse.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, sqrt
+from statistics import NormalDist
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.force.contact_detector import DetectedContact
 from pincette.control.response.free_response import FreeResponse, FreeSample, rest_mean
+
+NOISE_REFUSES = 1e-6
+"""Largest share of settled rests that noise alone may refuse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +23,9 @@ class ZeroLimits:
 
     rest_samples: int = 10
     spread_um: float = 0.5
-    """Largest spread, maximum minus minimum, of x and of x - x_1 over the rest."""
+    """Largest spread, maximum minus minimum, of x and of x - x_1 over the rest, without noise."""
+    noise_um: float = 0.0
+    """Standard deviation of the sensor's noise."""
     offset_um: float = 5.0
     """Largest change of the offset without travel, where the arm's memory is unknown, and"""
     offset_fraction: float = 0.4
@@ -28,6 +34,18 @@ class ZeroLimits:
     """Position from which on the arm may touch the part."""
     touch_um: float = inf
     """By how much a touch may have pushed the arm back: the contact's force times s_p."""
+
+    def settled_um(self) -> float:
+        """Return the largest spread of a settled rest, in µm.
+
+        Noise alone spreads over r·σ or more with a probability of at most n(n-1)·Φ(-r/√2), where n
+        is the number of samples. The limit has room for the r at which that is ``NOISE_REFUSES``.
+        """
+        pairs = self.rest_samples * (self.rest_samples - 1)
+        if not pairs or not self.noise_um:
+            return self.spread_um
+        r = -sqrt(2.0) * NormalDist().inv_cdf(NOISE_REFUSES / pairs)
+        return max(self.spread_um, r * self.noise_um)
 
     def change_um(self, model: FreeResponse, creep_um: float, memory_known: bool) -> float:
         """Return how far a zero may move the offset of x_1 at the voltage followed last, in µm.
@@ -87,13 +105,14 @@ def zero_refusal(
     count = limits.rest_samples
     if len(samples) < count:
         return fault(FaultCode.ZERO_TOO_FEW_SAMPLES, samples=len(samples), wanted_samples=count)
-    spread_um = _spread_um(model, samples, count)
-    if not spread_um <= limits.spread_um:
+    spread_um, settled_um = _spread_um(model, samples, count), limits.settled_um()
+    if not spread_um <= settled_um:
         return fault(
             FaultCode.ZERO_NOT_SETTLED,
             spread_um=spread_um,
             samples=count,
-            limit_um=limits.spread_um,
+            limit_um=settled_um,
+            noise_um=limits.noise_um,
         )
     rest = rest_mean(samples, count)
     if not rest.x_um <= limits.first_touch_um:

@@ -1,8 +1,8 @@
 """Calibration of the free response: gain, loop and creep as measured, and the identified model.
 
 The model is identified from the course alone. The settled cycles, which it has not seen, give the
-gain d_p, and beside it what the model makes of them. A motion that a part was in the way of is
-refused.
+gain d_p, and beside it what the model makes of them. A motion that breaks as if a part were in the
+way is refused, unless a person has confirmed that there is none.
 """
 
 from collections.abc import Sequence
@@ -98,10 +98,16 @@ class FreeCalibration:
     x_um: Column
     model_um: Column
     """What the model makes of the whole record, on the mean of ``x_um`` over the course."""
+    kink: ContactKink | None = None
+    """Break of the motion where a person has confirmed that no part was there."""
 
 
 def calibrate_free_response(
-    motion: FreeMotion, samples_per_cycle: float, *, unpoled: bool | None = None
+    motion: FreeMotion,
+    samples_per_cycle: float,
+    *,
+    unpoled: bool | None = None,
+    no_part: bool = False,
 ) -> FreeCalibration:
     """Gain, loop, creep and model of a free motion.
 
@@ -110,20 +116,27 @@ def calibrate_free_response(
     unpoled
         Whether the actuator began at 0 V with nothing remembered, as one that has not moved since
         it was switched on. None: whichever leaves less of what the model was not fitted to.
+    no_part
+        True where a person has confirmed that no part is in the gripper. A break of the motion,
+        which free arms of some classes of hysteresis show too, is then returned as ``kink``.
 
     Raises
     ------
     ValueError
         As ``identify_free_response``, ``secant_gain`` and ``creep_after_step``; where the motion
-        breaks at one position as if a part were in the way, or the model leaves more of it than
-        noise and ``LARGEST_RESIDUAL`` explain.
+        breaks at one position as if a part were in the way and ``no_part`` is false, or the model
+        leaves more of it than noise and ``LARGEST_RESIDUAL`` explain.
     """
     u = np.asarray(motion.voltage_V, dtype=np.float64)
     x = np.asarray(motion.x_um, dtype=np.float64)
     require_as_many("voltages", u, "positions", x)
     kink = contact_kink(u, x, motion.period_s, motion.course)
-    if kink is not None:
-        raise ValueError(_in_the_way(kink))
+    if kink is not None and not no_part:
+        raise ValueError(
+            f"{kink_text(kink)}. A part seems to be in the way: take it out of the gripper, or "
+            "farther away than the arm comes, and calibrate again; where you have seen that no "
+            "part is there, send no_part = true"
+        )
     identified, begun_unpoled = _identified(u[motion.course], x[motion.course], motion, unpoled)
     free = simulate(identified.model, u, motion.period_s)
     level = float(np.mean((x - free)[motion.course]))
@@ -151,15 +164,16 @@ def calibrate_free_response(
         voltage_V=u,
         x_um=x,
         model_um=free + level,
+        kink=kink,
     )
 
 
-def _in_the_way(kink: ContactKink) -> str:
+def kink_text(kink: ContactKink) -> str:
+    """Describe the break of a free motion for people."""
     return (
         f"the motion breaks at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the way up), on each "
         f"way up and down: beyond it the arm moves by {100.0 * kink.slope_share:.0f} % of what it "
-        "moves before. A part seems to be in the way: take it out of the gripper, or farther away "
-        "than the arm comes, and calibrate again"
+        "moves before"
     )
 
 

@@ -146,8 +146,17 @@ def at_safe(limits: SafetyLimits, state: S) -> S:
 
 
 def released(state: S, pressed: Fault, now: float) -> S:
-    """End a freeze because the part is pressed too hard, which is told beside the cause."""
-    found = Fault(FaultCode.FREEZE_RELEASED, pressed.values)
+    """End a freeze because the part seems to be pressed too hard, which is added to the cause.
+
+    The force follows from the voltage. Where the output does not confirm that, the force is
+    unknown and no number is stated.
+    """
+    values = pressed.values
+    if state.unconfirmed:
+        values = tuple(
+            replace(item, value=None) if item.name == "force_mN" else item for item in values
+        )
+    found = Fault(FaultCode.FREEZE_RELEASED, values)
     return ramped(replace(state, faults=(*state.faults, found)), now)
 
 

@@ -87,3 +87,22 @@ def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
     assert kink_limits(0.2, S_P, 0.03).step_um > 5.0
     with pytest.raises(ValueError, match=r"softest contact = 0.0 mN/µm"):
         kink_limits(0.0, S_P, 0.03)
+
+
+def test_an_arm_that_still_goes_back_after_a_turn_has_met_nothing() -> None:
+    watch = ContactDetector(0.0, 0.0, free_to_um=0.0)
+    watch = watch.follow(LIMITS, -2.0, 2.0)
+    assert watch.touch is None
+
+
+def test_a_kink_where_the_arm_has_been_does_not_hide_a_touch_beyond() -> None:
+    """A bend far behind the furthest place hid a part, which the arm then pressed with 54 mN."""
+    step_um = 1.01 * LIMITS.step_um
+    watch = ContactDetector(0.0, 0.0, free_to_um=20.0)
+    nominal_um = x_um = 0.0
+    for slope in (1.0, 0.4, *[1.0] * 20, *[0.5] * 5):
+        nominal_um, x_um = nominal_um + step_um, x_um + slope * step_um
+        watch = watch.follow(LIMITS, x_um, nominal_um)
+    assert watch.touch is not None
+    assert watch.touch.on_new_ground
+    assert watch.touch.x_um == pytest.approx(x_um - 2.5 * step_um, abs=1.1 * step_um)

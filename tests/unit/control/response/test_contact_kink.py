@@ -101,3 +101,15 @@ def test_what_no_model_explains_is_refused() -> None:
     shaken = x + 4.0 * np.sin(np.arange(len(x)) * 0.021)
     with pytest.raises(ValueError, match=r"leaves \d\.\d+ µm r\.m\.s\., limit"):
         calibrate_free_response(replace(motion, x_um=shaken), SAMPLES_PER_CYCLE, unpoled=True)
+
+
+def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there() -> None:
+    _, motion = freed(base())
+    x = np.asarray(motion.x_um)
+    bent = replace(motion, x_um=x - 0.12 * np.maximum(0.0, x - 31.0))
+    with pytest.raises(ValueError, match="no_part"):
+        calibrate_free_response(bent, SAMPLES_PER_CYCLE, unpoled=True)
+    found = calibrate_free_response(bent, SAMPLES_PER_CYCLE, unpoled=True, no_part=True)
+    assert found.kink is not None
+    assert found.kink.x_um == pytest.approx(31.0, abs=3.0)
+    assert calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True).kink is None

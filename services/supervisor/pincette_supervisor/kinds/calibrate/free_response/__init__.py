@@ -31,6 +31,9 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
     """Highest voltage of all the motion."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the fastest moves."""
+    no_part: bool = False
+    """A person has seen that no part is in the gripper. A motion that breaks at one position, as
+    with a part in the way, then gives a warning and is not refused: some free arms show that."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "FreeResponseRequest":
@@ -46,6 +49,7 @@ CALIBRATION = Variant(
     request=FreeResponseRequest,
     form=(
         fields.ZERO_CONFIRMED,
+        FieldSpec(name="no_part", label="No part is in the gripper: I have looked"),
         FieldSpec(name="low_V", label="Lowest voltage"),
         FieldSpec(name="high_V", label="Highest voltage"),
         FieldSpec(name="rate_V_per_s", label="Rate at most", advanced=True),

@@ -16,6 +16,7 @@ from pincette.control.response.free_calibration import (
     FreeCalibration,
     FreeMotion,
     calibrate_free_response,
+    kink_text,
 )
 from pincette_supervisor.calibration.findings import (
     Analysis,
@@ -76,7 +77,8 @@ def program(
         grip_V_per_s=min(quick, QUICKEST * limits.slew_V_per_s),
         lowest_V=max(limits.voltage_min_V, rest_V + limits.position_min_um / (LARGEST_GAIN * d_p)),
     )
-    return made, {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate}, {}
+    values = {"low_V": low_V, "high_V": high_V, "rate_V_per_s": rate, "no_part": request.no_part}
+    return made, values, {}
 
 
 def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
@@ -156,7 +158,11 @@ def analyse(run: Run) -> Analysis:
         after_step=taken.of("creep"),
         grips=rehearsed_grips(taken.of, planned.program),
     )
-    found = calibrate_free_response(motion, path.cycle_s / taken.period_s)
+    found = calibrate_free_response(
+        motion,
+        path.cycle_s / taken.period_s,
+        no_part=bool(planned.values.get("no_part")),
+    )
     require_like_in_use(planned.model, "model.piezo_um_per_V", found.gain.gain_um_per_V)
     s_p = planned.model.rig.model.compliance_um_per_mN
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
@@ -168,9 +174,16 @@ def analyse(run: Run) -> Analysis:
         _fitted_V(motion),
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
-    warnings = ()
+    warnings: list[str] = []
     if abs(off) > GAIN_DIFFERENCE:
-        warnings = (f"the model's own gain differs by {100.0 * off:+.1f} % from the measured one",)
+        warnings.append(
+            f"the model's own gain differs by {100.0 * off:+.1f} % from the measured one"
+        )
+    if found.kink is not None:
+        warnings.append(
+            f"{kink_text(found.kink)}. You have confirmed that no part is in the gripper: if that "
+            "is wrong, discard this calibration"
+        )
     left = (found.x_um - found.model_um)[motion.cycles]
     return Analysis(
         values=(
@@ -221,7 +234,7 @@ def analyse(run: Run) -> Analysis:
             "of the scatter about settled cycles",
         ),
         drawn=found,
-        warnings=warnings,
+        warnings=tuple(warnings),
     )
 
 
