@@ -197,9 +197,9 @@ class Job(Model):
     created_at: str
     """Time of the request, in UTC; a queued job may start much later."""
     started_at: str | None
-    """Time at which the job got the rig, in UTC; null while it is queued."""
+    """Time at which the job began to run, in UTC; null before."""
     ended_at: str | None
-    """Time at which the rig was free again, in UTC; null before."""
+    """Time at which the job ended, in UTC; null before."""
     record: str | None
     """Folder of the record on the supervisor's machine."""
     artifacts: ArtifactState = "none"

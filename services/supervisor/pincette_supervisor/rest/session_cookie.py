@@ -26,12 +26,18 @@ def session_cookies(scope: Scope, supervisor: str) -> list[str]:
 
 def set_cookie(response: Response, scope: Scope, supervisor: str, value: str) -> None:
     """Sign a page in: no script reads the cookie, and no page of another site has it sent."""
-    connection = HTTPConnection(scope)
-    # A proxy may speak TLS, so the address of the page decides.
-    page = connection.headers.get("origin", str(connection.url.scheme))
-    secure = page.startswith("https")
+    secure = _is_secure(HTTPConnection(scope))
     name = (SECURE if secure else "") + cookie_name(supervisor)
     response.set_cookie(name, value, path="/", httponly=True, samesite="strict", secure=secure)
+
+
+def _is_secure(connection: HTTPConnection) -> bool:
+    """Whether the page, or another client, is connected over TLS, which may end at a proxy."""
+    # Every browser states the address of its page; a program does not, but the proxy may state how
+    # it was reached. A client that invents either harms only its own cookie.
+    forwarded = connection.headers.get("x-forwarded-proto", "").partition(",")[0].strip()
+    page = connection.headers.get("origin") or forwarded or str(connection.url.scheme)
+    return page.lower().startswith("https")
 
 
 def delete_cookies(response: Response, scope: Scope, supervisor: str) -> None:
