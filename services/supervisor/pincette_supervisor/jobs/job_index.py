@@ -90,7 +90,12 @@ class JobIndex:
         if entry is not None:
             return entry.revision != revision
         live = self._live(name)
-        return live is None or live.done.is_set() or live.revision != revision
+        return self.is_finished(name) or (live is not None and live.revision != revision)
+
+    def is_finished(self, name: str) -> bool:
+        """Whether a job is neither queued nor live, so that nothing is gained by waiting for it."""
+        live = self._live(name)
+        return self._queue.entry(name) is None and (live is None or live.done.is_set())
 
     def note_revision(self, name: str, revision: int) -> None:
         """Let those who wait for a change of a job know of one that the journal has."""

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from math import ceil
 from time import monotonic
@@ -27,7 +27,10 @@ OF_ONE = 64
 """Requests of each kind under way, of one client; beyond, 429."""
 STREAMED = ("/events", "/live")
 LONG_POLL = b"wait="
-HELD_S = 1.0
+LONG_PER_S, LONG_BURST = 40.0, 100.0
+"""Rate and burst of the long requests of one client. A long poll of a job that is over is answered
+at once, so that a flood of them would take the rate that all other requests have."""
+HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
 """Time for which such a refusal is held back, so that a client that repeats at once does not keep
 the server busy with refusals."""
 SEND_S = 30.0
@@ -87,7 +90,10 @@ class RateLimit:
         buckets: TokenBuckets | None = None,
     ) -> None:
         self._app, self._authenticator, self._clock = app, authenticator, clock
-        self._buckets = buckets or TokenBuckets()
+        self._buckets: Mapping[Kind, TokenBuckets] = {
+            "short": buckets or TokenBuckets(),
+            "long": TokenBuckets(LONG_PER_S, LONG_BURST),
+        }
         self._shares = Shares()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -102,17 +108,18 @@ class RateLimit:
             scope[SHARE] = lambda: self._taken("short", client)
             await self._app(scope, receive, send)
             return
+        kind = _kind(scope)
         try:
-            with self._taken(_kind(scope), client):
+            with self._taken(kind, client):
                 await self._app(scope, receive, send)
         except ProblemError as refusal:  # of the limits; the application answers its own
             scope[HELD] = True
-            await asyncio.sleep(HELD_S)
+            await asyncio.sleep(HELD_S[kind])
             await problems.response_of(refusal)(scope, receive, send)
 
     @contextmanager
     def _taken(self, kind: Kind, client: str) -> Generator[None]:
-        wait_s = self._buckets.wait_s(client, self._clock())
+        wait_s = self._buckets[kind].wait_s(client, self._clock())
         if wait_s > 0.0:
             raise _refused(429, f"{client} asks too often", wait_s)
         with self._shares.taken(kind, client):

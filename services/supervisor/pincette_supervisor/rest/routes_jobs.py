@@ -213,15 +213,20 @@ async def job_state(
     """
     known = matched_revision(job, if_none_match) if since is None else since
     manager = rigs.with_live_job(job)
+    found: Job | None = None
     if wait == "terminal":
         await manager.changes.wait(lambda: manager.index.is_over(job), timeout_s)
     elif wait == "recorded":
         await manager.changes.wait(lambda: manager.index.is_recorded(job), timeout_s)
     elif wait == "change":
         if known is None:
-            known = (await run_in_threadpool(rigs.job, job)).revision
-        await manager.changes.wait(lambda: manager.index.changed_since(job, known), timeout_s)
-    found = await run_in_threadpool(rigs.job, job)
+            found = await run_in_threadpool(rigs.job, job)
+            known = found.revision
+        if not manager.index.is_finished(job):
+            found = None
+            await manager.changes.wait(lambda: manager.index.changed_since(job, known), timeout_s)
+    if found is None:
+        found = await run_in_threadpool(rigs.job, job)
     tag = etag(found.id, found.revision)
     if matched_revision(job, if_none_match) == found.revision:
         return Response(status_code=304, headers={"ETag": tag})

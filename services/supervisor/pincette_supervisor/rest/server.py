@@ -4,7 +4,6 @@ import asyncio
 import ssl
 from collections.abc import Callable
 from functools import partial
-from math import inf
 from socket import IPPROTO_TCP, TCP_NODELAY, socket
 from typing import Any, cast
 
@@ -15,7 +14,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
+from pincette_supervisor.rest.bounded_loop import new_loop
 from pincette_supervisor.rest.dependencies import HELD
+from pincette_supervisor.rest.held_refusals import REFUSED, HeldRefusals, Refusals
 from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path, is_stop
 from pincette_supervisor.rest.tls import Doorway
 from pincette_supervisor.rest.work_queue import WorkQueue
@@ -28,8 +29,9 @@ HEAD_BYTES = 16_384
 """Of a head; a longer one is refused with 400."""
 HEADERS_MAX = 100
 """Headers of a request; more are refused with 431."""
-SLICE_BYTES = 2048
-"""Bytes of one connection that are processed before others have their turn."""
+SLICE_BYTES, CHUNKED_BYTES = 2048, 256
+"""Bytes of one connection that are processed before others have their turn; fewer of a chunked
+body, of which each chunk takes some 7 µs, however small it is."""
 LINE_BYTES = 512
 """Bytes of a request in which its line is looked for, to serve a stop first."""
 REQUEST_BYTES = 1_048_576
@@ -37,13 +39,19 @@ REQUEST_BYTES = 1_048_576
 DRAINED_BYTES = 65_536
 """Largest body that is still read after an answer that came before its end. Clients that send head
 and body in two writes use the connection again; without this their next request would fail."""
+PIPELINED_S = 0.5
+"""Time from an answer to the next request of a client that has not waited for the answer."""
 LINGER_S = 2.0
 """Time in which a client can read an answer that came before the end of its body."""
 TOO_MANY_HEADERS = (
     b"HTTP/1.1 431 Request Header Fields Too Large\r\nContent-Type: text/plain\r\n"
     b"Connection: close\r\n\r\nmore than %d headers: send fewer\n" % HEADERS_MAX
 )
-ACCEPT_BATCH = 32
+NOT_HTTP = (
+    b"HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\n\r\n"
+    b"Invalid HTTP request received.\n"
+)
+ACCEPT_BATCH = 16
 """Connections accepted in one turn of the event loop; asyncio takes its ``backlog`` for that."""
 BACKLOG = 1024
 """Connections that wait in the system to be accepted."""
@@ -86,10 +94,12 @@ class Connection(H11Protocol):
     _size = _lines = 0
     _is_stop = False
     """Whether the request that is being read or answered stops a rig or a job."""
+    _was_served = False
+    """Whether one of its requests has been answered, other than by a refusal."""
 
-    def __init__(self, queue: WorkQueue, **given: Any) -> None:
+    def __init__(self, queue: WorkQueue, refusals: Refusals, **given: Any) -> None:
         super().__init__(**given)
-        self._queue = queue
+        self._queue, self._refusals = queue, refusals
         self._received = bytearray()
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as in uvicorn
@@ -97,7 +107,7 @@ class Connection(H11Protocol):
         super().connection_made(transport)
         self.flow = SlicedReading(transport, self._go_on)
         self._await_head()
-        self._queue.add_silent(self)
+        self._note_silent()
         if len(self.connections) > MOST:
             other = self._queue.pop_silent() or self._held() or self._queue.pop_last()
             if other is not None:
@@ -106,7 +116,15 @@ class Connection(H11Protocol):
     def _held(self) -> "Connection | None":
         """Return a connection whose request is refused, and whose answer is being held back."""
         others = cast("set[Connection]", self.connections)
-        return next((one for one in others if HELD in (one.scope or {})), None)
+        return next((one for one in others if one.is_held), None)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the answer is a refusal that is being held back."""
+        return not self.idle and HELD in self.scope
+
+    def _note_silent(self) -> None:
+        self._queue.add_silent(self, kept=self._was_served)
 
     @property
     def idle(self) -> bool:
@@ -147,13 +165,16 @@ class Connection(H11Protocol):
         """Process one slice, and enqueue the rest."""
         if not self._received or self.flow.read_paused:  # empty data mean the end to h11
             return
-        data = bytes(self._received[:SLICE_BYTES])
-        del self._received[:SLICE_BYTES]
+        if self.is_held:  # the answer is settled, and resumes reading
+            self.flow.pause_reading()
+            return
+        size = SLICE_BYTES if self.idle or self._length() is not None else CHUNKED_BYTES
+        data = bytes(self._received[:size])
+        del self._received[:size]
         self._size += len(data)
         drains = self._drains()
         if self.idle and not drains and self._has_too_many_headers(data):
-            self.transport.write(TOO_MANY_HEADERS)
-            self._linger()
+            self._refuse(TOO_MANY_HEADERS)
             return
         if self.idle and self.conn.their_state is h11.IDLE:
             self._head_data = (self._head_data + data)[:HEAD_BYTES]
@@ -162,10 +183,10 @@ class Connection(H11Protocol):
             return
         if drains and not self._drains() and not self.conn.trailing_data[0]:
             self._cancel()
-            self._queue.add_silent(self)
+            self._note_silent()
         elif self.idle:
             self._await_head()
-            self._queue.add_silent(self)
+            self._note_silent()
         else:
             self._queue.discard(self)
             self._cancel()
@@ -194,12 +215,12 @@ class Connection(H11Protocol):
         self.cycle.keep_alive = False
         return True
 
-    def send_400_response(self, msg: str) -> None:
+    def send_400_response(self, msg: str) -> None:  # noqa: ARG002  uvicorn's name
         """Refuse what is no valid HTTP, except an emergency stop, for example without ``Host``."""
         estop = estop_of_malformed(self._head_data)
         if estop is None:
             if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-                super().send_400_response(msg)
+                self._refuse(NOT_HTTP)
             else:  # in the middle of an answer, or after the last one
                 self.transport.close()
             return
@@ -212,34 +233,56 @@ class Connection(H11Protocol):
         self._head_data = b""
         self._size = self._lines = 0
         self._is_stop = False
+        self._was_served |= REFUSED not in self.scope
         if self._drains() and not self.transport.is_closing():
-            if self._declared_bytes() <= DRAINED_BYTES:
+            length = self._length()
+            if length is not None and length <= DRAINED_BYTES:
                 self._await_head()
-                self._queue.add_silent(self)
+                self._note_silent()
                 super().on_response_complete()
             else:
                 self.server_state.total_requests += 1
                 self._linger()
         elif self.conn.trailing_data[0]:
-            self._queue.add(self)  # the next request is there, and waits for its turn
+            self.loop.call_later(PIPELINED_S, self._enqueue_pipelined)
         else:
-            self._queue.add_silent(self)
+            self._note_silent()
             super().on_response_complete()
+
+    def _enqueue_pipelined(self) -> None:
+        if not self.transport.is_closing():
+            self._queue.add(self)
 
     def _drains(self) -> bool:
         """Whether the request has been answered and its body has not come to its end."""
         return self.idle and self.conn.their_state is h11.SEND_BODY
 
-    def _declared_bytes(self) -> float:
-        """Return the length of the body by its header; infinite where the body is chunked."""
+    def _length(self) -> int | None:
+        """Return the length of the body by its header; None where the body is chunked."""
         length = dict(self.scope["headers"]).get(b"content-length", b"")
-        return int(length) if length.isdigit() else inf
+        return int(length) if length.isdigit() else None
+
+    def _refuse(self, answer: bytes) -> None:
+        """Send an answer that ends the connection, at once or held back."""
+        hold_s = self._refusals.hold_s("" if self.client is None else self.client[0])
+        if hold_s:
+            self._lingers = True
+            self._received.clear()
+            self.transport.pause_reading()
+            self.loop.call_later(hold_s, self._end_with, answer)
+        else:
+            self._end_with(answer)
+
+    def _end_with(self, answer: bytes) -> None:
+        if not self.transport.is_closing():
+            self.transport.write(answer)
+            self._linger()
 
     def _linger(self) -> None:
         """End the connection; ignore what comes until the client has read its answer."""
         self._lingers = True
         self._received.clear()
-        self._queue.add_silent(self)
+        self._note_silent()
         if not self.transport.can_write_eof():  # TLS
             self.transport.close()
             return
@@ -334,13 +377,15 @@ class Server(uvicorn.Server):
 
 def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server:
     """The server of an application; nothing of a request is logged, least of all its head."""
-    door: Any = partial(Connection, WorkQueue())
+    refusals = Refusals()
+    door: Any = partial(Connection, WorkQueue(), refusals)
     if tls is not None:
         door = partial(Doorway, tls, WorkQueue(), door)
     return Server(
         uvicorn.Config(
-            UnambiguousLength(app),
+            HeldRefusals(UnambiguousLength(app), refusals),
             http=door,
+            loop=f"{new_loop.__module__}:{new_loop.__name__}",
             ws="none",
             log_config=None,
             log_level="error",

@@ -13,6 +13,9 @@ TURN_S = 0.002
 """Time of one turn of the event loop after which the rest of the queue waits for the next turn."""
 TASKS = 2
 """Tasks that are started in one turn. A request takes some 2 ms of the next turn."""
+BREAK_S = 0.003
+"""Time between two turns of the queue. A stop takes about ten turns of the event loop, most of
+which are short then."""
 FRESH = 128
 """Newest silent connections that are not ended to make room: their data may be on the way."""
 
@@ -34,37 +37,51 @@ class WorkQueue:
 
     def __init__(self) -> None:
         self._silent: dict[Peer, None] = {}
-        """Connections that wait for data; the longest silent first."""
+        """Connections that wait for the data of their first request; the longest silent first."""
+        self._kept: dict[Peer, None] = {}
+        """Connections that wait for data and have been of use; the longest silent first."""
         self._ready: dict[Peer, None] = {}
         """Connections that wait for their turn; the first one has it next."""
         self._turn: asyncio.Handle | None = None
+        self._next_s = 0.0
+        """Time before which the queue takes no turn."""
 
     def __len__(self) -> int:
-        return len(self._silent) + len(self._ready)
+        return len(self._silent) + len(self._kept) + len(self._ready)
 
     def add(self, peer: Peer) -> None:
         """Enqueue the work of a connection."""
         self._silent.pop(peer, None)
+        self._kept.pop(peer, None)
         self._ready[peer] = None
         self._schedule()
 
-    def add_silent(self, peer: Peer) -> None:
-        """Note that a connection waits for data, unless it waits for its turn."""
+    def add_silent(self, peer: Peer, *, kept: bool = False) -> None:
+        """Note that a connection waits for data, unless it waits for its turn.
+
+        ``kept``: it has had an answer that was no refusal, and is ended after those that have not.
+        """
         if peer not in self._ready:
-            self._silent[peer] = None
+            self.discard(peer)
+            (self._kept if kept else self._silent)[peer] = None
 
     def discard(self, peer: Peer) -> None:
         """Forget a connection."""
         self._silent.pop(peer, None)
+        self._kept.pop(peer, None)
         self._ready.pop(peer, None)
 
     def pop_silent(self) -> Peer | None:
-        """Remove and return the connection that has been silent longest; None if all are fresh."""
-        if len(self._silent) <= FRESH:
-            return None
-        peer = next(iter(self._silent))
-        del self._silent[peer]
-        return peer
+        """Remove and return the connection to end to make room; None if all are fresh.
+
+        The one that has been silent longest, of those without an answer first.
+        """
+        for waiting in (self._silent, self._kept):
+            if len(waiting) > FRESH:
+                peer = next(iter(waiting))
+                del waiting[peer]
+                return peer
+        return None
 
     def pop_last(self) -> Peer | None:
         """Remove and return the last one of the queue; those before it are served sooner."""
@@ -72,7 +89,9 @@ class WorkQueue:
 
     def _schedule(self) -> None:
         if self._ready and self._turn is None:
-            self._turn = asyncio.get_running_loop().call_soon(self._run)
+            loop, wait_s = asyncio.get_running_loop(), self._next_s - monotonic()
+            later = wait_s > 0.0
+            self._turn = loop.call_later(wait_s, self._run) if later else loop.call_soon(self._run)
 
     def _run(self) -> None:
         self._turn = None
@@ -83,4 +102,5 @@ class WorkQueue:
                 del self._ready[peer]
                 tasks += peer.work()
         finally:  # an error in one connection does not stop the others
+            self._next_s = monotonic() + BREAK_S
             self._schedule()
