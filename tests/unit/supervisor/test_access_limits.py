@@ -14,12 +14,21 @@ from pincette_supervisor.access.authentication import Authenticator, Caller
 from pincette_supervisor.problems import ERRORS_MAX
 from pincette_supervisor.rest import limits
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.limits import AT_ONCE, LARGE_BYTES, OF_ONE, SMALL_BYTES, RateLimit
+from pincette_supervisor.rest.limits import (
+    AT_ONCE,
+    LARGE_BYTES,
+    LONG_BURST,
+    OF_ONE,
+    SMALL_BYTES,
+    Kind,
+    RateLimit,
+)
 from tests.support.keys import key_of_each_scope
 
 from .harness import Harness
 
 ESTOP = "/api/v1/rigs/demo/estop"
+NOT_HELD = {"short": 0.0, "long": 0.0}
 
 
 def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
@@ -46,7 +55,7 @@ def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=2.0)))
-    monkeypatch.setattr(limits, "HELD_S", 0.0)
+    monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
     answers = [harness.call("GET", "/livez") for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
     assert 900 < int(answers[-1].headers["retry-after"]) <= 1000
@@ -71,7 +80,7 @@ def held(
     monkeypatch: pytest.MonkeyPatch, test: Callable[[Call, asyncio.Event], Awaitable[None]]
 ) -> None:
     """Run a test before an application that answers nothing but stops until it is let go."""
-    monkeypatch.setattr(limits, "HELD_S", 0.0)
+    monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
 
     async def run() -> None:
         go = asyncio.Event()
@@ -106,6 +115,10 @@ async def under_way(
     return begun
 
 
+def kind_of(path: str) -> Kind:
+    return "short" if path == "/jobs" else "long"
+
+
 LONG = ["/rigs/demo/live", "/events", "/jobs/a?wait=change", "/jobs/a?timeout_s=1&wait=terminal"]
 
 
@@ -114,7 +127,7 @@ def test_one_client_has_a_share_of_each_kind_of_request(
     monkeypatch: pytest.MonkeyPatch, path: str, other: str
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
-        begun = await under_way([call("GET", path) for _ in range(OF_ONE)])
+        begun = await under_way([call("GET", path) for _ in range(OF_ONE[kind_of(path)])])
         refused = await call("GET", path)
         assert refused.status_code == 429
         assert int(refused.headers["retry-after"]) > 0
@@ -132,7 +145,8 @@ def test_one_client_has_a_share_of_each_kind_of_request(
 @pytest.mark.parametrize("path", ["/jobs", LONG[0]])
 def test_all_clients_together_have_a_bound(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
-        keys = [f"key{number // OF_ONE}" for number in range(AT_ONCE)]
+        most, of_one = AT_ONCE[kind_of(path)], OF_ONE[kind_of(path)]
+        keys = [f"key{number // of_one}" for number in range(most)]
         begun = await under_way([call("GET", path, key) for key in keys])
         assert (await call("GET", path, "another")).status_code == 503
         for place in ("/api/v1/estop", ACTIONS):
@@ -143,9 +157,21 @@ def test_all_clients_together_have_a_bound(monkeypatch: pytest.MonkeyPatch, path
     held(monkeypatch, test)
 
 
+def test_a_flood_of_long_polls_that_are_answered_at_once_leaves_the_rate_of_other_requests(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def test(call: Call, go: asyncio.Event) -> None:
+        go.set()
+        polls = [(await call("GET", LONG[2])).status_code for _ in range(3 * int(LONG_BURST))]
+        assert set(polls) == {200, 429}
+        assert (await call("GET", "/jobs")).status_code == 200
+
+    held(monkeypatch, test)
+
+
 def test_actions_without_a_key_are_not_exempt(monkeypatch: pytest.MonkeyPatch) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
-        begun = await under_way([call("GET", "/jobs", "") for _ in range(OF_ONE)])
+        begun = await under_way([call("GET", "/jobs", "") for _ in range(OF_ONE["short"])])
         assert (await call("POST", ACTIONS, "")).status_code == 429
         go.set()
         await asyncio.gather(*begun)
@@ -163,7 +189,7 @@ def test_addresses_of_one_ipv6_network_are_one_client() -> None:
 def test_a_stop_of_a_job_is_not_limited_and_other_actions_are(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(limits, "HELD_S", 0.0)
+    monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
     job = harness.playing_to(20)
     harness.app = create_app(harness.rigs, Access(buckets=TokenBuckets(per_s=1e-3, burst=3.0)))
     while harness.call("GET", "/livez").status_code == 200:

@@ -1,6 +1,8 @@
 """The order in which the HTTP server processes data that many connections have sent at once."""
 
 import asyncio
+import selectors
+import socket
 from collections.abc import Awaitable, Callable
 from time import sleep
 from typing import Any
@@ -10,7 +12,9 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from pincette_supervisor.rest.server import server_of
+from pincette_supervisor.rest.bounded_loop import EVENTS, BoundedSelector
+from pincette_supervisor.rest.server import MOST, server_of
+from pincette_supervisor.rest.work_queue import TASKS
 
 MANY = 300
 """Connections whose data arrive before those of the stop."""
@@ -180,5 +184,52 @@ def test_an_error_in_one_connection_does_not_end_the_others() -> None:
         others = flood(lines)
         await until(lambda: all(one.sent.startswith(b"HTTP/1.1 200 ") for one in others))
         broken.conn = sound
+
+    run(test)
+
+
+def test_connections_that_were_served_outlive_silent_ones() -> None:
+    """A client that keeps its connection does not lose it to a flood of silent connections."""
+
+    async def test(lines: Lines) -> None:
+        kept, line = lines.connect()
+        kept.data_received(GET)
+        await until(lambda: line.sent.startswith(b"HTTP/1.1 200 "))
+        silent = [lines.connect()[1] for _ in range(2 * MOST)]
+        assert sum(one.closed for one in silent) > MOST // 2
+        assert not line.closed
+
+    run(test)
+
+
+def test_a_turn_of_the_loop_handles_a_bounded_number_of_sockets_and_each_has_its_turn() -> None:
+    selector, lines = BoundedSelector(), [socket.socketpair() for _ in range(3 * EVENTS)]
+    try:
+        for reader, writer in lines:
+            selector.register(reader, selectors.EVENT_READ)
+            writer.send(b"x")
+        seen: set[Any] = set()
+        for _ in range(3):
+            ready = selector.select(0.0)
+            assert len(ready) == EVENTS
+            seen |= {key.fileobj for key, _ in ready}
+        assert seen == {reader for reader, _ in lines}
+    finally:
+        selector.close()
+        for reader, writer in lines:
+            reader.close()
+            writer.close()
+
+
+def test_the_queue_leaves_breaks_for_other_work_of_the_loop() -> None:
+    """A stop that needs several turns of the event loop has most of them between two of these."""
+
+    async def test(lines: Lines) -> None:
+        flood(lines)
+        turns = 0
+        while len(lines.begun) < MANY:
+            turns += 1
+            await asyncio.sleep(0.0)
+        assert turns > 3 * MANY / TASKS
 
     run(test)

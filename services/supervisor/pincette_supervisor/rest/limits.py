@@ -21,10 +21,10 @@ from pincette_supervisor.rest.request_target import JOB_STOPS
 
 Kind = Literal["short", "long"]
 """``long``: a stream or a long poll, which waits; ``short``: any other request."""
-AT_ONCE = 256
-"""Requests of each kind under way, of all clients; beyond, 503."""
-OF_ONE = 64
-"""Requests of each kind under way, of one client; beyond, 429."""
+AT_ONCE: Mapping[Kind, int] = {"short": 512, "long": 256}
+"""Requests under way, of all clients; beyond, 503."""
+OF_ONE: Mapping[Kind, int] = {"short": 128, "long": 64}
+"""Requests under way, of one client; beyond, 429. A request whose body comes slowly is one."""
 STREAMED = ("/events", "/live")
 LONG_POLL = b"wait="
 LONG_PER_S, LONG_BURST = 40.0, 100.0
@@ -58,11 +58,11 @@ class Shares:
     def taken(self, kind: Kind, client: str) -> Generator[None]:
         """Count a request within the block; raises ProblemError where there are too many."""
         place = (kind, client)
-        if self._of_one[place] >= OF_ONE:
-            why = f"{client} has {OF_ONE} {kind} requests under way, which is the most"
+        if self._of_one[place] >= OF_ONE[kind]:
+            why = f"{client} has {OF_ONE[kind]} {kind} requests under way, which is the most"
             raise _refused(429, why, 5.0 if kind == "long" else 1.0)
-        if self._all[kind] >= AT_ONCE:
-            why = f"{AT_ONCE} {kind} requests are under way, which is the most"
+        if self._all[kind] >= AT_ONCE[kind]:
+            why = f"{AT_ONCE[kind]} {kind} requests are under way, which is the most"
             raise _refused(503, why, 1.0)
         self._all[kind] += 1
         self._of_one[place] += 1

@@ -380,7 +380,8 @@ def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server
     refusals = Refusals()
     door: Any = partial(Connection, WorkQueue(), refusals)
     if tls is not None:
-        door = partial(Doorway, tls, WorkQueue(), door)
+        # A handshake must precede a stop, so that its queue has no breaks.
+        door = partial(Doorway, tls, WorkQueue(break_s=0.0), door)
     return Server(
         uvicorn.Config(
             HeldRefusals(UnambiguousLength(app), refusals),

@@ -35,7 +35,8 @@ class Peer(Protocol):
 class WorkQueue:
     """The connections of one server that wait: for data of their clients, or for their turn."""
 
-    def __init__(self) -> None:
+    def __init__(self, break_s: float = BREAK_S) -> None:
+        self._break_s = break_s
         self._silent: dict[Peer, None] = {}
         """Connections that wait for the data of their first request; the longest silent first."""
         self._kept: dict[Peer, None] = {}
@@ -102,5 +103,5 @@ class WorkQueue:
                 del self._ready[peer]
                 tasks += peer.work()
         finally:  # an error in one connection does not stop the others
-            self._next_s = monotonic() + BREAK_S
+            self._next_s = monotonic() + self._break_s
             self._schedule()
