@@ -42,6 +42,29 @@ def test_a_bucket_gives_a_burst_and_then_its_rate() -> None:
     assert buckets.wait_s("a", 100.0) > 0.0
 
 
+def test_patient_callers_of_a_bucket_come_one_after_the_other() -> None:
+    buckets = TokenBuckets(per_s=10.0, burst=1.0)
+    waits = [buckets.wait_s("a", 0.0, patience_s=0.25) for _ in range(4)]
+    assert waits == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    # The last one did not wait, so that it took no token.
+    assert buckets.wait_s("a", 0.1, patience_s=0.25) == pytest.approx(0.2)
+
+
+def test_clients_of_one_address_beyond_its_rate_are_served_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
+    app = RateLimit(answered, Authenticator(), buckets=TokenBuckets(per_s=200.0, burst=1.0))
+
+    async def run() -> set[int]:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            found = await asyncio.gather(*(client.get("/jobs") for _ in range(50)))
+            return {answer.status_code for answer in found}
+
+    assert asyncio.run(run()) == {200}
+
+
 def test_a_flood_of_addresses_takes_no_more_memory() -> None:
     buckets = TokenBuckets(per_s=1.0, burst=1.0)
     for number in range(3 * CLIENTS):
@@ -62,6 +85,11 @@ def test_a_client_beyond_its_rate_gets_a_time_to_retry_and_may_still_stop(
     assert answers[-1].headers["content-type"] == "application/problem+json"
     assert answers[-1].json()["type"] == "urn:pincette:problem:too-many-requests"
     assert [harness.call("POST", ESTOP).status_code for _ in range(5)] == [200] * 5
+
+
+async def answered(_scope: Scope, _receive: Receive, send: Send) -> None:
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": b""})
 
 
 Call = Callable[..., Coroutine[Any, Any, httpx.Response]]
@@ -162,8 +190,8 @@ def test_a_flood_of_long_polls_that_are_answered_at_once_leaves_the_rate_of_othe
 ) -> None:
     async def test(call: Call, go: asyncio.Event) -> None:
         go.set()
-        polls = [(await call("GET", LONG[2])).status_code for _ in range(3 * int(LONG_BURST))]
-        assert set(polls) == {200, 429}
+        polls = [call("GET", LONG[2]) for _ in range(3 * int(LONG_BURST))]
+        assert {poll.status_code for poll in await asyncio.gather(*polls)} == {200, 429}
         assert (await call("GET", "/jobs")).status_code == 200
 
     held(monkeypatch, test)

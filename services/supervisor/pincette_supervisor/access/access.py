@@ -30,8 +30,12 @@ class TokenBuckets:
         self._per_s, self._burst = per_s, burst
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
-    def wait_s(self, client: str, now_s: float) -> float:
-        """Take one token; returns 0, or the time until there is one."""
+    def wait_s(self, client: str, now_s: float, patience_s: float = 0.0) -> float:
+        """Take one token; return the time until there is one, in s.
+
+        Where it is longer than ``patience_s``, no token is taken; else the caller waits for so
+        long, and the tokens of later callers come later.
+        """
         bucket = self._buckets.get(client)
         if bucket is None:
             bucket = self._buckets[client] = _Bucket(self._burst, now_s)
@@ -41,10 +45,10 @@ class TokenBuckets:
             self._buckets.move_to_end(client)
         bucket.tokens = min(self._burst, bucket.tokens + (now_s - bucket.at_s) * self._per_s)
         bucket.at_s = now_s
-        if bucket.tokens < 1.0:
-            return (1.0 - bucket.tokens) / self._per_s
-        bucket.tokens -= 1.0
-        return 0.0
+        wait_s = max(0.0, (1.0 - bucket.tokens) / self._per_s)
+        if wait_s <= patience_s:
+            bucket.tokens -= 1.0
+        return wait_s
 
 
 @dataclass(frozen=True)

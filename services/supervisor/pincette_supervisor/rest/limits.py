@@ -30,6 +30,9 @@ LONG_POLL = b"wait="
 LONG_PER_S, LONG_BURST = 40.0, 100.0
 """Rate and burst of the long requests of one client. A long poll of a job that is over is answered
 at once, so that a flood of them would take the rate that all other requests have."""
+PATIENCE_S = 1.0
+"""Longest time for which a request waits where its client has exceeded its rate; beyond, 429. So
+the clients of one address without keys all get their turn."""
 HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
 """Time for which such a refusal is held back, so that a client that repeats at once does not keep
 the server busy with refusals."""
@@ -105,12 +108,13 @@ class RateLimit:
         client = caller.client
         send = _with_send_timeout(send)
         if caller.scope is not None and _may_stop_job(scope):
-            scope[SHARE] = lambda: self._taken("short", client)
+            scope[SHARE] = lambda: self._taken_at_once("short", client)
             await self._app(scope, receive, send)
             return
         kind = _kind(scope)
         try:
-            with self._taken(kind, client):
+            await asyncio.sleep(self._wait_s(kind, client, PATIENCE_S))
+            with self._shares.taken(kind, client):
                 await self._app(scope, receive, send)
         except ProblemError as refusal:  # of the limits; the application answers its own
             scope[HELD] = True
@@ -118,12 +122,17 @@ class RateLimit:
             await problems.response_of(refusal)(scope, receive, send)
 
     @contextmanager
-    def _taken(self, kind: Kind, client: str) -> Generator[None]:
-        wait_s = self._buckets[kind].wait_s(client, self._clock())
-        if wait_s > 0.0:
-            raise _refused(429, f"{client} asks too often", wait_s)
+    def _taken_at_once(self, kind: Kind, client: str) -> Generator[None]:
+        self._wait_s(kind, client, 0.0)
         with self._shares.taken(kind, client):
             yield
+
+    def _wait_s(self, kind: Kind, client: str, patience_s: float) -> float:
+        """Count a request; return for how long it must wait. Raises ProblemError if too long."""
+        wait_s = self._buckets[kind].wait_s(client, self._clock(), patience_s)
+        if wait_s > patience_s:
+            raise _refused(429, f"{client} asks too often", wait_s)
+        return wait_s
 
 
 def is_estop(scope: Scope) -> bool:
