@@ -32,6 +32,18 @@ class InstrumentCounts(Model):
     """Times that opening an instrument, or reading its voltage back, was tried again."""
 
 
+class ExchangeTimes(Model):
+    """Durations of the newest exchanges with an instrument that succeeded, as measured."""
+
+    model_config = example(count=40, minimum_s=0.0018, median_s=0.0019, worst_s=0.0024)
+
+    count: int
+    """Number of exchanges, at most 40."""
+    minimum_s: float
+    median_s: float
+    worst_s: float
+
+
 class Program(Model):
     """A program of the rig, as far as it is known."""
 
@@ -60,6 +72,8 @@ class Program(Model):
     """Messages it refused since its start."""
     instrument: InstrumentCounts | None = None
     """Of a program that has an instrument and has stated its status."""
+    exchanges: list[ExchangeTimes] = Field(default_factory=list["ExchangeTimes"])
+    """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
     detail: str
     """How it is, for people."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])

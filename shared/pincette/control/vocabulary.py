@@ -105,6 +105,7 @@ class FaultCode(StrEnum):
     SECOND_CONTROLLER = auto()
     STANDSTILLS = auto()
     SUSPENDED = auto()
+    EXCHANGE_TIMES = auto()
     # The controller.
     LAW_NUMBER = auto()
     ACTUATOR_TRIPPED = auto()

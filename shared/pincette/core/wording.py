@@ -99,6 +99,7 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands of a stranger refused",
     FaultCode.STANDSTILLS: "stood still {times:.0f} times",
     FaultCode.SUSPENDED: "the machine was suspended for {slept_s:.1f} s",
+    FaultCode.EXCHANGE_TIMES: "",
     FaultCode.LAW_NUMBER: "",
     FaultCode.ACTUATOR_TRIPPED: "the actuator has tripped",
     FaultCode.LEASE_ENDED: (
@@ -171,6 +172,12 @@ def fault_text(fault: Fault | None) -> str:
     }
     if fault.code is FaultCode.LAW_NUMBER:
         return ", ".join(f"the law: {name} = {value}" for name, value in values.items())
+    if fault.code is FaultCode.EXCHANGE_TIMES:
+        took = ", ".join(
+            f"{name.removesuffix('_s').replace('_', ' ')} {1e3 * value:.1f} ms"
+            for name, value in values.items()
+        )
+        return f"the newest exchanges with the instruments took: {took}"
     if fault.code is FaultCode.RECORDER_STATE:
         counts = (f"{value:.0f} {name.replace('_', ' ')}" for name, value in values.items())
         return "; ".join((fault.words, *counts))

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, inf
@@ -12,6 +13,7 @@ from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.faults import Fault, FaultCode, fault
 from pincette.core.messages import Message
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.service import (
     Acquired,
     AnyService,
@@ -24,6 +26,7 @@ from pincette.core.service import (
     SetVoltage,
     Wave,
 )
+from pincette.engine.exchange_times import ExchangeRecorder
 from pincette.instruments.line.counts import LineCounts, current_counts
 from pincette.instruments.line.shared_line import one_line_for_each_url
 from pincette.instruments.protocols import (
@@ -66,6 +69,8 @@ TRIES = 3
 """Attempts to open an instrument, or to read back its voltage, before that has failed."""
 PAUSE_S = 0.05
 """Pause before another attempt where bytes came that were no answer, in s: noise may last."""
+QUESTIONS = 5
+"""Number of questions to the output at each arming."""
 PASSING = ("silent", "late", "garbled")
 """How an exchange fails that may succeed when it is repeated."""
 
@@ -107,6 +112,7 @@ class Instrument:
         self.counts = LineCounts() if counts is None else counts
         self._watch = watch
         """None in lockstep, where readings take no time."""
+        self._recorder = ExchangeRecorder()
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
         """Looked at once: it takes long to see whether an object has all that a protocol asks."""
@@ -124,6 +130,7 @@ class Instrument:
                     return Reading(self._device.read_um())
                 began_s = watch.clock()
                 x_um = self._device.read_um()
+                self._recorder.add(watch.clock() - began_s)
                 return watch.too_old(began_s) or Reading(x_um)
             block = self._device.read_block()
         except InstrumentError as error:
@@ -139,7 +146,9 @@ class Instrument:
         """Give the output its order; returns its fault, or the voltage that it was asked for."""
         try:
             if isinstance(order, SetVoltage):
+                began_s = self._now_s()
                 self._device.write_V(order.voltage_V)
+                self._note_exchange(began_s)
             elif isinstance(order, ReadBack):
                 return PutOut(self._device.read_V())
             elif not isinstance(self._device, WaveOutput):
@@ -182,6 +191,32 @@ class Instrument:
             return PutOut(float(self._read_back()))
         except InstrumentError as error:
             raise RefusedError(f"the voltage output cannot be read back: {error}") from error
+
+    def measure(self) -> None:
+        """Ask the output a few times for its voltage, which moves nothing, to measure exchanges.
+
+        A question that fails is left out: the output has just been read back.
+        """
+        if self._watch is None:
+            return
+        for _ in range(QUESTIONS):
+            began_s = self._now_s()
+            with suppress(InstrumentError):
+                self._device.read_V()
+                self._note_exchange(began_s)
+
+    @property
+    def exchanges(self) -> tuple[ExchangeTimes, ...]:
+        """What the newest exchanges with the instrument took, for each arm; empty before."""
+        times = self._recorder.times()
+        return () if times is None else (times,)
+
+    def _now_s(self) -> float:
+        return 0.0 if self._watch is None else self._watch.clock()
+
+    def _note_exchange(self, began_s: float) -> None:
+        if self._watch is not None:
+            self._recorder.add(self._watch.clock() - began_s)
 
     def _read_back(self) -> float:
         for _ in range(TRIES - 1):

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from pincette.core.faults import Fault
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.service import DeviceCommand, PutOut, ReadBack, Reading, RefusedError, SetVoltage
 from pincette.engine.instrument import Both, Device, Instrument, ReadingWatch
 from pincette.instruments.line.counts import LineCounts
@@ -74,6 +75,17 @@ class InstrumentPair(Instrument):
         """What both put out; raises RefusedError where one does not say."""
         first, second = (_named(arm, one.read_back) for arm, one in enumerate(self._arms))
         return PutOut(first.voltage_V, second.voltage_V)
+
+    def measure(self) -> None:
+        """Ask both outputs a few times for their voltages."""
+        for one in self._arms:
+            one.measure()
+
+    @property
+    def exchanges(self) -> tuple[ExchangeTimes, ...]:
+        """What the newest exchanges took, for each arm; empty before both had one."""
+        first, second = (one.exchanges for one in self._arms)
+        return (*first, *second) if first and second else ()
 
     def capture(self, rate_hz: float) -> None:
         """Refuse a buffered acquisition, which would be of one arm alone."""

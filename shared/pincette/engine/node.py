@@ -24,7 +24,7 @@ from pincette.engine.instrument import ORDERS, Device, ReadingWatch, longest_rea
 from pincette.engine.instrument_pair import instrument_of
 from pincette.engine.request_log import RequestRecorder
 from pincette.engine.synchronizer import KEPT, Pending, Synchronizer, stream_of
-from pincette.engine.timing_budget import too_slow
+from pincette.engine.timing_budget import Budget, known_budget
 from pincette.instruments.line.counts import LineCounts
 
 JOIN_WAIT_PERIODS = 0.25
@@ -71,9 +71,10 @@ class Node:
         self._rig = rig
         self._now = 0.0
         # Judged before the loop turns: loading a driver takes longer than a tick.
-        judges = check_timing and service.instrument == "voltage_output"
-        self._too_slow = too_slow(rig) if judges else ""
         self._instrument = service.instrument is not None
+        judges = check_timing and self._instrument
+        self._budget: Budget | None = known_budget(rig) if judges else None
+        """What a tick takes, by which an arming is refused; None where that is not judged."""
         self._said: tuple[Any, ...] = ()  # outputs of the newest step
         self._drives = service.instrument == "voltage_output"
         self._joins = Synchronizer(service)
@@ -272,14 +273,14 @@ class Node:
                 f"this controller is instance {self.instance}, not {request.owner}: "
                 "a second one runs on this rig"
             )
-        if self._too_slow:
-            raise RefusedError(f"the instruments are too slow: {self._too_slow}")
         if self.service.instrument == "position_sensor":
             self._device.capture(request.capture_hz)
         if self.service.initialize_from_output is not None:
             found = self._device.read_back()
             if differs(self.state, found.voltage_V, found.second_V):
                 self._begin_from(found)
+            self._device.measure()
+        self._check_timing()
         if request.calibration == self.calibration.text():
             return self.config
         try:
@@ -287,6 +288,19 @@ class Node:
             return self.service.configure(rig)
         except ConfigError as error:
             raise RefusedError(f"{self.service.name}: {error}") from error
+
+    def _check_timing(self) -> None:
+        """Refuse an arming if the instruments do not fit into the period; raises RefusedError.
+
+        The actuator judges what the drivers state, and each program what it has measured itself.
+        """
+        stated, exchanges = self._budget, self._device.exchanges
+        if stated is None:
+            return
+        sensors, outputs = ((), exchanges) if self._drives else (exchanges, ())
+        needed = stated.measured(sensors, outputs)
+        if not needed.fits and (self._drives or stated.fits):
+            raise RefusedError(f"the instruments are too slow: {needed.words()}")
 
     def _status(self) -> Status:
         state = self.state
@@ -307,6 +321,7 @@ class Node:
             predecessor=getattr(state, "predecessor", None),
             replaces=self._before.instance,
             instrument=self._instrument_counts(),
+            exchanges=self._device.exchanges,
         )
 
     def _instrument_counts(self) -> InstrumentCounts | None:

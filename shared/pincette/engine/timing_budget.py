@@ -1,13 +1,14 @@
 """Whether the instruments of a rig fit into its control period, by the sum of all they take."""
 
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from math import inf
 from typing import cast
 
 from pincette.config import ConfigError, Output, RigFile, Sensor
 from pincette.core import plugins
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.service import AnyService
 from pincette.instruments.protocols import Timing
 
@@ -29,19 +30,48 @@ class Budget:
     computing_s: float
     second: tuple[Timing, Timing] | None = None
     """Of the second arm's sensor and output, which are read and written after the first's."""
+    sensor_measured_s: tuple[float, ...] = ()
+    """Measured duration of a reading, for each arm; empty where nothing was measured."""
+    output_measured_s: tuple[float, ...] = ()
+    """Measured duration of an exchange with the output, likewise."""
+
+    @property
+    def sensor_s(self) -> float:
+        """The larger of the stated and the measured duration of a reading, in s."""
+        return max(self.sensor.exchange_s, *self.sensor_measured_s[:1], 0.0)
+
+    @property
+    def output_s(self) -> float:
+        """The larger of the stated and the measured duration of an exchange with the output."""
+        return max(self.output.exchange_s, *self.output_measured_s[:1], 0.0)
 
     @property
     def second_s(self) -> float:
-        """Exchanges with the instruments of the second arm."""
-        return 0.0 if self.second is None else sum(one.exchange_s for one in self.second)
+        """Exchanges with the instruments of the second arm; see ``sensor_s`` and ``output_s``."""
+        if self.second is None:
+            return 0.0
+        sensor, output = self.second
+        return max(sensor.exchange_s, *self.sensor_measured_s[1:], 0.0) + max(
+            output.exchange_s, *self.output_measured_s[1:], 0.0
+        )
+
+    def measured(
+        self, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
+    ) -> "Budget":
+        """Return this budget with the medians of what was measured, for each arm."""
+        return replace(
+            self,
+            sensor_measured_s=tuple(one.median_s for one in sensors),
+            output_measured_s=tuple(one.median_s for one in outputs),
+        )
 
     @property
     def total_s(self) -> float:
         """Sum of all parts."""
         return (
-            self.sensor.exchange_s
+            self.sensor_s
             + self.sensor.response_s
-            + self.output.exchange_s
+            + self.output_s
             + self.output.response_s
             + self.second_s
             + self.computing_s
@@ -58,21 +88,32 @@ class Budget:
         return min(self.sensor.bandwidth_hz, self.output.bandwidth_hz)
 
     def words(self) -> str:
-        """Sum and parts, in ms."""
-        parts = {
-            "sensor exchange": self.sensor.exchange_s,
-            "sensor response": self.sensor.response_s,
-            "command exchange": self.output.exchange_s,
-            "output response": self.output.response_s,
-            "second arm's exchanges": self.second_s,
-            "computing": self.computing_s,
-        }
-        shown = " + ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items() if part)
+        """Sum and parts, in ms; of exchanges both what is stated and what was measured."""
+        parts = (
+            ("sensor exchange", self.sensor_s, _source(self.sensor, self.sensor_measured_s[:1])),
+            ("sensor response", self.sensor.response_s, ""),
+            ("command exchange", self.output_s, _source(self.output, self.output_measured_s[:1])),
+            ("output response", self.output.response_s, ""),
+            ("second arm's exchanges", self.second_s, ""),
+            ("computing", self.computing_s, ""),
+        )
+        shown = " + ".join(
+            f"{name} {1e3 * part:.1f}{source}" for name, part, source in parts if part
+        )
         relation = "within" if self.fits else "above"
         return (
             f"{shown} = {1e3 * self.total_s:.1f} ms, {relation} the control period of "
             f"{1e3 * self.period_s:g} ms"
         )
+
+
+def _source(stated: Timing, measured_s: Sequence[float]) -> str:
+    """Return where a duration comes from; empty where none was measured."""
+    for each_s in measured_s:
+        if each_s > stated.exchange_s:
+            return f" (measured, stated {1e3 * stated.exchange_s:.1f})"
+        return f" (stated, measured {1e3 * each_s:.1f})"
+    return ""
 
 
 def budget(rig: RigFile) -> Budget:
@@ -125,14 +166,12 @@ def _lets_go_s(arm: RigFile) -> float:
     return inf if arm.output.on_silence == "holds" else 0.0
 
 
-def too_slow(rig: RigFile) -> str:
-    """The sum of the timing where the instruments do not fit into the period; else empty."""
-    # The driver of the other instrument may be installed on another machine alone.
+def known_budget(rig: RigFile) -> Budget | None:
+    """Return the timing of all instruments; None where a driver is on another machine alone."""
     try:
-        needed = budget(rig)
+        return budget(rig)
     except plugins.PluginError:
-        return ""
-    return "" if needed.fits else needed.words()
+        return None
 
 
 def stated(group: str, settings: Sensor | Output) -> Timing:

@@ -56,7 +56,7 @@ def test_a_rig_whose_instruments_fit_is_armed_and_another_is_not() -> None:
             assert reply == Ack(-1)
             continue
         assert isinstance(reply, str)
-        assert reply == f"the instruments are too slow: {budget(slow).words()}"
+        assert reply.startswith("the instruments are too slow: sensor exchange ")
         assert "above the control period of 20 ms" in reply
 
 

@@ -12,6 +12,7 @@ from pincette.control.quantities import Document
 from pincette.control.record import replace
 from pincette.core import messages
 from pincette.core.faults import Acted, Fault, Mode, Outcome, Predecessor
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.topics import TOPIC_OF, Request, Topic
 from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
 from tests.support.bytes_bus import carried
@@ -44,6 +45,8 @@ class CannedRig:
         """Instance of the actuator before, which was switched off with the latch of its boot."""
         self.told = rig.model_dump_json()
         """What its programs say when they are asked for their rig file."""
+        self.exchanges: dict[str, tuple[ExchangeTimes, ...]] = {}
+        """Measured exchanges of its programs with their instruments."""
         self.silent: set[str] = set()
         self.refused = RefusedMessages("supervisor")
         self.latch = "boot"
@@ -138,6 +141,7 @@ class CannedRig:
             case messages.StatusRequest():
                 digest, instance = self.digests[service], self.instances[service]
                 said: dict[str, Any] = {"findings": self.findings.get(service, ())}
+                said["exchanges"] = self.exchanges.get(service, ())
                 if service == "actuator":
                     said |= {"mode": self.mode, "replaces": self.replaces}
                     said["predecessor"] = Predecessor.NONE

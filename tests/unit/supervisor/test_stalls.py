@@ -3,8 +3,10 @@
 from collections.abc import Callable
 
 import pytest
+from msgspec.structs import asdict
 
 from pincette.config import RigFile
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.engine.measuring.kept import FILE, keep
 from pincette.engine.measuring.machine import Findings
 from pincette.latency.rule import Measured
@@ -55,3 +57,31 @@ def test_another_trip_says_nothing_of_the_machine(real: Harness) -> None:
 
 def test_in_lockstep_no_machine_is_too_slow(harness: Harness) -> None:
     assert tripped(harness) == f"actuator tripped: {STALLED}"
+
+
+def test_a_trip_by_age_names_the_measured_exchanges_with_the_instruments(real: Harness) -> None:
+    real.bus.exchanges["sensor"] = (ExchangeTimes(40, 0.002, 0.0021, 0.093),)
+    real.bus.exchanges["actuator"] = (ExchangeTimes(5, 0.001, 0.0012, 0.0015),)
+    job = real.playing_to(IN_APPROACH)
+    real.bus.trip(STALLED)
+    ended = real.ended(job)
+    assert "sensor worst 93.0 ms" in ended["cause"]
+    (found,) = [one for one in ended["ending"]["faults"] if one["code"] == "exchange_times"]
+    assert found["values"]["sensor_median_s"] == 0.0021
+    assert found["values"]["output_worst_s"] == 0.0015
+
+
+def test_instruments_that_are_measured_to_be_too_slow_let_no_job_start(real: Harness) -> None:
+    took = ExchangeTimes(40, 0.026, 0.027, 0.03)
+    real.bus.exchanges["sensor"] = (took,)
+    rig = real.get("/rigs/demo")
+    assert not rig["can_start"]
+    assert "sensor exchange 27.0 (measured, stated 1.8)" in "".join(rig["reasons"])
+    (sensor,) = (one for one in rig["programs"] if one["name"] == "sensor")
+    assert sensor["exchanges"] == [asdict(took)]
+    labels = 'arm="1",rig="demo",service="sensor",statistic="median"'
+    metrics = real.call("GET", "/metrics").text
+    assert f"pincette_instrument_exchange_seconds{{{labels}}} 0.027" in metrics
+    real.bus.exchanges["sensor"] = (ExchangeTimes(40, 0.002, 0.002, 0.03),)
+    real.manager.context.health.refresh(force=True)
+    assert real.get("/rigs/demo")["can_start"]

@@ -40,6 +40,10 @@ class TripReason(NamedTuple):
     cause: Cause
     faults: tuple[Fault, ...] = ()
 
+    def with_fault(self, found: Fault) -> "TripReason":
+        """Return this reason with one more fault."""
+        return TripReason(self.cause, (*self.faults, found))
+
     def text(self, silent: str = "") -> str:
         """For people; ``silent`` is the program that was silent when it came."""
         return cause_text(self.cause, self.faults, silent)

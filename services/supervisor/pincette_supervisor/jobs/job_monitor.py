@@ -7,6 +7,7 @@ from pincette.bus.protocol import BusError
 from pincette.core.faults import Acted, Cause, Outcome
 from pincette.core.messages import Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY
+from pincette.core.wording import fault_text
 from pincette_supervisor.alarms.trips import TripReason, trip_ending
 from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.controller_actions import ControllerActions
@@ -16,7 +17,7 @@ from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words
 from pincette_supervisor.jobs.missing_samples import MissingSamples
 from pincette_supervisor.jobs.resumption import moving_less, resumption
-from pincette_supervisor.jobs.stalls import stall_words
+from pincette_supervisor.jobs.stalls import exchange_fault, stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
 from pincette_supervisor.jobs.watch import Watch
 from pincette_supervisor.planning.planned import Planned
@@ -243,10 +244,11 @@ class JobMonitor:
         gone = gone_words(self._context)
         if event == "fail":
             if tracker.trip is not None and not self._trip_asked:
-                words = self._trip_words(tracker.trip)
-                more = gone or stall_words(self._context, tracker.trip)
-                job.cause = f"{words}; {more}" if more else words
-                job.ending = trip_ending(tracker.trip)
+                trip = tracker.trip
+                took = exchange_fault(self._context, trip)
+                words = [self._trip_words(trip), gone or stall_words(self._context, trip)]
+                job.cause = "; ".join(filter(None, (*words, fault_text(took))))
+                job.ending = trip_ending(trip if took is None else trip.with_fault(took))
             job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         fault = self._recorder.evaluate(tracker, self._collection)
         if fault and event == "done":

@@ -1,7 +1,7 @@
 """What the machine kept where a job tripped by the age of its commands, and what would suit it."""
 
 from pincette.config import RigFile
-from pincette.core.faults import Cause, FaultCode
+from pincette.core.faults import Cause, Fault, FaultCode, fault
 from pincette.engine.measuring.kept import asked, how, kept
 from pincette.latency.advice import age_change
 from pincette.latency.rule import TAIL
@@ -19,6 +19,30 @@ def silence_s(rig: RigFile, reason: TripReason) -> float | None:
     if rig.lockstep or reason.cause != Cause.COMMAND_AGE or codes != [FaultCode.NO_COMMAND]:
         return None
     return next((item.value for item in reason.faults[0].values if item.name == "silent_s"), None)
+
+
+INSTRUMENTS = {"sensor": "sensor", "actuator": "output"}
+"""Instrument of each program that has one."""
+
+
+def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
+    """Return what the newest exchanges with the instruments took, for a trip by age; else None.
+
+    Asks the programs, so that readings shortly before the trip are among them.
+    """
+    if context.rig.lockstep or reason.cause != Cause.COMMAND_AGE:
+        return None
+    context.health.refresh(force=True)
+    values: dict[str, float] = {}
+    for program, times in context.health.exchanges().items():
+        for arm, took in enumerate(times):
+            name = f"{'second_' if arm else ''}{INSTRUMENTS[program]}"
+            values |= {
+                f"{name}_minimum_s": took.minimum_s,
+                f"{name}_median_s": took.median_s,
+                f"{name}_worst_s": took.worst_s,
+            }
+    return fault(FaultCode.EXCHANGE_TIMES, **values) if values else None
 
 
 def stall_words(context: RigContext, reason: TripReason) -> str:

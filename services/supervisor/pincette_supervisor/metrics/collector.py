@@ -155,6 +155,20 @@ def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
         families.INSTRUMENT,
         [((rig, *pair), n) for rig, counters in of for pair, n in counters.instrument().items()],
     )
+    yield _metric(
+        families.EXCHANGES,
+        [
+            ((one.name, service, str(arm), statistic), value)
+            for one in exported
+            for service, times in one.context.health.exchanges().items()
+            for arm, took in enumerate(times, start=1)
+            for statistic, value in (
+                ("minimum", took.minimum_s),
+                ("median", took.median_s),
+                ("worst", took.worst_s),
+            )
+        ],
+    )
 
 
 def _durations(exported: Sequence[JobManager]) -> Iterator[Metric]:

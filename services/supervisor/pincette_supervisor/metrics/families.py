@@ -108,6 +108,13 @@ INSTRUMENT = Family(
     "and were dropped; `lost`: answers that never came; `unexpected`: answers more than requests; "
     "`reopened`: ports opened again; `retried`: attempts repeated when an instrument was opened",
 )
+EXCHANGES = Family(
+    "pincette_instrument_exchange_seconds",
+    "gauge",
+    ("rig", "service", "arm", "statistic"),
+    "`minimum`, `median` and `worst` duration of the newest 40 exchanges with an instrument that "
+    "succeeded: readings of the sensor's program, writes and questions of the actuator's",
+)
 GONE = Family(
     "pincette_programs_gone_total",
     "counter",

@@ -14,11 +14,12 @@ from pincette.bus.protocol import Bus, BusError
 from pincette.config import ConfigError, RigFile
 from pincette.core.faults import Cause, Mode, Predecessor
 from pincette.core.messages import Applied, Position, Reset, Status, Timing, TimingRequest
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.plugins import PluginError
 from pincette.core.topics import LOOP, RESET, TIMING_OF
 from pincette.core.wording import fault_text
 from pincette.engine.arming import status
-from pincette.engine.timing_budget import budget, lets_go_s
+from pincette.engine.timing_budget import Budget, budget, lets_go_s
 from pincette.records.timings import program_timing
 from pincette_supervisor.alarms.trips import TripReason, reason_of
 from pincette_supervisor.journal.store import Store
@@ -78,7 +79,7 @@ class Health:
         self._write_queue = WriteQueue()
         """Of notes, so that no reset waits for a disk."""
         self._met, self._cleared = (f"{note}: {rig.rig.name}" for note in (MET, CLEARED))
-        self._too_slow = _too_slow(rig)
+        self._budget = _budget(rig)
         self.lets_go_s = lets_go_s(rig)
         """After so long without its host the output may have let a part go."""
         self._asked_at = float("-inf")
@@ -264,7 +265,7 @@ class Health:
     def reasons(self) -> list[str]:
         """Why no job can start, the actuator's latch apart."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
-        found += [why for why in (self.changed, self._too_slow) if why]
+        found += [why for why in (self.changed, self.too_slow()) if why]
         mode, reason = self.latch()
         words = self._observer.trips.words(reason, self._rig)
         if mode == Mode.FROZEN:
@@ -276,18 +277,33 @@ class Health:
             found.append(f"actuator: ramping ({words}); wait until it is safe, then reset it")
         return found
 
+    def exchanges(self) -> dict[str, tuple[ExchangeTimes, ...]]:
+        """Return what exchanges took for each program that has an instrument, for each arm."""
+        answers = ((name, self.status(name)) for name in LOOP)
+        return {name: answer.exchanges for name, answer in answers if answer and answer.exchanges}
+
+    def too_slow(self) -> str:
+        """Why the instruments do not fit into the control period; empty where they do.
+
+        The larger of what the drivers state and what the programs have measured counts.
+        """
+        if isinstance(self._budget, str):
+            return self._budget
+        took = self.exchanges()
+        needed = self._budget.measured(took.get("sensor", ()), took.get("actuator", ()))
+        return "" if needed.fits else f"the instruments are too slow: {needed.words()}"
+
     def close(self) -> None:
         """End the threads that ask."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _too_slow(rig: RigFile) -> str:
-    """Why the instruments do not fit into the control period; empty where they do."""
+def _budget(rig: RigFile) -> Budget | str:
+    """Return what a tick takes as the drivers state it, or why that is not known."""
     try:
-        needed = budget(rig)
+        return budget(rig)
     except (PluginError, ConfigError) as error:
         return str(error)
-    return "" if needed.fits else f"the instruments are too slow: {needed.words()}"
 
 
 def loop_timing(bus: Bus) -> LoopTiming:

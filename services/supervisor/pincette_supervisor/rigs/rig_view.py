@@ -8,6 +8,7 @@ from msgspec.structs import asdict
 from pincette.api.job_kinds import job_kinds
 from pincette.api.rig_states import RIG_STATES
 from pincette.api.rigs import (
+    ExchangeTimes,
     InstrumentCounts,
     Interlock,
     Latch,
@@ -143,10 +144,15 @@ def _program(context: RigContext, name: str) -> Program:
         missed=None if status is None else status.missed,
         refused=None if status is None else status.refused,
         instrument=None if status is None else _instrument_counts(status),
+        exchanges=[] if status is None else _exchanges(status),
         detail="" if status is None else status_text(status),
         faults=[] if status is None else fault_views((*status.faults, *status.findings)),
         trouble=context.health.troubles().get(name, ""),
     )
+
+
+def _exchanges(status: Status) -> list[ExchangeTimes]:
+    return [ExchangeTimes.model_validate(asdict(one)) for one in status.exchanges]
 
 
 def _instrument_counts(status: Status) -> InstrumentCounts | None:

@@ -178,6 +178,16 @@ class InstrumentCounts(FrozenRecord, frozen=True):
     """Times that opening an instrument failed and was tried again."""
 
 
+class ExchangeTimes(FrozenRecord, frozen=True):
+    """Durations of the newest exchanges with one instrument that succeeded, as measured."""
+
+    count: Whole
+    """Number of exchanges, at most 40."""
+    minimum_s: Second
+    median_s: Second
+    worst_s: Second
+
+
 class Status(FrozenRecord, frozen=True):
     """How a program is; ``instance`` differs for every start of it."""
 
@@ -205,6 +215,8 @@ class Status(FrozenRecord, frozen=True):
     """Instance of that one, where it is known."""
     instrument: InstrumentCounts | None = None
     """Of a program that has an instrument."""
+    exchanges: Items[ExchangeTimes] = ()
+    """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
 
 
 class TimingRequest(FrozenRecord, frozen=True):

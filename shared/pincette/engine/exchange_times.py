@@ -1,0 +1,39 @@
+"""Durations of the newest exchanges with one instrument, as the program measures them."""
+
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+
+from pincette.core.messages.requests import ExchangeTimes
+
+KEPT = 40
+"""Number of the newest exchanges that are kept."""
+
+
+class ExchangeRecorder:
+    """Keeps the durations of the newest exchanges that succeeded."""
+
+    def __init__(self) -> None:
+        self._took_s: deque[float] = deque(maxlen=KEPT)
+
+    def add(self, took_s: float) -> None:
+        """Add the duration of an exchange, in s."""
+        self._took_s.append(took_s)
+
+    def times(self) -> ExchangeTimes | None:
+        """Return what the newest exchanges took; None before the first one."""
+        return times_of(self._took_s)
+
+
+def times_of(took_s: Sequence[float]) -> ExchangeTimes | None:
+    """Return the least, the median and the most of some durations; None without any."""
+    if not took_s:
+        return None
+    return ExchangeTimes(len(took_s), min(took_s), median(took_s), max(took_s))
+
+
+def in_words(times: ExchangeTimes) -> str:
+    """Return them for people, in ms."""
+    values = (times.minimum_s, times.median_s, times.worst_s)
+    shown = "/".join(f"{1e3 * value:.1f}" for value in values)
+    return f"{shown} ms (minimum/median/worst of {times.count})"
