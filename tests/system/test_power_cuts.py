@@ -9,9 +9,11 @@ import json
 import os
 import random
 import secrets
+import signal
 import sqlite3
 from collections import Counter
-from contextlib import closing
+from collections.abc import Generator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -55,6 +57,18 @@ class Cut:
     """Number of the newest sample before the image was copied."""
 
 
+@contextmanager
+def stopped(rig: RunningRig) -> Generator[None]:
+    """Stop all programs meanwhile, since an image can only be copied while nothing is written."""
+    for name in rig.fleet.members:
+        rig.fleet.signal(name, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for name in rig.fleet.members:
+            rig.fleet.signal(name, signal.SIGCONT)
+
+
 def cut_in_each_phase(
     rig: RunningRig, seen: Witness, disk: LoopDisk, images: Path, chance: random.Random
 ) -> list[Cut]:
@@ -76,7 +90,8 @@ def cut_in_each_phase(
         sleep(chance.uniform(0.0, LONGEST_S))
         jobs = {job["id"]: job for job in rig.get("/jobs", limit=500)["jobs"]}
         newest = seen.newest(Applied).seq
-        image = disk.cut(images / f"{running}-{phase}.img")
+        with stopped(rig):
+            image = disk.cut(images / f"{running}-{phase}.img")
         if rig.job(waiting)["state"] == "queued":
             cuts.append(Cut(phase, image, jobs, running, waiting, newest))
         else:

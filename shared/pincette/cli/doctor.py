@@ -90,7 +90,7 @@ def consent(question: str) -> bool:
 def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Iterator[Finding]":
     """Machine, rig file, ports, instruments, and with a person's consent a small motion."""
     from pincette.diagnostics import Finding
-    from pincette.diagnostics.bus import foreign_sessions
+    from pincette.diagnostics.bus import exchanges, foreign_sessions
     from pincette.diagnostics.certificates import certificates
     from pincette.diagnostics.instruments import INSTRUMENTS_HELP, instruments
     from pincette.diagnostics.machine import (
@@ -119,6 +119,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
     yield ports
     if ports is not PORTS_FREE:
         yield from foreign_sessions(rig)
+        yield from exchanges(rig)
     if rig.simulation is not None:
         yield Finding(True, INSTRUMENTS_HELP)
         if consent is not None:

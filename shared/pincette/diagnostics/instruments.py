@@ -3,19 +3,21 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from itertools import pairwise
 from math import fsum, inf, sqrt
 from pathlib import Path
-from statistics import median
 from typing import cast
 
 from pincette.config import ConfigError, RigFile, Sensor
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.plugins import PluginError
 from pincette.core.service import AnyService, member_services
 from pincette.diagnostics import Finding, noted
-from pincette.engine.instrument import open_device, reading_timeout_s
+from pincette.engine.exchange_times import in_words, times_of
+from pincette.engine.instrument import longest_reading_s, open_for_measurement, reading_timeout_s
 from pincette.engine.process import loop_services
-from pincette.engine.timing_budget import shared_timeout_s
+from pincette.engine.timing_budget import budget, shared_timeout_s
 from pincette.instruments.protocols import (
     InstrumentError,
     PositionSensor,
@@ -41,12 +43,22 @@ INSTRUMENTS_HELP = (
 
 
 def instruments(rig: RigFile) -> Iterator[Finding]:
-    """Open all instruments, one after the other, and look at what they say; moves nothing."""
+    """Open all instruments, one after the other, and look at what they say; moves nothing.
+
+    The last finding compares the control period with what was measured.
+    """
+    limits = Limits.of(rig)
+    sensors, outputs = list[ExchangeTimes](), list[ExchangeTimes]()
     for arm in rig.arms:
-        yield from _of_arm(arm)
+        yield from _of_arm(arm, limits, sensors, outputs)
+    if len(sensors) == len(outputs) == len(rig.arms):
+        yield timing(rig, sensors, outputs)
 
 
-def _of_arm(rig: RigFile) -> Iterator[Finding]:
+def _of_arm(
+    rig: RigFile, limits: "Limits", sensors: list[ExchangeTimes], outputs: list[ExchangeTimes]
+) -> Iterator[Finding]:
+    """Look at the instruments of one arm, and add what exchanges with them took."""
     for service in loop_services().values():
         url = rig.sensor.url if service.instrument == "position_sensor" else rig.output.url
         if service.instrument is None:
@@ -60,10 +72,13 @@ def _of_arm(rig: RigFile) -> Iterator[Finding]:
             yield from latency(url)
             try:
                 if service.instrument == "position_sensor":
-                    limit_s = reading_timeout_s(rig, shared_timeout_of(rig))
-                    yield from readings(rig.sensor, cast(PositionSensor, device), limit_s)
+                    yield from readings(
+                        rig.sensor, cast(PositionSensor, device), limits.reading_s, sensors
+                    )
                 else:
-                    yield from standing(rig, cast(VoltageOutput, device))
+                    output = cast(VoltageOutput, device)
+                    yield from standing(rig, output)
+                    yield questions(url, output, limits.output_s, outputs)
             except InstrumentError as error:
                 what = f"{_called(service)}: {error}"
                 yield Finding(False, what, "see what the instrument shows")
@@ -72,7 +87,7 @@ def _of_arm(rig: RigFile) -> Iterator[Finding]:
 def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | VoltageOutput | Finding:
     """Open the instrument of a service, or say what is in the way."""
     try:
-        device = open_device(service, rig)
+        device = open_for_measurement(service, rig)
     except PluginError as error:
         return Finding(False, f"{_called(service)}: {error}", "install the driver, or name another")
     except ConfigError as error:
@@ -101,36 +116,81 @@ def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
     )
 
 
-def shared_timeout_of(rig: RigFile) -> float:
-    """Return how long the program that reads the sensor may wait for it, in s."""
-    name = rig.program_of("sensor")
-    services = loop_services()
-    try:
-        return shared_timeout_s(rig, [services[one] for one in member_services(name)])
-    except ConfigError:
-        return inf  # a finding of the rig file states it
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Durations after which an answer is late, in s."""
+
+    reading_s: float
+    """For a reading of one arm; both arms of a rig are read within one period."""
+    output_s: float
+    """For an exchange with the output of one arm."""
+
+    @classmethod
+    def of(cls, rig: RigFile) -> "Limits":
+        """Return those of a rig."""
+        name = rig.program_of("sensor")
+        services = loop_services()
+        try:
+            shared_s = shared_timeout_s(rig, [services[one] for one in member_services(name)])
+        except ConfigError:
+            shared_s = inf  # a finding of the rig file states it
+        arms, tick_s = len(rig.arms), longest_reading_s(rig.rig.period_s)
+        reading_s = min(reading_timeout_s(rig, shared_s), tick_s / arms)
+        return cls(reading_s, min(rig.output.timeout_s, rig.rig.period_s / arms))
 
 
-def margin(took_s: Sequence[float], limit_s: float) -> Finding:
-    """Compare the time that readings took with the time after which they are late."""
-    slowest_s = max(took_s)
-    text = (
-        f"sensor: {len(took_s)} readings took {1e3 * median(took_s):.1f} ms in the middle, "
-        f"{1e3 * slowest_s:.1f} ms at most; later than {1e3 * limit_s:.1f} ms is late"
-    )
+def margin(what: str, took: ExchangeTimes, limit_s: float) -> Finding:
+    """Compare what exchanges took with the time after which they are late."""
+    text = f"{what} took {in_words(took)}; later than {1e3 * limit_s:.1f} ms is late"
     remedy = (
         "a late answer is dropped, and three in a row trip: raise the baud rate, set the server's "
         "or adapter's delay to nothing, or take a longer [rig] period_s"
     )
-    if slowest_s > THIN_SHARE * limit_s:
+    if took.median_s > limit_s:
+        return Finding(False, text, remedy)
+    if took.worst_s > THIN_SHARE * limit_s:
         return noted(f"{text}: the margin is thin", remedy)
     return Finding(True, text)
+
+
+def timing(
+    rig: RigFile, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
+) -> Finding:
+    """Compare the control period with the larger of what is stated and what was measured."""
+    needed = budget(rig).measured(sensors, outputs)
+    urls = {arm.sensor.url for arm in rig.arms} | {arm.output.url for arm in rig.arms}
+    return Finding(
+        needed.fits,
+        f"timing, measured: {needed.words()}",
+        f"find what delays {' and '.join(sorted(urls))}: baud rate, the server's or adapter's "
+        "delay; or take a longer [rig] period_s",
+    )
+
+
+def questions(
+    url: str,
+    output: VoltageOutput,
+    limit_s: float,
+    measured: list[ExchangeTimes],
+    clock: Callable[[], float] = time.monotonic,
+) -> Finding:
+    """Ask an output for its voltage, which moves nothing, and compare the time with its limit."""
+    took_s: list[float] = []
+    for _ in range(READINGS):
+        began_s = clock()
+        output.read_V()
+        took_s.append(clock() - began_s)
+    took = times_of(took_s)
+    assert took is not None
+    measured.append(took)
+    return margin(f"output at {url}: exchanges", took, limit_s)
 
 
 def readings(
     settings: Sensor,
     sensor: PositionSensor,
     limit_s: float,
+    measured: list[ExchangeTimes],
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Finding]:
     """Check that readings are quick, in range, in the right unit, and as noisy as stated."""
@@ -138,7 +198,10 @@ def readings(
     for _ in range(READINGS):
         x_um.append(sensor.read_um())
         times_s.append(clock())
-    yield margin([after - before for before, after in pairwise(times_s)], limit_s)
+    took = times_of([after - before for before, after in pairwise(times_s)])
+    assert took is not None
+    measured.append(took)
+    yield margin(f"sensor at {settings.url}: readings", took, limit_s)
     low_um, high_um = min(x_um), max(x_um)
     yield Finding(
         settings.minimum_um <= low_um and high_um <= settings.maximum_um,

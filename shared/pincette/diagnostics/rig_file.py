@@ -65,7 +65,7 @@ def timing(rig: RigFile) -> Finding:
     """Whether a tick fits into the control period, by the sum of all it takes."""
     needed = budget(rig)
     notes = [note for note in (needed.sensor.note, needed.output.note) if note]
-    words = "; ".join([f"timing: {needed.words()}", *notes])
+    words = "; ".join([f"timing, as the drivers state it: {needed.words()}", *notes])
     return Finding(
         needed.fits,
         words,

@@ -260,12 +260,19 @@ def fault_of(error: InstrumentError) -> Fault:
     return fault(FaultCode(f"instrument_{error.code}"), str(error))
 
 
+MEASUREMENT_TIMEOUT_S = 1.0
+"""Longest time of an exchange that is measured while no loop runs, in s."""
 LOCKSTEP_TIMEOUT_S = 2.0
 """By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
 
 D = TypeVar("D", PositionSensor, VoltageOutput)
 
 _log = logging.getLogger(__name__)
+
+
+def open_for_measurement(service: AnyService, rig: RigFile) -> Device:
+    """Open the instrument of a service of one arm with a timeout that hides no slow exchange."""
+    return _open(service, rig, inf, MEASUREMENT_TIMEOUT_S)
 
 
 def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
@@ -293,9 +300,11 @@ def _open_both(service: AnyService, first: RigFile, second: RigFile, at_most_s: 
 
 
 def _open(
-    service: AnyService, rig: RigFile, at_most_s: float
+    service: AnyService, rig: RigFile, at_most_s: float, timeout_s: float | None = None
 ) -> PositionSensor | VoltageOutput | None:
-    patience = {"timeout_s": LOCKSTEP_TIMEOUT_S} if rig.lockstep else {}
+    """Open an instrument; ``timeout_s`` replaces the timeouts of the loop."""
+    timeout_s = LOCKSTEP_TIMEOUT_S if rig.lockstep else timeout_s
+    patience = {} if timeout_s is None else {"timeout_s": timeout_s}
     if service.instrument == "position_sensor":
         patience = patience or {"timeout_s": reading_timeout_s(rig, at_most_s)}
         settings = rig.sensor.model_copy(update=patience)

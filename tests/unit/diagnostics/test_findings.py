@@ -10,9 +10,17 @@ from pincette.config import Output, RigFile, Sensor, read_rig
 from pincette.core import plugins
 from pincette.core.service import AnyService
 from pincette.diagnostics import Finding
-from pincette.diagnostics.instruments import direction, instruments, latency, margin, readings
+from pincette.diagnostics.instruments import (
+    Limits,
+    direction,
+    instruments,
+    latency,
+    margin,
+    readings,
+)
 from pincette.diagnostics.machine import shared_ports
 from pincette.diagnostics.rig_file import limits, model, rig_findings, timing, watchdog
+from pincette.engine.exchange_times import times_of
 from pincette.engine.instrument import Device
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, PositionSensor, VoltageOutput
@@ -21,6 +29,7 @@ from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.rig.rig import SimulatedRig
 
 DEMO = Path(__file__).parents[3] / "deploy/rigs/demo.toml"
+TWO_ARMS = read_rig(DEMO.with_name("two-arms.toml"))
 RIG = read_rig(DEMO)
 
 
@@ -165,7 +174,9 @@ def test_an_unknown_driver_and_a_wrong_option_are_missing() -> None:
 
 
 def test_good_instruments_have_nothing_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", Bench().open_device)
+    monkeypatch.setattr(
+        "pincette.diagnostics.instruments.open_for_measurement", Bench().open_device
+    )
     found = list(instruments(RIG))
     assert missing(iter(found)) == []
     said = "\n".join(finding.what for finding in found)
@@ -177,7 +188,7 @@ def test_an_instrument_that_cannot_be_opened_is_named(monkeypatch: pytest.Monkey
     def fail(service: AnyService, _rig: RigFile) -> Device:
         raise InstrumentError(f"{service.name} is not there", "cannot_open")
 
-    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", fail)
+    monkeypatch.setattr("pincette.diagnostics.instruments.open_for_measurement", fail)
     assert missing(instruments(RIG)) == [
         "sensor: sensor is not there",
         "output: actuator is not there",
@@ -188,16 +199,16 @@ def test_a_wrong_unit_a_coarse_display_and_noise_are_found() -> None:
     settings: Sensor = RIG.sensor
     with pytest.raises(InstrumentError, match="steps of 10 µm"):
         Bench(unit="mm")
-    (what,) = missing(readings(settings, Constant(5.0, 5.1), 0.016))
+    (what,) = missing(readings(settings, Constant(5.0, 5.1), 0.016, []))
     assert what == "sensor: readings differ by 0.1 µm at least, limits 0.001 and 0.05 µm"
-    (what,) = missing(readings(settings, Constant(0.00123, 0.00124), 0.016))
+    (what,) = missing(readings(settings, Constant(0.00123, 0.00124), 0.016, []))
     assert "differ by 1e-05 µm" in what
-    (what,) = missing(readings(settings, Constant(5.0, 5.01, 6.0, 7.0), 0.016))
+    (what,) = missing(readings(settings, Constant(5.0, 5.01, 6.0, 7.0), 0.016, []))
     assert "noise 0.837 µm" in what
     assert "the rig file has 0.03 µm" in what
-    (what,) = missing(readings(settings, Constant(20000.0, 20000.02), 0.016))
+    (what,) = missing(readings(settings, Constant(20000.0, 20000.02), 0.016, []))
     assert "range -9999..9999 µm" in what
-    (*_, finding) = readings(settings, Constant(5.0), 0.016)
+    (*_, finding) = readings(settings, Constant(5.0), 0.016, [])
     assert finding.mark == "note"
 
 
@@ -260,7 +271,7 @@ def test_no_room_below_the_limit_moves_nothing() -> None:
 
 def test_nothing_moves_without_consent(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
-    monkeypatch.setattr("pincette.diagnostics.instruments.open_device", bench.open_device)
+    monkeypatch.setattr("pincette.diagnostics.instruments.open_for_measurement", bench.open_device)
     assert moved(RIG, lambda question: "0.2 V" not in question).mark == "missing"
     assert bench.written_V == []
 
@@ -282,6 +293,22 @@ def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
 def test_readings_that_leave_a_thin_margin_below_their_timeout_are_noted(
     slowest_s: float, mark: str
 ) -> None:
-    found = margin([0.0018] * 39 + [slowest_s], 0.016)
+    took = times_of([0.0018] * 39 + [slowest_s])
+    assert took is not None
+    found = margin("sensor: readings", took, 0.016)
     assert found.mark == mark
-    assert f"{1e3 * slowest_s:.1f} ms at most; later than 16.0 ms is late" in found.what
+    assert f"1.8/1.8/{1e3 * slowest_s:.1f} ms" in found.what
+    assert "later than 16.0 ms is late" in found.what
+
+
+def test_exchanges_that_are_usually_late_are_missing() -> None:
+    took = times_of([0.027] * 40)
+    assert took is not None
+    assert margin("sensor: readings", took, 0.016).mark == "missing"
+
+
+def test_both_arms_of_a_rig_share_the_limit_of_a_reading() -> None:
+    alone, together = Limits.of(RIG), Limits.of(TWO_ARMS)
+    assert alone.reading_s == pytest.approx(0.8 * 0.02)
+    assert together.reading_s == pytest.approx(0.5 * 0.02)
+    assert together.output_s == pytest.approx(0.5 * 0.02)
