@@ -1,12 +1,15 @@
 """A disk that has stopped answering: actions on a rig wait for no write of the journal."""
 
+import asyncio
 import threading
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 
 import pytest
-from sqlalchemy import Connection
+from sqlalchemy import Connection, event
+from sqlalchemy.engine import Engine
+from starlette.types import Message
 
 from pincette_supervisor.access.authentication import (
     Authenticator,
@@ -210,3 +213,51 @@ def test_a_session_counts_at_once_and_not_after_its_end(
     authenticator.refresh(keys)
     assert (len(keys.sessions()) == 0) == signs_out
     assert (authenticator.identify("here", None, cookie).scope is None) == signs_out
+
+
+def test_no_request_reads_the_journal_on_the_event_loop(harness: Harness) -> None:
+    """A stop is served on the event loop, which must wait for no disk."""
+    job = harness.ended(harness.grip()["id"])["id"]
+    held = harness.playing_to(IN_HOLD)
+    on_loop, rig = list[str](), "/rigs/demo"
+
+    def note(_c: object, _cursor: object, statement: str, *_: object) -> None:
+        with suppress(RuntimeError):
+            asyncio.get_running_loop()
+            on_loop.append(statement)
+
+    paths = ("/jobs", f"/jobs/{job}", f"/jobs/{job}?wait=change&since=0", "/events?format=json")
+    paths += (f"/jobs/{job}/events", f"/jobs/{job}/events?format=json", f"/jobs/{job}/artifacts")
+    paths += ("/rigs", rig, f"{rig}/samples", f"{rig}/timing", f"{rig}/history", f"{rig}/model")
+    paths += ("/session", "/alarms", "/recipes", "/calibrations")
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        for path in paths:
+            assert harness.call("GET", f"/api/v1{path}").status_code == 200, path
+            assert on_loop == [], path
+        asyncio.run(first_live_event(harness))
+        assert harness.act(held, "stop").status_code == 202
+        assert harness.post(f"{rig}/estop").status_code == 200
+        assert harness.call("DELETE", "/api/v1/session").status_code == 200
+        assert on_loop == []
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+
+
+async def first_live_event(harness: Harness) -> None:
+    """Read the first block of the stream of live samples."""
+    scope = {"type": "http", "method": "GET", "path": "/api/v1/rigs/demo/live", "raw_path": b""}
+    scope |= {"query_string": b"", "headers": [(b"host", b"localhost")], "client": ("here", 1)}
+    scope |= {"scheme": "http", "server": ("localhost", 80), "root_path": "", "http_version": "1.1"}
+    came = asyncio.Event()
+
+    async def receive() -> Message:
+        await came.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        if message.get("body"):
+            came.set()
+
+    async with asyncio.timeout(PATIENCE_S):
+        await harness.app({**scope, "asgi": {"version": "3.0"}}, receive, send)

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import Select, event, select, text
+from sqlalchemy import Select, event, text
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.engine import Engine
 
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.journal.tables import JOBS
 
 
 @pytest.fixture
@@ -31,22 +30,52 @@ def as_text(query: Select[Any]) -> str:
     return str(query.compile(dialect=sqlite.dialect(), compile_kwargs={"literal_binds": True}))
 
 
-FILTERS = (
+def newest(wanted: JobFilter) -> str:
+    return as_text(wanted.newest(51, "sqlite"))
+
+
+BY_COLUMN = (
     JobFilter(rig="demo"),
     JobFilter(state="running"),
     JobFilter(kind="grip"),
     JobFilter(sample="B7"),
     JobFilter(batch="w12"),
     JobFilter(operator="ann"),
+    JobFilter(pinned=True),
     JobFilter(rig="demo", state="succeeded", before_number=9),
+    JobFilter(rig="demo", created_from="2026-03-01", created_to="2026-03-02"),
+)
+BY_WORDS = (
+    JobFilter(outcome="gripped"),
+    JobFilter(label=("tray", "7")),
+    JobFilter(text="chip"),
+    JobFilter(text="ch"),
+    JobFilter(text="chip", outcome="gripped", rig="demo", before_number=9),
+)
+BY_TIME = (
+    JobFilter(created_from="2026-03-01"),
+    JobFilter(created_to="2026-03-01"),
+    JobFilter(created_from="2026-03-01", created_to="2026-03-02", before_number=9),
 )
 
 
-@pytest.mark.parametrize("wanted", FILTERS)
+@pytest.mark.parametrize("wanted", BY_COLUMN)
 def test_a_list_looks_its_jobs_up_and_sorts_nothing(store: Store, wanted: JobFilter) -> None:
-    query = wanted.applied(select(JOBS).order_by(JOBS.c.number.desc()).limit(51))
-    (step,) = plan(store, as_text(query))
+    (step,) = plan(store, newest(wanted))
     assert step.startswith("SEARCH jobs USING INDEX ix_jobs_"), step
+
+
+@pytest.mark.parametrize("wanted", BY_WORDS)
+def test_a_search_reads_only_jobs_of_the_full_text_index(store: Store, wanted: JobFilter) -> None:
+    index, step = plan(store, newest(wanted))
+    assert index.startswith("SCAN job_search VIRTUAL TABLE"), index
+    assert step.startswith("SEARCH jobs USING INDEX"), step
+
+
+@pytest.mark.parametrize("wanted", BY_TIME)
+def test_a_filter_by_time_reads_times_in_an_index(store: Store, wanted: JobFilter) -> None:
+    (step,) = plan(store, newest(wanted))
+    assert "jobs USING INDEX ix_jobs_number_created_at" in step, step
 
 
 def test_what_is_asked_for_all_the_time_reads_no_job_and_no_event(store: Store) -> None:

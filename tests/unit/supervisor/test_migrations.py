@@ -19,12 +19,20 @@ HEAD = sorted((MIGRATIONS / "versions").glob("v*.py"))[-1].name[1:5]
 """The newest revision, by the names of the files."""
 
 
+def is_model(name: str | None, *_: object) -> bool:
+    return "job_search" not in (name or "")
+
+
 def test_migrated_tables_are_those_of_the_models(tmp_path: Path) -> None:
     store = Store(tmp_path / "jobs.sqlite")
     made = create_engine("sqlite://")
     METADATA.create_all(made)
     with store.reading() as migrated, made.begin() as modelled:
-        context = MigrationContext.configure(migrated)
+        # The full-text index is a virtual table with tables of its own, which are no models.
+        context = MigrationContext.configure(
+            migrated,
+            opts={"include_name": is_model},
+        )
         assert context.get_current_revision() == HEAD
         assert compare_metadata(context, METADATA) == []
         found, expected = inspect(migrated), inspect(modelled)

@@ -19,6 +19,7 @@ from pincette_supervisor.journal.tables import METADATA, utc_now
 from tests.support.postgres import Server, server
 
 from .harness import Harness
+from .test_job_search import FILTERS, fill, matches, rows
 
 NUMBERS = count(1)
 
@@ -41,11 +42,20 @@ def store(tmp_path: Path, url: str) -> Iterator[Store]:
     made.close()
 
 
+def is_model(name: str | None, *_: object) -> bool:
+    return not (name or "").startswith("ix_jobs_search_")
+
+
 def test_its_tables_are_those_of_the_models_and_no_file_is_made(
     store: Store, tmp_path: Path
 ) -> None:
     with store.reading() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+        # Indexes of expressions are no part of the models.
+        context = MigrationContext.configure(
+            connection,
+            opts={"include_name": is_model},
+        )
+        assert compare_metadata(context, METADATA) == []
     assert list(tmp_path.iterdir()) == []
 
 
@@ -69,6 +79,20 @@ def test_a_job_is_run_found_again_and_told_of(
     assert (
         harness.post("/recipes", {"name": "bead", "values": {"force_mN": 8.0}}).status_code == 201
     )
+
+
+def test_a_search_finds_what_a_look_at_each_job_finds(store: Store) -> None:
+    fill(store, rows())
+    for wanted in FILTERS:
+        expected = [job.id for job in reversed(rows()) if matches(job, wanted)]
+        assert [job.id for job in store.newest(500, wanted)] == expected, wanted
+
+
+def test_a_search_has_indexes(store: Store) -> None:
+    with store.reading() as connection:
+        found = connection.scalars(text("SELECT indexname FROM pg_indexes"))
+        names = {name for name in found if name.startswith("ix_jobs_search_")}
+    assert names == {f"ix_jobs_search_{name}" for name in ("outcome", "labels", "words")}
 
 
 def test_the_audit_log_is_only_added_to(store: Store) -> None:

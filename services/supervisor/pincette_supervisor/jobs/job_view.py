@@ -31,7 +31,10 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
         rig=rig,
         state="queued",
         request=request.model_dump(mode="json", exclude_unset=True),
-        plan={**planned.plan.model_dump(mode="json"), "values": planned.values},
+        plan={
+            **planned.plan.model_dump(mode="json", exclude={"curves"}),
+            "values": planned.values,
+        },
         created_at=utc_now(),
         requested_by=by,
         sample=request.sample,

@@ -1,18 +1,38 @@
-"""Which jobs of the journal are asked for."""
+"""Filter for the jobs of the journal."""
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, String, cast, or_
+from sqlalchemy import ColumnElement, Integer, Select, String, cast, literal_column, or_
+from sqlalchemy.dialects.postgresql import JSONB
 
 from pincette.api.states import JobState
 from pincette_supervisor.journal.database import matching
-from pincette_supervisor.journal.tables import JOBS
+from pincette_supervisor.journal.tables import JOB_SEARCH, JOBS
+
+COLUMNS = ("kind", "state", "rig", "sample", "batch", "operator", "pinned")
+"""Conditions on one column each, which has an index."""
+FIRST, LAST = "", "9999-12-31T24"
+"""Texts before and after every time of the journal."""
+UNINDEXED_NUMBER = literal_column("+jobs.number", Integer)
+"""Number for a condition without its own index, so that SQLite takes the one that has the times."""
+TRIGRAM = 3
+"""Characters of the shortest text that the full-text index of a file finds."""
+OUTCOME_ON_SERVER = literal_column("(jobs.result ->> 'outcome')", String)
+WORDS_ON_SERVER = literal_column(
+    "(jobs.id || ' ' || jobs.cause || ' ' || coalesce(jobs.requested_by, '') || ' ' || jobs.sample "
+    "|| ' ' || jobs.batch || ' ' || jobs.operator || ' ' || jobs.notes || ' ' || "
+    "(jobs.labels::text))",
+    String,
+)
+"""Expressions as in the indexes of ``migrations``; PostgreSQL uses an index only where they agree.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobFilter:
-    """What jobs must be; what is None leaves them open."""
+    """Conditions on jobs; None sets no condition."""
 
     kind: str | None = None
     state: JobState | None = None
@@ -25,22 +45,33 @@ class JobFilter:
     operator: str | None = None
     pinned: bool | None = None
     text: str | None = None
-    """Part of the name, of what was said of it, of the cause, or of who asked; small and capital
-    letters are the same where they are ASCII."""
+    """Part of the job's id, sample, batch, operator, notes, labels, cause or requester. ASCII
+    letters match in upper and lower case."""
     created_from: str | None = None
-    """Taken then or later; in UTC, as the journal keeps times."""
+    """Earliest creation time, in UTC, in the form of the journal."""
     created_to: str | None = None
-    """Taken before then."""
+    """Creation time before which the jobs were created."""
     before_number: int | None = None
 
-    def applied(self, query: Select[Any]) -> Select[Any]:
-        """The query of those jobs alone."""
-        query = matching(query, kind=self.kind, state=self.state, rig=self.rig)
-        query = matching(query, sample=self.sample, batch=self.batch, operator=self.operator)
-        query = matching(query, pinned=self.pinned)
-        return query.where(*self._conditions())
+    def newest(self, limit: int, dialect: str) -> Select[Any]:
+        """Return the query of the newest jobs that match, for an SQL dialect."""
+        columns = {name: getattr(self, name) for name in COLUMNS}
+        query = matching(JOBS.select(), **columns).where(*self._conditions())
+        number: ColumnElement[int] = JOBS.c.number
+        before = number
+        if dialect != "sqlite":
+            query = query.where(*self._found_on_server())
+        elif found := self._found_in_file():
+            query = query.join(JOB_SEARCH, JOB_SEARCH.c.rowid == JOBS.c.number).where(*found)
+            number = before = JOB_SEARCH.c.rowid
+        elif self.created_from is not None or self.created_to is not None:
+            before = UNINDEXED_NUMBER
+        if self.before_number is not None:
+            query = query.where(before < self.before_number)
+        return query.order_by(number.desc()).limit(limit)
 
     def _conditions(self) -> list[ColumnElement[bool]]:
+        """Return the exact conditions, which no index has to support."""
         found: list[ColumnElement[bool]] = []
         if self.label is not None:
             name, text = self.label
@@ -49,13 +80,45 @@ class JobFilter:
             found.append(JOBS.c.result["outcome"].as_string() == self.outcome)
         if self.text is not None:
             found.append(_contains(self.text))
-        if self.created_from is not None:
-            found.append(JOBS.c.created_at >= self.created_from)
-        if self.created_to is not None:
-            found.append(JOBS.c.created_at < self.created_to)
-        if self.before_number is not None:
-            found.append(JOBS.c.number < self.before_number)
+        if self.created_from is not None or self.created_to is not None:
+            # With both bounds SQLite takes the index that has the times.
+            found.append(JOBS.c.created_at >= (self.created_from or FIRST))
+            found.append(JOBS.c.created_at < (self.created_to or LAST))
         return found
+
+    def _found_in_file(self) -> list[ColumnElement[bool]]:
+        """Return conditions on the full-text index that all matching jobs meet."""
+        phrases: list[str] = []
+        found: list[ColumnElement[bool]] = []
+        if self.label is not None:
+            phrases.append(": ".join(_quoted(text) for text in self.label))
+        if self.outcome is not None:
+            phrases.append(f'"outcome": {_quoted(self.outcome)}')
+        if self.text is not None and "\0" not in self.text:  # NUL ends a query of FTS5
+            if len(self.text) >= TRIGRAM:
+                phrases.append(self.text)
+            else:
+                found.append(JOB_SEARCH.c.words.icontains(self.text, autoescape=True))
+        if phrases:
+            terms = " AND ".join('"' + phrase.replace('"', '""') + '"' for phrase in phrases)
+            found.append(JOB_SEARCH.c.words.match(terms))
+        return found
+
+    def _found_on_server(self) -> list[ColumnElement[bool]]:
+        """Return conditions for the indexes of a server that all matching jobs meet."""
+        found: list[ColumnElement[bool]] = []
+        if self.label is not None:
+            found.append(cast(JOBS.c.labels, JSONB).contains(dict([self.label])))
+        if self.outcome is not None:
+            found.append(self.outcome == OUTCOME_ON_SERVER)
+        if self.text is not None:
+            found.append(WORDS_ON_SERVER.icontains(self.text, autoescape=True))
+        return found
+
+
+def _quoted(text: str) -> str:
+    """Return a text in the form of the journal's JSON."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _contains(text: str) -> ColumnElement[bool]:
@@ -66,3 +129,4 @@ def _contains(text: str) -> ColumnElement[bool]:
 
 
 EVERY_JOB = JobFilter()
+"""Filter that matches all jobs of a journal."""

@@ -121,9 +121,8 @@ class Store(Database):
 
     def newest(self, limit: int, found: JobFilter = EVERY_JOB) -> list[JobRow]:
         """Jobs, the newest first; only those that a filter lets through."""
-        query = found.applied(select(JOBS).order_by(JOBS.c.number.desc()).limit(limit))
         with self.reading() as connection:
-            return _select(connection, query)
+            return _select(connection, found.newest(limit, connection.dialect.name))
 
     def pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[JobRow]]:
         """The same, at most ``PAGE`` jobs at once; without a limit all of them."""

@@ -15,6 +15,8 @@ from sqlalchemy import (
     PrimaryKeyConstraint,
     String,
     Table,
+    column,
+    table,
 )
 
 from pincette.api.states import ActionType, JobState
@@ -47,12 +49,17 @@ JOBS = Table(
     Column("priority", Integer, nullable=False),
     Column("place", Integer),
     *(
-        Index(f"ix_jobs_{name}_number", name, "number")
-        for name in ("rig", "state", "kind", "sample", "batch", "operator")
+        Index(f"ix_jobs_{name}_number", name, "number", "created_at")
+        for name in ("rig", "state", "kind", "sample", "batch", "operator", "pinned")
     ),
+    Index("ix_jobs_number_created_at", "number", "created_at"),
     Index("ix_jobs_counted", "rig", "kind", "state"),
 )
 """``number`` rises with every job, ``revision`` with every change; ``place`` is in the queue."""
+
+JOB_SEARCH = table("job_search", column("rowid", Integer), column("words", String))
+"""Full-text index of a journal file (FTS5 of SQLite): text, labels and outcome of each job, by the
+number of the job. Triggers of the file keep it up to date."""
 
 ACTIONS = Table(
     "actions",

@@ -95,6 +95,9 @@ class Health:
         self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
+        self._cleared_instance = ""
+        """Actuator whose latch was cleared last, in memory: streams ask for it on the event loop,
+        where no read may wait for a disk."""
         self.changed = ""
         """Why the served rig file differs from that of the programs, in words."""
 
@@ -125,6 +128,7 @@ class Health:
         """Trust the first actuator, unless it took the place of one that is not known to have
         ended cleanly; one that was only switched on and off, and that was trusted, counts as such.
         """
+        self._cleared_instance = self._store.get_note(self._cleared) or ""
         noted = self._store.get_note(self._met)
         self._met_before = noted == str(actuator.instance)
         ended_well = actuator.predecessor is Predecessor.CLEAN or (
@@ -185,7 +189,7 @@ class Health:
         actuator = self.status("actuator")
         if actuator is None or actuator.instance != self._trusted:
             return False
-        if self._store.get_note(self._cleared) == str(actuator.instance):
+        if self._cleared_instance == str(actuator.instance):
             return False
         mode, reason = self.latch()
         if mode is None:
@@ -206,6 +210,7 @@ class Health:
         self._bus.call(RESET, Reset(acknowledge=acknowledge))
         actuator = status(self._bus, "actuator")
         self._trusted = actuator.instance
+        self._cleared_instance = str(actuator.instance)
         self._note(self._cleared, actuator.instance)
         self._note(self._met, actuator.instance)
 
