@@ -110,7 +110,7 @@ class JobFilter:
         if self.label is not None:
             found.append(cast(JOBS.c.labels, JSONB).contains(dict([self.label])))
         if self.outcome is not None:
-            found.append(self.outcome == OUTCOME_ON_SERVER)
+            found.append(OUTCOME_ON_SERVER.in_([self.outcome]))
         if self.text is not None:
             found.append(WORDS_ON_SERVER.icontains(self.text, autoescape=True))
         return found
