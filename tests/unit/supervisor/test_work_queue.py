@@ -30,8 +30,9 @@ GET = b"GET /livez HTTP/1.1\r\nHost: a\r\n\r\n"
 class Line(asyncio.Transport):
     """A transport that keeps what is written."""
 
-    def __init__(self) -> None:
-        super().__init__({"peername": ("127.0.0.1", 1), "sockname": ("127.0.0.1", 2)})
+    def __init__(self, opened: socket.socket | None = None) -> None:
+        ends = {"peername": ("127.0.0.1", 1), "sockname": ("127.0.0.1", 2)}
+        super().__init__({**ends, "socket": opened})
         self.sent, self.closed = b"", False
 
     def write(self, data: Any) -> None:
@@ -71,12 +72,12 @@ class Lines:
         self._state = ServerState()
         self._peers: list[Any] = []
 
-    def connect(self) -> tuple[Any, Line]:
+    def connect(self, opened: socket.socket | None = None) -> tuple[Any, Line]:
         """Open a connection; returns its protocol and its transport."""
         make: Any = self._server.config.http
         protocol, line = (
             make(config=self._server.config, server_state=self._state, app_state={}),
-            Line(),
+            Line(opened),
         )
         protocol.connection_made(line)
         self._peers.append(protocol)
@@ -198,6 +199,21 @@ def test_connections_that_were_served_outlive_silent_ones() -> None:
         silent = [lines.connect()[1] for _ in range(2 * MOST)]
         assert sum(one.closed for one in silent) > MOST // 2
         assert not line.closed
+
+    run(test)
+
+
+def test_a_connection_whose_data_have_arrived_outlives_newer_ones() -> None:
+    """A new client does not lose its connection before its first request has been read."""
+
+    async def test(lines: Lines) -> None:
+        server_end, client_end = socket.socketpair()
+        with server_end, client_end:
+            client_end.send(GET)
+            _, line = lines.connect(server_end)
+            silent = [lines.connect()[1] for _ in range(2 * MOST)]
+            assert sum(one.closed for one in silent) > MOST // 2
+            assert not line.closed
 
     run(test)
 

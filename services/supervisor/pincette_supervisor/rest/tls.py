@@ -41,7 +41,7 @@ class Doorway(asyncio.Protocol):
     ``queue`` is shared by all handshakes of a server.
     """
 
-    _transport: asyncio.Transport
+    transport: asyncio.Transport
     _until: asyncio.TimerHandle
 
     def __init__(
@@ -57,7 +57,7 @@ class Doorway(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as asyncio calls it
         """Wait for a handshake, at the cost of another one where there are too many."""
-        self._transport = transport
+        self.transport = transport
         if len(self._queue) >= MOST_PENDING:
             other = self._queue.pop_silent() or self._queue.pop_last()
             if other is not None:
@@ -69,13 +69,13 @@ class Doorway(asyncio.Protocol):
         """Enqueue the handshake once its first message is whole; refuse plain HTTP."""
         self._first += data
         if self._first[:2] != HANDSHAKE[: len(self._first)]:
-            self._transport.write(BAD_REQUEST + PLAIN)
-            self._transport.close()
+            self.transport.write(BAD_REQUEST + PLAIN)
+            self.transport.close()
             return
         size = HEAD_BYTES + int.from_bytes(self._first[3:HEAD_BYTES], "big")
         if len(self._first) >= max(size, HEAD_BYTES + 1):
             self._until.cancel()
-            self._transport.pause_reading()
+            self.transport.pause_reading()
             self._queue.add(self)
 
     def work(self) -> bool:
@@ -93,10 +93,10 @@ class Doorway(asyncio.Protocol):
             ssl_handshake_timeout=HANDSHAKE_S,
         )
         self._queue.add_silent(self)
-        self._transport.set_protocol(tls)
-        tls.connection_made(self._transport)
+        self.transport.set_protocol(tls)
+        tls.connection_made(self.transport)
         _feed(tls, self._first)
-        self._transport.resume_reading()
+        self.transport.resume_reading()
         return False
 
     def _shaken(self, done: "asyncio.Future[None]") -> None:
@@ -111,7 +111,7 @@ class Doorway(asyncio.Protocol):
     def abort(self) -> None:
         """End it."""
         self._forget()
-        self._transport.abort()
+        self.transport.abort()
 
     def _forget(self) -> None:
         self._until.cancel()

@@ -5,6 +5,7 @@ queue, data of many connections that arrive together would delay a stop by the s
 """
 
 import asyncio
+import select
 from abc import abstractmethod
 from time import monotonic
 from typing import Protocol
@@ -18,10 +19,17 @@ BREAK_S = 0.003
 which are short then."""
 FRESH = 128
 """Newest silent connections that are not ended to make room: their data may be on the way."""
+LOOKED_AT = 32
+"""Silent connections of which one is looked for whose data have not arrived."""
 
 
 class Peer(Protocol):
     """A connection."""
+
+    @property
+    @abstractmethod
+    def transport(self) -> asyncio.BaseTransport:
+        """The transport, whose socket shows whether data have arrived."""
 
     @abstractmethod
     def work(self) -> bool:
@@ -78,10 +86,12 @@ class WorkQueue:
         The one that has been silent longest, of those without an answer first.
         """
         for waiting in (self._silent, self._kept):
-            if len(waiting) > FRESH:
+            for _ in range(min(LOOKED_AT, len(waiting) - FRESH)):
                 peer = next(iter(waiting))
                 del waiting[peer]
-                return peer
+                if not _has_data(peer.transport):
+                    return peer
+                waiting[peer] = None
         return None
 
     def pop_last(self) -> Peer | None:
@@ -105,3 +115,13 @@ class WorkQueue:
         finally:  # an error in one connection does not stop the others
             self._next_s = monotonic() + self._break_s
             self._schedule()
+
+
+def _has_data(transport: asyncio.BaseTransport) -> bool:
+    """Whether data, or the end of the connection, have arrived and wait to be read."""
+    opened = transport.get_extra_info("socket")
+    if opened is None or opened.fileno() < 0:
+        return False
+    poll = select.poll()
+    poll.register(opened.fileno(), select.POLLIN)
+    return bool(poll.poll(0))
