@@ -23,14 +23,15 @@ def stays_within_the_plan(job: Played) -> bool:
     """Whether force, references and voltage stay within what the plan states; it was 3.98 V."""
     planned = job.planned.program.planned_range
     assert planned is not None
+    assert planned.position_max_um is not None
     assert planned.position_max_um < 52.0
-    assert planned.voltage_max_V < 3.4
+    assert planned.voltage.max_V < 3.4
     reached_V = max(applied.voltage_V for applied in job.applied)
     reached_um = max(view.x_r_um for view in job.views)
-    print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} of {planned.voltage_max_V:.2f} V")
+    print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} of {planned.voltage.max_V:.2f} V")
     assert reached_um <= planned.position_max_um
     assert max(view.force_r_mN for view in job.views if view.phase == "load") <= 1.05 * PLANNED_MN
-    return job.peak_mN < 1.1 * PLANNED_MN and reached_V <= planned.voltage_max_V
+    return job.peak_mN < 1.1 * PLANNED_MN and reached_V <= planned.voltage.max_V
 
 
 @pytest.mark.parametrize("profile", ["quick", "gentle"])

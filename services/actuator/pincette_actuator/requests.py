@@ -40,7 +40,14 @@ def handle(limits: SafetyLimits, state: State, request: Message, now: float) -> 
 def _arm(limits: SafetyLimits, state: State, request: Arm, now: float) -> Answer:
     if why := arming_objection(state):
         raise RefusedError(why)
-    state = armed(limits, state, epoch=request.epoch, owner=request.owner, now=now)
+    state = armed(
+        limits,
+        state,
+        epoch=request.epoch,
+        owner=request.owner,
+        now=now,
+        planned=(request.voltage, request.second_voltage),
+    )
     state = replace(state, pending=None, sweep=None, answered_seq=-1)
     return state, Ack(-1), (applied_of(state, -1),)
 

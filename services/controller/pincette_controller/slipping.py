@@ -169,9 +169,16 @@ def within_plan(program: Program, player: Player, x_um: float) -> Player:
     planned = program.planned_range
     if planned is None or not player.segment.presses or player.segment.phase in UNWATCHED:
         return player
-    if player.x_r_um <= planned.position_max_um:
+    most_mN = planned.force_max_mN
+    if most_mN is not None and player.force_r_mN > most_mN:
+        player = replace(player, force_r_mN=most_mN)
+    low_um, high_um = planned.position_min_um, planned.position_max_um
+    if high_um is not None and player.x_r_um > high_um:
+        player = replace(player, x_r_um=high_um)
+    elif low_um is not None and player.x_r_um < low_um:
+        player = replace(player, x_r_um=low_um)
+    else:
         return player
-    player = replace(player, x_r_um=planned.position_max_um)
     if player.outcome:
         return player
     outcome = Outcome.SLIPPED if player.slips else Outcome.WRONG_STIFFNESS

@@ -190,8 +190,9 @@ def _play(
     if player.suspect is not None:
         voltage_V = estimate.applied_V
     planned = program.planned_range
-    if planned is not None and not open_loop and voltage_V > planned.voltage_max_V:
-        voltage_V = planned.voltage_max_V
+    if planned is not None:
+        low_V, high_V = planned.voltage.from_voltage(estimate.applied_V)
+        voltage_V = min(max(voltage_V, low_V), high_V)
     command = Command(
         epoch=state.epoch,
         seq=estimate.seq,

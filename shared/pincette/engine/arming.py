@@ -45,9 +45,17 @@ def arm(
     if owner is None:
         owner = status(bus, "controller").instance
     bus.call(LOAD, Load(program))
+    planned = program.planned_range
     for service in ORDER:
         request = Arm(
-            epoch, owner, digest, Document(calibration), program.capture_hz, zero_confirmed
+            epoch,
+            owner,
+            digest,
+            Document(calibration),
+            program.capture_hz,
+            zero_confirmed,
+            None if planned is None else planned.voltage,
+            None if planned is None else planned.second_voltage,
         )
         bus.call(ARM[service], request)
         # Before the first sample, so that no program plays without the lease it shall have.

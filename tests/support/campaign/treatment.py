@@ -3,7 +3,6 @@
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -223,21 +222,21 @@ def _beyond(watched: Watched, program: Program) -> str:
         (
             "position",
             [truth.x_um for truth in truths],
-            getattr(planned, "position_min_um", -inf),
+            planned.position_min_um,
             planned.position_max_um,
             RANGE_UM,
         ),
         (
             "voltage",
             [truth.voltage_V for truth in truths],
-            getattr(planned, "voltage_min_V", -inf),
-            planned.voltage_max_V,
+            planned.voltage.min_V,
+            planned.voltage.max_V,
             RANGE_V,
         ),
     ):
-        if max(values) > high + slack:
+        if high is not None and max(values) > high + slack:
             found.append(f"{name} {max(values):.3g} > {high:.3g}")
-        if isfinite(low) and min(values) < low - slack:
+        if low is not None and min(values) < low - slack:
             found.append(f"{name} {min(values):.3g} < {low:.3g}")
     return ", ".join(found)
 

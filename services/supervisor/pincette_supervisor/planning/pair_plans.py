@@ -16,10 +16,12 @@ from pincette.config.derived import X_START_UM
 from pincette.control.laws.parameters import Gain, LawSpec
 from pincette.control.laws.two_arm_law import LAW
 from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.contact_plan import PlannedRig, voltage_range
+from pincette.control.planning.contact_request import MARGIN_UM
 from pincette.control.planning.feasibility import named_violation
 from pincette.control.planning.pair_course import PairCourse, broken_limits, sample_pair
 from pincette.control.planning.pair_plan import PairRequest
-from pincette.control.planning.program import Program
+from pincette.control.planning.program import PlannedRange, Program
 from pincette.control.planning.sampling import unsampled
 from pincette.control.planning.touch_force import weak_force
 from pincette.control.stability.two_arms import TwoArmAssessment, TwoArmLoop, assess_two_arms
@@ -135,7 +137,26 @@ def pair_job(
         ),
     )
     values = {**values, "law": plan.law.model_dump()}
-    return Planned(plan, replace(program, laws=(spec,)), values, model)
+    planned_range = None if held_um is not None else pair_range(course, rigs, rig)
+    return Planned(plan, replace(program, laws=(spec,), planned_range=planned_range), values, model)
+
+
+def pair_range(
+    course: PairCourse, rigs: tuple[PlannedRig, PlannedRig], rig: RigFile
+) -> PlannedRange:
+    """Return the voltages of both arms, for a part anywhere within its tolerances.
+
+    Arms that hold a part already have none: nobody knows by which force their voltages differ from
+    those of free arms.
+    """
+    part, force_mN = rig.part, max(course.arms[0].force_r_mN)
+    deeper_um = force_mN / part.stiffness_mN_per_um * part.stiffness_tolerance
+    on_um = part.contact_tolerance_um + MARGIN_UM + deeper_um
+    first, second = (
+        voltage_range([*arm.voltage_V, max(arm.voltage_V) + on_um / of.piezo_um_per_V], of)
+        for arm, of in zip(course.arms, rigs, strict=True)
+    )
+    return PlannedRange(voltage=first, second_voltage=second, force_max_mN=force_mN)
 
 
 def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:

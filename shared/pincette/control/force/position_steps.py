@@ -71,6 +71,9 @@ class StepLimits:
     """Part of the threshold that noise and resolution make, by that mean, and"""
     rest_limit_um: float = field(init=False)
     """by a mean of ``REST_MEAN`` samples."""
+    resting_um: float = field(init=False)
+    """Way of the free place up to which the longer mean is used: an error of kappa then explains
+    at most a quarter of its threshold."""
 
     def __post_init__(self) -> None:
         noise_um = require_not_negative("noise", self.noise_um, "µm")
@@ -82,6 +85,7 @@ class StepLimits:
         for name, count in (("limit_um", mean_of), ("rest_limit_um", REST_MEAN)):
             limit_um = SIGMAS * noise_um * sqrt(1.0 + 1.0 / count) + SLACK_UM
             object.__setattr__(self, name, limit_um)
+        object.__setattr__(self, "resting_um", 0.25 * self.rest_limit_um / EXPLAINED)
 
     def kappa(self, stiffness_mN_per_um: float) -> float:
         """Return s_p·K_e."""
@@ -139,8 +143,19 @@ class StepWatch(FrozenRecord, frozen=True):
         begin = end - limits.mean_of
         found = self._against(begin, end, kappa, limits.limit_um)
         if found is None and kappa.known and limits.mean_of < REST_MEAN <= end:
-            return self._against(end - REST_MEAN, end, kappa, limits.rest_limit_um)
+            begin = end - REST_MEAN
+            if self._at_rest(begin, limits):
+                return self._against(begin, end, kappa, limits.rest_limit_um)
         return found
+
+    def _at_rest(self, begin: int, limits: StepLimits) -> bool:
+        """Whether the free place has hardly moved since a sample.
+
+        A long mean of a moving arm lies several samples back, and an error of kappa then counts for
+        the way of all of them.
+        """
+        way_um = max(self.free_um[begin:]) - min(self.free_um[begin:])
+        return way_um <= limits.resting_um
 
     def _against(self, begin: int, end: int, kappa: Kappa, limit_um: float) -> Step | None:
         """Hold the newest sample against the mean of the samples from ``begin`` up to ``end``."""

@@ -7,6 +7,8 @@ IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from msgspec.structs import replace as replace_record
+
 from pincette.control.checks import require_positive
 from pincette.control.planning.conditioning import conditioning
 from pincette.control.planning.contact_request import (
@@ -34,14 +36,18 @@ from pincette.control.planning.motion_course import Leg, motion_course, planned_
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
 from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
+from pincette.control.voltage_range import VoltageRange, around
 
 RUN_UP_PERIODS = 5
 """In which a seek that does not stop at the touch comes to its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
-RANGE_SHARE, RANGE_V = 0.1, 0.1
-"""Voltage beyond the furthest that is predicted, as a share of it and in V."""
+RANGE_SHARE, UNKNOWN_SHARE, RANGE_V = 0.1, 0.5, 0.1
+"""Voltage beyond those that are predicted, as a share of their range, and in V; the larger share
+where no free response has been identified."""
+DRIFT_UM = 5.0
+"""Way back beyond the rest that a drift of the sensor may ask for, in µm."""
 RANGE_STEPS = 50
 
 
@@ -247,23 +253,35 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
 def _range(
     request: ContactRequest, arm: PlannedArm, course: Course, rig: PlannedRig
 ) -> PlannedRange:
-    """Return how far the softest part that is admitted, touched last, leads the arm.
+    """Return how far the softest part that is admitted, touched last, leads the arm, and back.
 
     The voltage is that of the free response, or of d_p, and ``RANGE_SHARE`` of it and ``RANGE_V``
-    beyond, for creep, hysteresis and the law's own motion.
+    beyond, for creep, hysteresis and the law's own motion. Away from the part there is room for
+    ``DRIFT_UM`` besides.
     """
     force_mN = max(course.force_r_mN)
     x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
     steps = range(RANGE_STEPS + 1)
     places_um = [arm.x_start_um + (x_um - arm.x_start_um) * step / RANGE_STEPS for step in steps]
     forces_mN = [force_mN * step / RANGE_STEPS for step in steps]
-    furthest_V = max(arm.voltages_V(places_um, forces_mN, rig.period_s) + course.voltage_V)
+    voltages_V = arm.voltages_V(places_um, forces_mN, rig.period_s) + course.voltage_V
+    back_um = min(arm.x_start_um, *course.x_r_um) - MARGIN_UM
     return PlannedRange(
+        voltage=voltage_range(voltages_V, rig),
+        position_min_um=back_um,
         position_max_um=x_um + MARGIN_UM,
         force_max_mN=force_mN,
-        # The limit of the rig is the actuator's: what it keeps back is a violation of the plan.
-        voltage_max_V=(1.0 + RANGE_SHARE) * furthest_V + RANGE_V,
     )
+
+
+def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
+    """Return the voltages that a plan under a law states, for those that its course needs.
+
+    Limits of the rig are not part of it: what they keep back is a violation of the plan.
+    """
+    share = UNKNOWN_SHARE if rig.free_response is None else RANGE_SHARE
+    found = around(voltages_V, share, RANGE_V)
+    return replace_record(found, min_V=found.min_V - DRIFT_UM / rig.piezo_um_per_V)
 
 
 def _phases(

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.calibration_programs import FREE
-from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
+from pincette.control.planning.contact_plan import MotionPlan, PlannedRig, voltage_range
 from pincette.control.planning.contact_request import CONTACT_SAMPLES
 from pincette.control.planning.course import require_bounded
 from pincette.control.planning.feasibility import excursions, named_violation
@@ -22,10 +22,13 @@ from pincette.control.planning.motion_course import Leg, motion_course, planned_
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import move_duration
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
+from pincette.control.voltage_range import VoltageRange, around
 
 REST_S = 0.5
 """After a move, until the arm has settled."""
+OPEN_V = 0.1
+"""Voltage beyond those of a motion without a law: a voltage that was measured where it begins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +255,22 @@ def _plan(
         named_violation(found, _pointer(found.phase, found.quantity, pointers))
         for found in excursions(course, rig.limits)
     ]
-    program = Program(segments, guards, contact_stiffness_mN_per_um=1.0, begins_held=begins_held)
+    planned = PlannedRange(voltage=_voltages(legs, course.voltage_V, rig))
+    program = Program(
+        segments,
+        guards,
+        contact_stiffness_mN_per_um=1.0,
+        begins_held=begins_held,
+        planned_range=planned,
+    )
     return MotionPlan(program, phases, course, tuple(broken))
+
+
+def _voltages(legs: Sequence[Leg], voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
+    """Return the voltages of a motion: as they are planned, but for a position that a law seeks."""
+    if all(leg.segment.open_loop for leg in legs):
+        return around(voltages_V, 0.0, OPEN_V)
+    return voltage_range(voltages_V, rig)
 
 
 def _pointer(phase: str, quantity: str, pointers: Mapping[str, str]) -> str:

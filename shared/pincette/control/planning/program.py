@@ -20,6 +20,7 @@ from pincette.control.quantities import (
     Whole,
 )
 from pincette.control.record import FrozenRecord
+from pincette.control.voltage_range import VoltageRange
 
 RETREATS = ("unload", "retreat")
 """Phases of the way back."""
@@ -143,11 +144,21 @@ class Guards(FrozenRecord, frozen=True):
 
 
 class PlannedRange(FrozenRecord, frozen=True):
-    """Furthest references and voltage that a plan has stated, for every part that it admits."""
+    """References and voltages that a plan has stated, for every part that it admits.
 
-    position_max_um: Micrometre
-    force_max_mN: Millinewton
-    voltage_max_V: Volt
+    The controller keeps the references of a pressed part within it; the actuator keeps the voltage
+    within it from the arming on.
+    """
+
+    voltage: VoltageRange
+    second_voltage: VoltageRange | None = None
+    """Voltages of the second arm; None: there is one arm, or its range is not stated."""
+    position_min_um: Micrometre | None = None
+    """Lowest position reference of a pressed part; None: none is stated."""
+    position_max_um: Micrometre | None = None
+    """Highest position reference of a pressed part; None: none is stated."""
+    force_max_mN: Millinewton | None = None
+    """Highest force reference; None: none is stated."""
 
 
 class Program(FrozenRecord, frozen=True):
@@ -174,7 +185,7 @@ class Program(FrozenRecord, frozen=True):
     corrections: Corrections | None = None
     """What is learned along the cycles of its path, to begin with; None: nothing is learned."""
     planned_range: PlannedRange | None = None
-    """Range that no reference and no voltage under a law may leave; None: the rig's limits."""
+    """Range that no reference and no voltage may leave; None: the rig's limits."""
     slip_retries: Whole = 0
     """Number of slips after which a load goes on from where the part has stopped."""
 

@@ -24,7 +24,14 @@ from pincette.control.safety.latch import released, trip
 from pincette.control.safety.monitors import Finding, finding, watch_command, watch_position
 from pincette.control.safety.second import SecondFacts, second_finding
 from pincette.control.safety.state import SafetyLimits, SafetyState, Strangers
-from pincette.control.safety.voltage import VoltageLimits, absurd, limited, slewing_s, too_wide
+from pincette.control.safety.voltage import (
+    VoltageLimits,
+    absurd,
+    limited,
+    slewing_s,
+    too_wide,
+    within,
+)
 
 S = TypeVar("S", bound=SafetyState)
 
@@ -234,7 +241,8 @@ def objection(
         return old.with_values(seq=command.seq)
     if command.sweep_V is None:
         return None
-    return too_wide(limits.voltage, command.voltage_V, command.sweep_V)
+    allowed = within(limits.voltage, state.planned, state.voltage_V)
+    return too_wide(allowed, command.voltage_V, command.sweep_V)
 
 
 def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
@@ -243,12 +251,12 @@ def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arriva
     if not limits.lockstep:
         had_s = slewing_s(limits.period_s, now - state.moved_s)
         share = had_s / limits.period_s
-    voltage_V, flags = limited(limits.voltage, state.voltage_V, command.voltage_V, share)
+    allowed = within(limits.voltage, state.planned, state.voltage_V)
+    voltage_V, flags = limited(allowed, state.voltage_V, command.voltage_V, share)
     second, still = state.second, voltage_V == state.voltage_V
     if second is not None and limits.second is not None and command.second is not None:
-        own_V, own_flags = limited(
-            limits.second.voltage, second.voltage_V, command.second.voltage_V, share
-        )
+        allowed = within(limits.second.voltage, second.planned, second.voltage_V)
+        own_V, own_flags = limited(allowed, second.voltage_V, command.second.voltage_V, share)
         still &= own_V == second.voltage_V
         second = replace(second, voltage_V=own_V, limits_active=own_flags)
     return replace(

@@ -20,8 +20,11 @@ from pincette.control.safety.freshness import standstill_s
 from pincette.control.safety.monitors import UNSEEN
 from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
 from pincette.control.safety.voltage import ramp
+from pincette.control.voltage_range import VoltageRange
 
 S = TypeVar("S", bound=SafetyState)
+Ranges = tuple[VoltageRange | None, VoltageRange | None]
+"""Voltages that a plan has stated, for each arm."""
 
 
 def booted(state: S, predecessor: Predecessor) -> S:
@@ -56,10 +59,23 @@ def arming_objection(state: SafetyState) -> str:
     return f"the actuator is {state.mode} ({state.cause or 'armed'}): {hint}"
 
 
-def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float) -> S:
+def armed(
+    limits: SafetyLimits,
+    state: S,
+    *,
+    epoch: int,
+    owner: int,
+    now: float,
+    planned: Ranges = (None, None),
+) -> S:
     """Give the authority to one owner for one epoch, at the voltage and with the part there are.
 
     Until the first command says otherwise a part stays held: a fault before it must not drop it.
+
+    Parameters
+    ----------
+    planned
+        Voltages that the plan has stated for each arm; None: the limits of the rig.
     """
     return replace(
         state,
@@ -79,7 +95,8 @@ def armed(limits: SafetyLimits, state: S, *, epoch: int, owner: int, now: float)
         excused_s=0.0,
         refusal=None,
         strangers=NO_STRANGERS,
-        second=state.second and state.second.armed(),
+        planned=planned[0],
+        second=state.second and state.second.armed(planned[1]),
     )
 
 

@@ -10,6 +10,7 @@ from pincette.control.safety.freshness import AgeLimits, Arrivals
 from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
 from pincette.control.safety.second import SecondArm, SecondLimits
 from pincette.control.safety.voltage import VoltageLimits
+from pincette.control.voltage_range import VoltageRange
 
 ALARM = 3
 """Commands of a stranger from which on it is no remnant but a second controller."""
@@ -94,6 +95,8 @@ class SafetyState(FrozenRecord, frozen=True):
     """Since it has failed it has said what it puts out."""
     asked_s: float = -inf
     """When it was asked for its voltage last."""
+    planned: VoltageRange | None = None
+    """Voltages that the plan of this arming has stated; None: the limits of the rig."""
     second: SecondArm | None = None
     """The second arm, where there is one; all else is of both."""
 

@@ -1,9 +1,10 @@
 """The voltage: its range, its slew, sweeps about it, and the ramp to the safe value."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.voltage_range import VoltageRange
 
 VOLTAGE_MAX, VOLTAGE_MIN, SLEW_UP, SLEW_DOWN = 1, 2, 4, 8
 """Bits that say which limit has acted."""
@@ -23,6 +24,17 @@ class VoltageLimits:
     """Largest amplitude of a sweep, to which the slew limit does not apply."""
     step_V: float = 0.0
     """Of the output, whose voltages are its multiples; 0: not known."""
+
+
+def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float) -> VoltageLimits:
+    """Return the limits narrowed to what the plan has stated; None: the limits as they are.
+
+    A voltage outside the plan, as where an earlier job has left it, may only come nearer.
+    """
+    if planned is None:
+        return limits
+    low_V, high_V = planned.from_voltage(present_V)
+    return replace(limits, min_V=max(limits.min_V, low_V), max_V=min(limits.max_V, high_V))
 
 
 def slewing_s(period_s: float, since_s: float) -> float:

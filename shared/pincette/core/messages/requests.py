@@ -14,6 +14,7 @@ from pincette.control.quantities import (
     Whole,
 )
 from pincette.control.record import FrozenRecord
+from pincette.control.voltage_range import VoltageRange
 from pincette.core.faults import ActionCode, Cause, Fault, LeaseEnd, Mode, Predecessor
 
 
@@ -29,6 +30,10 @@ class Arm(FrozenRecord, frozen=True):
     """As in the program that is played."""
     zero_confirmed: bool = False
     """A person has said that nothing touches the arm: zeros of earlier epochs are given up."""
+    voltage: VoltageRange | None = None
+    """Voltages that the plan has stated; None: the limits of the rig."""
+    second_voltage: VoltageRange | None = None
+    """Voltages of the second arm likewise."""
 
 
 class Load(FrozenRecord, frozen=True):

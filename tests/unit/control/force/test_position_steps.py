@@ -93,6 +93,23 @@ def test_a_jump_at_rest_is_found_with_its_sign(jump_um: float) -> None:
     assert step.before_x_um == pytest.approx(40.0, abs=0.1)
 
 
+@pytest.mark.parametrize("noise_um", [0.03, 0.15])
+@pytest.mark.parametrize("wrong", [0.6, 1.5])
+def test_a_press_whose_stiffness_is_known_badly_raises_no_alarm(
+    noise_um: float, wrong: float
+) -> None:
+    """A line that was fitted on a small load of an arm with an unknown past was off by 40 %."""
+    random, rule, kappa, alarms = Random(SEED), limits(noise_um), S_P * PLAN_K, 0
+    for _ in range(100):
+        watch, free_um = StepWatch(), 30.0
+        for _tick in range(50):
+            free_um += 0.8
+            x_um = (free_um + kappa * 31.2) / (1.0 + kappa) + random.gauss(0.0, noise_um)
+            watch = watch.follow(rule, x_um, free_um)
+            alarms += watch.step(rule, Kappa(wrong * kappa)) is not None
+    assert alarms == 0
+
+
 def test_a_step_backwards_is_not_judged_before_the_line_is_known() -> None:
     rule, watch = limits(0.03), StepWatch()
     for x_um in (30.0, 30.1, 30.2):
