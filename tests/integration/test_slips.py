@@ -93,3 +93,51 @@ def test_a_step_in_a_hold_freezes_the_voltage(
     readings = [found.force_if_slip_mN, found.force_if_sensor_mN]
     assert any(reading == pytest.approx(true_mN, abs=0.7) for reading in readings)
     assert job.truths[max(job.truths)].force_mN == 0.0
+
+
+FAST: Tree = {
+    "limits": {"slew_V_per_s": 60.0},
+    "track": {"rate_um_per_s": 600.0, "acceleration_um_per_s2": 8000.0},
+}
+"""Limits that bear a path of 5 Hz."""
+
+
+def along_path(hz: float, simulation: Tree | None = None) -> Played:
+    """Track a sinusoid by an output without a lag, which rings the mode most."""
+    wishes = {"shape": "sinusoid", "frequency_hz": hz, "cycles": 6, "force_pp_mN": 16.0}
+    without_lag = {"output_lag_s": 0.0, **(simulation or {})}
+    return played(without_lag, FAST, kind="track", **wishes)
+
+
+@pytest.mark.parametrize("hz", [0.5, 2.0, 5.0])
+def test_a_healthy_path_is_not_stopped(hz: float) -> None:
+    job = along_path(hz)
+    assert job.outcome == "tracked"
+    assert job.views[-1].step_um is None
+
+
+@pytest.mark.parametrize(
+    ("hz", "order", "outcome"),
+    [
+        (0.5, ("part", "slip", 3.0), "slipped"),
+        (2.0, ("part", "slip", 4.0), "slipped"),
+        (2.0, ("sensor", "wrong", -2.0), "sensor_jump"),
+    ],
+)
+def test_a_step_along_a_path_ends_it(
+    hz: float, order: tuple[str, str, float], outcome: str
+) -> None:
+    target, what, value = order
+    healthy = along_path(hz).views
+    # The crest of a later cycle, in the time of the script, which counts from the first write.
+    at_s = next(
+        index * 0.02
+        for index, view in enumerate(healthy)
+        if view.phase == "track" and view.segment_tick > 30 and view.force_r_mN > 19.0
+    )
+    script = {"at_s": at_s, "target": target, "what": what, "value": value}
+    job = along_path(hz, {"script": [script]})
+    assert job.outcome == outcome
+    assert job.views[-1].step_um is not None
+    assert job.peak_mN < 1.1 * 24.0
+    assert job.truths[max(job.truths)].force_mN == 0.0

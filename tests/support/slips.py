@@ -61,7 +61,8 @@ def played(simulation: Tree | None = None, changes: Tree | None = None, **wishes
     """Play a grip, or another kind, on the demo rig."""
     tree: Tree = {**(changes or {}), "simulation": simulation or {}}
     rig = demo_rig(tree, time="lockstep")
-    request = REQUEST.validate_python({"kind": "grip", "force_mN": 20.0, "hold_s": 1.0, **wishes})
+    grip = {"kind": "grip", "force_mN": 20.0, "hold_s": 1.0}
+    request = REQUEST.validate_python(wishes if "kind" in wishes else {**grip, **wishes})
     planned = plan_job(request, rig)
     assert planned.plan.violations == []
     program = planned.program

@@ -73,7 +73,7 @@ def watch_steps(
     program: Program, player: Player, estimate: Estimate, limits: StepLimits | None
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
-    if limits is None or not _watched(player):
+    if limits is None or not _watched(program, player, estimate):
         if player.suspect is None and not player.steps.x_um:
             return player
         return replace(player, suspect=None, steps=StepWatch())
@@ -89,19 +89,21 @@ def watch_steps(
     if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
         shown_um = unexplained_um(seen.step, x_um, free_um, kappa)
         return replace(player, seen_step=seen.averaged(shown_um, estimate.force_mN))
-    step = watch.step(limits, kappa)
+    step = watch.step(limits, kappa, along_path=player.segment.path is not None)
     return player if step is None else replace(player, suspect=step)
 
 
-def _watched(player: Player) -> bool:
-    """Whether a part is pressed, at rest or by a load.
+def _watched(program: Program, player: Player, estimate: Estimate) -> bool:
+    """Whether a part is pressed, so that the position follows from voltage and stiffness.
 
-    Along a path the free response errs by steps of its own, up to 2 % of the way at 5 Hz.
+    Along a path it is not where the force is less than that of a touch: the arm may be free there.
+    Two arms are not watched: place and opening move by both voltages, and the difference of the two
+    forces shows what one arm alone cannot.
     """
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.pair is not None:
         return False
-    return segment.path is None
+    return segment.path is None or estimate.force_mN >= program.guards.contact_force_mN
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:

@@ -1,0 +1,183 @@
+"""Peaks of the true force of loads in which the part gives way, over random noise.
+
+A load to 20 mN in 0.45 s, a part of 2.17 mN/µm that gives way at 12 mN, samples each 20 ms. The arm
+is quasi-static: its free place follows the references, and the part takes the rest.
+"""
+
+from dataclasses import dataclass
+from random import Random
+from statistics import median
+
+import pytest
+from msgspec.structs import replace
+
+from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning.program import PlannedRange, Program
+from pincette.control.voltage_range import VoltageRange
+from pincette.core.messages import Estimate
+from pincette_controller.player import advance, begin
+from pincette_controller.player_state import Player
+
+from .ideal_arm import BLANK, T
+from .test_quick_grip import LOAD, QUICK
+
+S_P, K_E, CONTACT_UM, SLIPS_MN, LOAD_MN, LOAD_S = 0.46, 2.17, 12.0, 12.0, 20.0, 0.45
+FEW, ALL, SEED = 12, 200, 461
+FURTHEST_UM = 14.0 + LOAD_MN / (K_E / 1.3) + 2.0
+"""Highest reference of the plan, for the softest part that it admits."""
+
+
+def program(retries: int) -> Program:
+    segments = list(QUICK.segments)
+    load = segments[LOAD]
+    segments[LOAD] = replace(load, duration_s=LOAD_S, move_s=LOAD_S)
+    planned = PlannedRange(
+        voltage=VoltageRange(-1.0, 4.0), position_max_um=FURTHEST_UM, force_max_mN=LOAD_MN
+    )
+    return replace(
+        QUICK,
+        segments=tuple(segments),
+        contact_stiffness_mN_per_um=K_E,
+        slip_retries=retries,
+        planned_range=planned,
+    )
+
+
+@dataclass
+class Slipping:
+    """An arm at a part that gives way, and what came of its load."""
+
+    program: Program
+    limits: StepLimits
+    random: Random
+    slip_um: float | None
+    """Way of one slip; None: the force falls to half each time."""
+    peak_mN: float = 0.0
+    reach_um: float = 0.0
+    """Highest reference."""
+    outcome: str = ""
+    slips: int = 0
+    """Slips that the controller has found."""
+
+    def play(self) -> "Slipping":
+        player, contact_um, free_um, zeroed, given = begin(self.program, 0.0), CONTACT_UM, 0.0, 0, 0
+        kappa = S_P * K_E
+        for seq in range(600):
+            free_um = _free_um(player, free_um)
+            x_um = free_um
+            if free_um > contact_um:
+                x_um = (free_um + kappa * contact_um) / (1.0 + kappa)
+            force_mN = (free_um - x_um) / S_P
+            self.peak_mN = max(self.peak_mN, force_mN)
+            if force_mN > SLIPS_MN and (self.slip_um is None or not given):
+                by_um = self.slip_um or 0.5 * force_mN / K_E * (1.0 + kappa)
+                contact_um, given = contact_um + by_um, given + 1
+                if free_um > contact_um:
+                    x_um = (free_um + kappa * contact_um) / (1.0 + kappa)
+                else:
+                    x_um = free_um
+            seen_um = x_um + self.random.gauss(0.0, self.limits.noise_um)
+            player = advance(
+                self.program,
+                player,
+                _estimate(seq, seen_um, free_um, (seq - zeroed) * T),
+                T,
+                None,
+                self.limits,
+            )
+            zeroed = seq + 1 if player.zero else zeroed
+            if player.pressing:
+                self.reach_um = max(self.reach_um, player.x_r_um)
+            if player.ended:
+                break
+        self.outcome, self.slips = str(player.outcome), player.slips
+        return self
+
+
+def _free_um(player: Player, before_um: float) -> float:
+    """Free place that the references ask for; it stays where the voltage is frozen."""
+    if player.suspect is not None or player.segment.open_loop:
+        return before_um
+    return player.x_r_um + (S_P * player.force_r_mN if player.pressing else 0.0)
+
+
+def _estimate(seq: int, x_um: float, free_um: float, age_s: float) -> Estimate:
+    return replace(
+        BLANK,
+        seq=seq,
+        x_um=x_um,
+        force_mN=(free_um - x_um) / S_P,
+        force_uncertainty_mN=0.5,
+        zero_age_s=age_s,
+        applied_V=free_um,
+    )
+
+
+def loads(slip_um: float | None, noise_um: float, retries: int, count: int) -> list[Slipping]:
+    random, made = Random(SEED), program(retries)
+    limits = StepLimits(noise_um, S_P, T)
+    return [Slipping(made, limits, random, slip_um).play() for _ in range(count)]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the table: what it may come to.
+
+    A slip is found in the first sample after it. Until then the load goes on by up to 2 mN.
+    """
+
+    slip_um: float | None
+    noise_um: float
+    retries: int
+    median_mN: float
+    worst_mN: float
+    found: float
+    """Least share of loads in which the slip is found."""
+
+
+TABLE = (
+    Row(1.0, 0.03, 0, 13.0, 21.5, 0.8),
+    Row(3.0, 0.03, 0, 13.0, 14.0, 1.0),
+    Row(10.0, 0.03, 0, 13.0, 14.0, 1.0),
+    Row(None, 0.03, 0, 13.0, 14.0, 1.0),
+    Row(1.0, 0.03, 1, 20.5, 21.5, 0.8),
+    Row(3.0, 0.03, 1, 20.5, 22.0, 1.0),
+    Row(10.0, 0.03, 1, 20.7, 22.7, 1.0),
+    Row(None, 0.03, 3, 13.0, 14.0, 1.0),
+    Row(3.0, 0.15, 0, 21.5, 24.0, 0.1),
+    Row(10.0, 0.15, 0, 13.0, 14.0, 1.0),
+    Row(None, 0.15, 3, 13.5, 14.0, 1.0),
+)
+
+
+def judge(row: Row, count: int) -> None:
+    played = loads(row.slip_um, row.noise_um, row.retries, count)
+    peaks_mN = [one.peak_mN for one in played]
+    found = sum(one.slips > 0 for one in played)
+    print(
+        f"{row.slip_um} µm, noise {row.noise_um} µm, {row.retries} retries: peak "
+        f"{median(peaks_mN):.1f} / {max(peaks_mN):.1f} mN, found {found} of {count}, "
+        f"references up to {max(one.reach_um for one in played):.1f} µm, "
+        f"{ {one.outcome for one in played} }"
+    )
+    assert median(peaks_mN) <= row.median_mN
+    assert max(peaks_mN) <= row.worst_mN
+    assert found >= row.found * count
+    assert max(one.reach_um for one in played) <= FURTHEST_UM
+
+
+@pytest.mark.parametrize("row", TABLE, ids=str)
+def test_a_part_that_gives_way_in_a_load_is_not_pressed_harder(row: Row) -> None:
+    judge(row, FEW)
+
+
+@pytest.mark.parametrize("row", TABLE, ids=str)
+@pytest.mark.full
+def test_over_200_loads_a_part_that_gives_way_is_not_pressed_harder(row: Row) -> None:
+    judge(row, ALL)
+
+
+@pytest.mark.parametrize("noise_um", [0.03, 0.15])
+def test_loads_of_a_part_that_stays_are_not_stopped(noise_um: float) -> None:
+    played = loads(1e-9, noise_um, 0, FEW)
+    assert {one.slips for one in played} == {0}
