@@ -30,8 +30,12 @@ def learning_digest(program: Program, rig: RigFile) -> str:
 
 
 def motion_digest(program: Program) -> str:
-    """Names the motion of a program: another law plays nearly the same voltages."""
-    return program_digest(changed(program, laws=()))
+    """Return the digest of the motion of a program.
+
+    Law and stated range are left out: another law plays nearly the same voltages, and the range
+    follows from the model and from what is known of the arm's past.
+    """
+    return program_digest(changed(program, laws=(), planned_range=None))
 
 
 def table_for(rig: RigFile, program: Program) -> FreeResidual | None:

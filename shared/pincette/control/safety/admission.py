@@ -255,7 +255,7 @@ def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arriva
     voltage_V, flags = limited(allowed, state.voltage_V, command.voltage_V, share)
     second, still = state.second, voltage_V == state.voltage_V
     if second is not None and limits.second is not None and command.second is not None:
-        allowed = within(limits.second.voltage, second.planned, second.voltage_V)
+        allowed = within(limits.second.voltage, state.second_planned, second.voltage_V)
         own_V, own_flags = limited(allowed, second.voltage_V, command.second.voltage_V, share)
         still &= own_V == second.voltage_V
         second = replace(second, voltage_V=own_V, limits_active=own_flags)

@@ -96,7 +96,8 @@ def armed(
         refusal=None,
         strangers=NO_STRANGERS,
         planned=planned[0],
-        second=state.second and state.second.armed(planned[1]),
+        second_planned=planned[1],
+        second=state.second and state.second.armed(),
     )
 
 

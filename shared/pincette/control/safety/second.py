@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from pincette.control.record import FrozenRecord
 from pincette.control.safety.monitors import UNSEEN, Finding, MonitorLimits, Watches, finding
 from pincette.control.safety.voltage import VoltageLimits, ramp
-from pincette.control.voltage_range import VoltageRange
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +29,14 @@ class SecondArm(FrozenRecord, frozen=True):
     ramp_from_V: float = 0.0
     limits_active: int = 0
     watches: Watches = UNSEEN
-    planned: VoltageRange | None = None
-    """Voltages that the plan of this arming has stated; None: the limits of the rig."""
 
     def at(self, voltage_V: float) -> "SecondArm":
         """This arm at another voltage."""
         return replace(self, voltage_V=voltage_V)
 
-    def armed(self, planned: VoltageRange | None = None) -> "SecondArm":
+    def armed(self) -> "SecondArm":
         """This arm as a new arming finds it, at the voltage there is."""
-        return SecondArm(self.voltage_V, planned=planned)
+        return SecondArm(self.voltage_V)
 
     def ramped(self) -> "SecondArm":
         """This arm as its ramp begins."""

@@ -97,6 +97,8 @@ class SafetyState(FrozenRecord, frozen=True):
     """When it was asked for its voltage last."""
     planned: VoltageRange | None = None
     """Voltages that the plan of this arming has stated; None: the limits of the rig."""
+    second_planned: VoltageRange | None = None
+    """Voltages of the second arm likewise."""
     second: SecondArm | None = None
     """The second arm, where there is one; all else is of both."""
 
