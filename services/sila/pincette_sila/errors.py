@@ -76,5 +76,5 @@ def _ended(error: JobEndedError) -> CommandError:
         return CommandError("RigLatched", str(error))
     if error.cancelled:
         return CommandError("Cancelled", str(error))
-    recoverable = (job.result or {}).get("outcome") in RECOVERABLE
+    recoverable = error.outcome in RECOVERABLE
     return CommandError("JobFailed", str(error), recoverable=recoverable)

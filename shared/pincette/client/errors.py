@@ -89,6 +89,11 @@ class JobEndedError(ClientError):
         """Whether it was stopped because somebody asked for that."""
         return self.job.state == "stopped"
 
+    @property
+    def outcome(self) -> str:
+        """Outcome code of the job's result, such as ``slipped``; empty without a result."""
+        return str((self.job.result or {}).get("outcome", ""))
+
 
 class RigLatchedEndError(JobEndedError):
     """It has ended because the rig was latched, as by an emergency stop."""

@@ -18,6 +18,7 @@ from pincette.client import (
     AsyncRigHandle,
     AsyncSupervisor,
     ClientError,
+    JobEndedError,
     WaitTimeoutError,
     WhichRigError,
     left_s,
@@ -103,9 +104,12 @@ class Done(BaseModel):
 
 @contextmanager
 def told() -> Generator[None]:
-    """Tell the agent what the supervisor refuses, with its code."""
+    """Tell the agent what the supervisor refuses, with its code, and how a job has ended."""
     try:
         yield
+    except JobEndedError as error:
+        outcome = f" ({error.outcome})" if error.outcome else ""
+        raise ToolError(f"{error.code}{outcome}: {error}") from error
     except ClientError as error:
         raise ToolError(f"{error.code}: {error}") from error
     except NoPlanError as error:

@@ -217,27 +217,16 @@ def _beyond(watched: Watched, program: Program) -> str:
     if planned is None:
         return "unstated"
     truths = [one.truth for one in watched.samples.values()]
+    furthest_um = max(truth.x_um for truth in truths)
+    voltages_V = [truth.voltage_V for truth in truths]
+    high_um, voltage = planned.position_max_um, planned.voltage
     found: list[str] = []
-    for name, values, low, high, slack in (
-        (
-            "position",
-            [truth.x_um for truth in truths],
-            planned.position_min_um,
-            planned.position_max_um,
-            RANGE_UM,
-        ),
-        (
-            "voltage",
-            [truth.voltage_V for truth in truths],
-            planned.voltage.min_V,
-            planned.voltage.max_V,
-            RANGE_V,
-        ),
-    ):
-        if high is not None and max(values) > high + slack:
-            found.append(f"{name} {max(values):.3g} > {high:.3g}")
-        if low is not None and min(values) < low - slack:
-            found.append(f"{name} {min(values):.3g} < {low:.3g}")
+    if high_um is not None and furthest_um > high_um + RANGE_UM:
+        found.append(f"position {furthest_um:.3g} > {high_um:.3g} µm")
+    if max(voltages_V) > voltage.max_V + RANGE_V:
+        found.append(f"voltage {max(voltages_V):.3g} > {voltage.max_V:.3g} V")
+    if min(voltages_V) < voltage.min_V - RANGE_V:
+        found.append(f"voltage {min(voltages_V):.3g} < {voltage.min_V:.3g} V")
     return ", ".join(found)
 
 

@@ -1,0 +1,23 @@
+"""Every outcome of a job that has failed becomes a defined error of SiLA."""
+
+from typing import get_args
+
+import pytest
+
+from pincette.api.jobs import Job
+from pincette.api.results import OutcomeCode
+from pincette.api.states import GOOD_OUTCOMES
+from pincette.client import JobEndedError
+from pincette_sila.errors import RECOVERABLE, command_error
+from tests.unit.client.desk import example
+
+BAD = [code for code in get_args(OutcomeCode) if code not in (*GOOD_OUTCOMES, "tripped")]
+
+
+@pytest.mark.parametrize("outcome", BAD)
+def test_an_outcome_is_a_failed_job_and_names_its_code(outcome: str) -> None:
+    job = Job.model_validate(example(Job, state="failed", result={"outcome": outcome}, ending=None))
+    error = command_error(JobEndedError(f"job {job.id} failed: {outcome}", job))
+    assert error.identifier == "JobFailed"
+    assert error.recoverable == (outcome in RECOVERABLE)
+    assert outcome in str(error)

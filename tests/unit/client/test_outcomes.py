@@ -1,0 +1,62 @@
+"""Every outcome code of a job reaches the programs that are built on the client, as a code."""
+
+from typing import get_args
+
+import pytest
+from mcp.server.mcpserver.exceptions import ToolError
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.jobs import Job
+from pincette.api.results import OutcomeCode, PositionStep
+from pincette.api.states import GOOD_OUTCOMES
+from pincette.client import JobEndedError
+from pincette.mcp.server import told
+from pincette_supervisor.results.job_table import csv_of, table_of
+from tests.unit.client.desk import example
+
+BAD = [code for code in get_args(OutcomeCode) if code not in GOOD_OUTCOMES]
+STEP = example(PositionStep)
+
+
+def ended(outcome: str) -> Job:
+    result = {**example(job_kinds()["grip"].result), "outcome": outcome, "position_step": STEP}
+    return Job.model_validate(example(Job, state="failed", result=result))
+
+
+@pytest.mark.parametrize("outcome", BAD)
+def test_a_client_gets_the_code_of_a_job_that_has_failed(outcome: str) -> None:
+    error = JobEndedError("job x failed", ended(outcome))
+    assert error.outcome == outcome
+    assert (error.job.result or {})["position_step"] == STEP
+
+
+def test_a_job_without_a_result_has_no_outcome() -> None:
+    without = Job.model_validate(example(Job, state="failed", result=None))
+    assert JobEndedError("job x failed", without).outcome == ""
+
+
+@pytest.mark.parametrize("outcome", BAD)
+def test_an_agent_is_told_the_code(outcome: str) -> None:
+    error = JobEndedError("job x failed", ended(outcome))
+    with pytest.raises(ToolError, match=rf"^job-failed \({outcome}\): "), told():
+        raise error
+
+
+@pytest.mark.parametrize("outcome", get_args(OutcomeCode))
+def test_the_table_of_jobs_has_code_and_both_readings(outcome: str) -> None:
+    table = table_of(lambda: iter([[ended(outcome)]]))
+    head, row = "".join(csv_of(table)).splitlines()[:2]
+    columns = dict(zip(head.split(","), row.split(","), strict=False))
+    assert columns["result.outcome"] == outcome
+    for name in ("cause", "force_if_slip_mN", "force_if_sensor_mN", "slips"):
+        assert columns[f"result.position_step.{name}"] == str(STEP[name])
+
+
+@pytest.mark.parametrize("kind", ["grip", "track", "centre", "move", "hold", "release"])
+def test_every_kind_of_result_carries_every_code(kind: str) -> None:
+    model = job_kinds()[kind].result
+    for outcome in get_args(OutcomeCode):
+        tree = {**example(model), "outcome": outcome, "position_step": STEP}
+        found = model.model_validate(tree)
+        assert found.model_dump(mode="json")["outcome"] == outcome
+        assert found.model_dump(mode="json")["position_step"]["cause"] == "unknown"
