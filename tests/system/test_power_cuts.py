@@ -40,6 +40,8 @@ LONGEST_S = 0.5
 LOST_S = 1.0
 """Longest time of samples that a power cut may cost."""
 READY_S = 60.0
+REPAIRED_S = 180.0
+"""Longest time until a record is complete, or repaired, after a start."""
 MOST_GRIPS = 5
 """Grips for each cut in a phase; more are needed where the machine is too busy to cut in time."""
 
@@ -124,12 +126,12 @@ def check(cut: Cut, rig_file: RigFile, where: Path) -> float:
         for name, told in cut.jobs.items():
             if name in (cut.running, cut.waiting):
                 continue
-            job = rig.ended(name)
+            job = rig.ended(name, REPAIRED_S)
             assert (job["state"], job["result"]) == (told["state"], told["result"]), name
             assert job["record_complete"], job["record_detail"]
             assert folder.damaged(records / name) == []
         assert found[cut.waiting]["state"] == "queued"
-        running = rig.ended(cut.running)
+        running = rig.ended(cut.running, REPAIRED_S)
         assert running["state"] == "interrupted"
         assert running["ending"]["code"] == "supervisor_ended"
         assert not running["record_complete"]
@@ -140,7 +142,8 @@ def check(cut: Cut, rig_file: RigFile, where: Path) -> float:
         assert rig.job(cut.waiting)["state"] == "queued"  # until a person resumes the queue
         queue = f"/rigs/{rig_file.rig.name}/queue/actions"
         rig.post(queue, {"type": "resume"}).raise_for_status()
-        assert rig.ended(cut.waiting)["state"] == "succeeded", rig.job(cut.waiting)["cause"]
+        ended = rig.ended(cut.waiting, REPAIRED_S)
+        assert ended["state"] == "succeeded", ended["cause"]
         assert {job["id"] for job in rig.get("/jobs", limit=500)["jobs"]} == cut.jobs.keys()
         journal = rig.data / "supervisor.sqlite"
     with mounted(cut.image, where):

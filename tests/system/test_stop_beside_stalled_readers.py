@@ -1,0 +1,124 @@
+"""A program hangs, or a tool reads nothing of what others send: a stop over REST acts in time."""
+
+# Zenoh's stubs leave the return types of its calls open.
+# pyright: reportUnknownMemberType=false
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+import zenoh
+
+from pincette.bus.settings import settings
+from pincette.security.folder import Folder
+from tests.support.certificates import folder_for
+from tests.support.doors import joining
+from tests.support.grips import SHORT, make_ready
+from tests.support.rigs import demo_rig
+from tests.support.running import RunningRig, running_rig
+from tests.support.stalled_reader import KEY
+
+pytestmark = pytest.mark.usefixtures("stalls")
+
+ROOT = Path(__file__).parents[2]
+REPLY_S, SLACK_S = 1.5, 1.0
+"""Longest time until a stop is answered, and what a busy machine may add."""
+LOUD = 4
+CHUNK = bytes(60_000)
+FLOOD_S = 3.0
+TRIPPED = ("frozen", "ramping", "latched")
+TRIPPED_S = 20.0
+
+
+@pytest.fixture(scope="module", params=["plain", "secure"])
+def rig(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Generator[RunningRig]:
+    own, folder = demo_rig(SHORT), tmp_path_factory.mktemp("rig")
+    if request.param == "secure":
+        own = own.secured(folder_for(folder / "pki", own.rig.name).path)
+    with running_rig(own, folder) as running:
+        yield running
+
+
+def stop(rig: RunningRig) -> None:
+    """Stop the rig over REST, and wait until the actuator itself shows it."""
+    begun_s = monotonic()
+    answer = rig.post("/rigs/demo/estop")
+    took_s = monotonic() - begun_s
+    assert answer.status_code == 200, answer.text
+    assert took_s < REPLY_S + SLACK_S
+    while rig.view()["latch"]["state"] not in TRIPPED:
+        assert monotonic() - begun_s < TRIPPED_S, rig.view()["latch"]
+        sleep(0.1)
+
+
+@pytest.mark.parametrize("program", ["sensor", "estimator", "controller", "recorder", "rig"])
+def test_a_stop_acts_while_a_program_hangs(rig: RunningRig, program: str) -> None:
+    make_ready(rig)
+    rig.fleet.signal(program, signal.SIGSTOP)
+    try:
+        sleep(1.0)  # longer than a link may stall
+        stop(rig)
+    finally:
+        rig.fleet.signal(program, signal.SIGCONT)
+
+
+def test_a_stop_acts_and_a_job_goes_on_beside_a_tool_that_reads_nothing(rig: RunningRig) -> None:
+    """Other tools send more than it takes, and ask that their messages block."""
+    make_ready(rig)
+    job = rig.start_grip(until_released=True)
+    rig.until_phase(job, "hold")
+    with deaf_reader(rig), flood(rig):
+        sleep(FLOOD_S)
+        assert rig.view()["part"] == "held", rig.job(job)
+        assert rig.post(f"/jobs/{job}/actions", {"type": "stop"}).status_code in (200, 202)
+        stop(rig)
+
+
+@contextmanager
+def deaf_reader(rig: RunningRig) -> Generator[None]:
+    words = [sys.executable, "-m", "tests.support.stalled_reader", str(rig.rig.bus.port)]
+    words += [rig.rig.bus.pki] if rig.rig.bus.pki else []
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as reader:
+        try:
+            assert reader.stdout is not None
+            assert reader.stdout.readline() == b"ready\n"
+            yield
+        finally:
+            reader.kill()
+
+
+@contextmanager
+def flood(rig: RunningRig) -> Generator[None]:
+    """Send to what the reader subscribes to, with Zenoh's own treatment of full queues."""
+    end, threads = threading.Event(), list[threading.Thread]()
+    folder = Folder(Path(rig.rig.bus.pki)) if rig.rig.bus.pki else None
+    tree = settings(joining(rig.rig.bus.port, folder), "loud")
+    tree.pop("qos", None)
+
+    def shout(session: zenoh.Session) -> None:
+        while not end.is_set():
+            session.put(KEY, CHUNK, congestion_control=zenoh.CongestionControl.BLOCK)
+            sleep(0.001)
+
+    with ExitStack() as stack:
+        for _ in range(LOUD):
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(tree)))
+            stack.callback(session.close)
+            threads.append(threading.Thread(target=shout, args=(session,)))
+        for thread in threads:
+            thread.start()
+        try:
+            yield
+        finally:
+            end.set()
+            for thread in threads:
+                thread.join()
