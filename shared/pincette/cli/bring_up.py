@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from pincette.api.calibrations import Proposal
     from pincette.api.checklist import BenchNeed, Checklist, ChecklistStep
+    from pincette.api.rigs import Rig
     from pincette.client import JobHandle, Supervisor
 
 
@@ -53,6 +54,7 @@ def bring_up(
     if not (yes or sys.stdin.isatty()):
         raise CliError("no terminal to ask at: --yes goes on by itself, --list only lists", 2)
     console, left_out, ready = screen(), {*(skip or [])}, None
+    _show_exchanges(rig.state(), console)
     if unknown := left_out - {step.calibration for step in found.steps}:
         raise CliError(f"--skip: there is no calibration {', '.join(sorted(unknown))}", Exit.USAGE)
     show_checklist(found, console)
@@ -69,6 +71,18 @@ def bring_up(
     console.print(f"\nleft out: {', '.join(sorted(left_out))}" if left_out else "\nall done")
     console.print(GRIP)
     return Exit.DONE
+
+
+def _show_exchanges(rig: "Rig", console: "Console") -> None:
+    """Show what the programs have measured of their instruments; nothing in lockstep."""
+    for program in rig.programs:
+        for arm, took in enumerate(program.exchanges, start=1):
+            name = f"{program.name}, arm {arm}" if len(program.exchanges) > 1 else program.name
+            console.print(
+                f"exchanges of the {name}: {1e3 * took.minimum_s:.1f}/{1e3 * took.median_s:.1f}/"
+                f"{1e3 * took.worst_s:.1f} ms (minimum/median/worst of {took.count})",
+                soft_wrap=True,
+            )
 
 
 def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
