@@ -1,7 +1,7 @@
 """A program hangs, or a tool reads nothing of what others send: a stop over REST acts in time."""
 
 # Zenoh's stubs leave the return types of its calls open.
-# pyright: reportUnknownMemberType=false
+# pyright: reportUnknownMemberType=false, reportUnknownArgumentType=false
 
 import json
 import signal
