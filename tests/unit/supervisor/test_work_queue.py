@@ -12,7 +12,9 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
+from pincette_supervisor.rest import held_refusals, server
 from pincette_supervisor.rest.bounded_loop import EVENTS, BoundedSelector
+from pincette_supervisor.rest.held_refusals import Refusals
 from pincette_supervisor.rest.server import MOST, server_of
 from pincette_supervisor.rest.work_queue import TASKS
 
@@ -33,7 +35,7 @@ class Line(asyncio.Transport):
     def __init__(self, opened: socket.socket | None = None) -> None:
         ends = {"peername": ("127.0.0.1", 1), "sockname": ("127.0.0.1", 2)}
         super().__init__({**ends, "socket": opened})
-        self.sent, self.closed = b"", False
+        self.sent, self.closed, self.paused = b"", False, False
 
     def write(self, data: Any) -> None:
         self.sent += bytes(data)
@@ -50,10 +52,10 @@ class Line(asyncio.Transport):
         return False
 
     def pause_reading(self) -> None:
-        pass
+        self.paused = True
 
     def resume_reading(self) -> None:
-        pass
+        self.paused = False
 
 
 class Lines:
@@ -214,6 +216,23 @@ def test_a_connection_whose_data_have_arrived_outlives_newer_ones() -> None:
             silent = [lines.connect()[1] for _ in range(2 * MOST)]
             assert sum(one.closed for one in silent) > MOST // 2
             assert not line.closed
+
+    run(test)
+
+
+def test_connections_that_wait_for_their_refusal_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refusals that are held back do not let the number of connections grow."""
+    monkeypatch.setattr(server, "Refusals", lambda: Refusals(per_s=1e-3, burst=0.0))
+    monkeypatch.setattr(held_refusals, "HELD_S", 3600.0)
+
+    async def test(lines: Lines) -> None:
+        refused = [lines.connect() for _ in range(MOST)]
+        for protocol, _ in refused:
+            protocol.data_received(b"no HTTP\r\n\r\n")
+        await until(lambda: all(line.paused for _, line in refused))
+        later = [lines.connect()[1] for _ in range(10)]
+        assert [line.closed for _, line in refused[:10]] == [True] * 10
+        assert not any(line.closed for line in later)
 
     run(test)
 

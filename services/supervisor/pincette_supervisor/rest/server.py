@@ -19,7 +19,7 @@ from pincette_supervisor.rest.dependencies import HELD
 from pincette_supervisor.rest.held_refusals import REFUSED, HeldRefusals, Refusals
 from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path, is_stop
 from pincette_supervisor.rest.tls import Doorway
-from pincette_supervisor.rest.work_queue import WorkQueue
+from pincette_supervisor.rest.work_queue import WorkQueue, has_data
 
 MOST = 600
 """Connections; each is an open file, of which the program has 4096 where the system allows it."""
@@ -269,6 +269,7 @@ class Connection(H11Protocol):
             self._lingers = True
             self._received.clear()
             self.transport.pause_reading()
+            self._note_silent()
             self.loop.call_later(hold_s, self._end_with, answer)
         else:
             self._end_with(answer)
@@ -293,6 +294,10 @@ class Connection(H11Protocol):
             return
         self.transport.resume_reading()
         self.loop.call_later(LINGER_S, self.abort)
+
+    def has_unread_data(self) -> bool:
+        """Return whether a request has arrived; what comes after a last answer is ignored."""
+        return not self._lingers and has_data(self.transport)
 
     def abort(self) -> None:
         """End the connection at once."""

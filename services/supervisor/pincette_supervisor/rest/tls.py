@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from pincette.security.identity import Credentials
-from pincette_supervisor.rest.work_queue import WorkQueue
+from pincette_supervisor.rest.work_queue import WorkQueue, has_data
 
 HANDSHAKE_S = 3
 """For the first message of a handshake, and for all that follows."""
@@ -103,6 +103,10 @@ class Doorway(asyncio.Protocol):
         self._forget()
         if not done.cancelled():
             done.exception()  # of the client's making; the connection is ended
+
+    def has_unread_data(self) -> bool:
+        """Return whether the first message of the handshake is there."""
+        return has_data(self.transport)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  asyncio's name
         """Forget it."""

@@ -26,10 +26,9 @@ LOOKED_AT = 32
 class Peer(Protocol):
     """A connection."""
 
-    @property
     @abstractmethod
-    def transport(self) -> asyncio.BaseTransport:
-        """The transport, whose socket shows whether data have arrived."""
+    def has_unread_data(self) -> bool:
+        """Return whether data have arrived that must be read before the connection may be ended."""
 
     @abstractmethod
     def work(self) -> bool:
@@ -89,7 +88,7 @@ class WorkQueue:
             for _ in range(min(LOOKED_AT, len(waiting) - FRESH)):
                 peer = next(iter(waiting))
                 del waiting[peer]
-                if not _has_data(peer.transport):
+                if not peer.has_unread_data():
                     return peer
                 waiting[peer] = None
         return None
@@ -117,8 +116,8 @@ class WorkQueue:
             self._schedule()
 
 
-def _has_data(transport: asyncio.BaseTransport) -> bool:
-    """Whether data, or the end of the connection, have arrived and wait to be read."""
+def has_data(transport: asyncio.BaseTransport) -> bool:
+    """Return whether data, or the end of the connection, have arrived and wait to be read."""
     opened = transport.get_extra_info("socket")
     if opened is None or opened.fileno() < 0:
         return False
