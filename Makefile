@@ -157,7 +157,7 @@ soak: dev ## the tests that take minutes or hours each; figures go into data/fig
 	@export PINCETTE_FIGURES=$(CURDIR)/data/figures; \
 	$(if $(filter tests/%,$(ARGS)),$(BIN)/pytest -m slow $(ARGS),$(call apart,-m slow $(ARGS)))
 
-soak-load: dev ## 50 clients beside 30 grips for ten minutes; ARGS="--jobs 50000" fills the journal
+soak-load: dev ## 50 clients beside 30 grips, ten minutes each with 5000 and 50 000 jobs in the journal
 	@mkdir -p data/figures
 	@PINCETTE_FIGURES=$(CURDIR)/data/figures $(BIN)/python -m tests.support.load $(ARGS)
 

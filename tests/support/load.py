@@ -2,8 +2,12 @@
 
 ``python -m tests.support.load`` starts the demo rig in real time on ports of its own, with ended
 jobs in its journal. Each client holds a stream of events, and requests live values, lists of jobs
-and dry runs; two pages hold their own streams. It prints a table, writes ``load.json`` to the
-folder in ``PINCETTE_FIGURES``, and fails where a grip was disturbed.
+and dry runs; two pages hold their own streams. All share one address and show no key. It prints a
+table for each number of jobs, writes ``load.json`` to the folder in ``PINCETTE_FIGURES``, and fails
+where a grip was disturbed.
+
+Clients and rig share the processors, so the times include those of the clients. The row
+``event loop of the clients`` says how late their own timers were.
 """
 
 import argparse
@@ -38,6 +42,10 @@ TARGETS_S = {"list of 50 jobs": 0.05, "dry run": 0.5}
 PAGES = 2
 SETTLED = 0.3
 """Share of the time after which memory counts as settled."""
+CLOCK_S = 0.05
+"""Time between two looks at the lateness of the clients' event loop."""
+FILLED_AT_ONCE = 500
+"""Jobs added to the journal in one transaction, so that the supervisor can write meanwhile."""
 
 
 class Load:
@@ -54,9 +62,16 @@ class Load:
     async def run(self, clients: int) -> None:
         """Ask until the time is over."""
         tasks = [self._client(number) for number in range(clients)]
-        tasks += [self._page() for _ in range(PAGES)]
+        tasks += [*(self._page() for _ in range(PAGES)), self._clock()]
         async with self._http:
             await asyncio.gather(*tasks)
+
+    async def _clock(self) -> None:
+        while perf_counter() < self._until_s:
+            begun_s = perf_counter()
+            await asyncio.sleep(CLOCK_S)
+            late_s = perf_counter() - begun_s - CLOCK_S
+            self.times_s["event loop of the clients"].append(late_s)
 
     async def _client(self, number: int) -> None:
         place = {"after": 0}
@@ -143,16 +158,18 @@ def fill(journal: Path, count: int) -> None:
     """Add ended jobs to a journal, as copies of its newest one."""
     store = Store(journal)
     (newest,) = store.newest(1)
-    with store.writing() as connection:
-        for number in range(newest.number + 1, newest.number + 1 + count):
-            row = replace(newest, id=f"filled-{number:08d}", number=number)
-            connection.execute(insert(JOBS).values(columns(row, "actions")))
+    first = newest.number + 1
+    for begin in range(first, first + count, FILLED_AT_ONCE):
+        numbers = range(begin, min(begin + FILLED_AT_ONCE, first + count))
+        added = [replace(newest, id=f"filled-{number:08d}", number=number) for number in numbers]
+        with store.writing() as connection:
+            connection.execute(insert(JOBS), [columns(row, "actions") for row in added])
     store.close()
 
 
-async def measure(rig: RunningRig, given: argparse.Namespace) -> Json:
+async def measure(rig: RunningRig, given: argparse.Namespace, jobs: int) -> Json:
     """Load a rig that is ready; returns the figures."""
-    until_s = perf_counter() + 60.0 * given.minutes
+    until_s = perf_counter() + given.seconds
     load = Load(str(rig.client.base_url), rig.rig.rig.name, until_s)
     process = rig.fleet.members["supervisor"].process.pid
     memory_kB: list[int] = []
@@ -160,7 +177,7 @@ async def measure(rig: RunningRig, given: argparse.Namespace) -> Json:
     async def watch() -> None:
         while perf_counter() < until_s:
             memory_kB.append(footprint(process)["memory_kB"])
-            await asyncio.sleep(min(5.0, 60.0 * given.minutes / 20))
+            await asyncio.sleep(min(5.0, given.seconds / 20.0))
 
     before = rig.get(f"/rigs/{rig.rig.rig.name}/timing")["programs"]
     _, _, ended = await asyncio.gather(
@@ -170,8 +187,8 @@ async def measure(rig: RunningRig, given: argparse.Namespace) -> Json:
     requests = {name: spread(values) for name, values in sorted(load.times_s.items())}
     return {
         "clients": given.clients,
-        "minutes": given.minutes,
-        "jobs_in_journal": given.jobs,
+        "seconds": given.seconds,
+        "jobs_in_journal": jobs,
         "processors": os.cpu_count(),
         "requests": requests,
         "failures": dict(load.failures),
@@ -180,6 +197,7 @@ async def measure(rig: RunningRig, given: argparse.Namespace) -> Json:
         "missed": {one["program"]: one["missed"] for one in after},
         "missed_before": {one["program"]: one["missed"] for one in before},
         "supervisor_MB": {
+            "begin": memory_kB[0] / 1e3,
             "settled": memory_kB[int(SETTLED * len(memory_kB))] / 1e3,
             "end": memory_kB[-1] / 1e3,
         },
@@ -195,7 +213,7 @@ def spread(values: Sequence[float]) -> Json:
 def table(found: Json) -> str:
     """Return the figures for people."""
     rows = [
-        f"{found['clients']} clients, {found['minutes']:g} min, {found['jobs_in_journal']} ended "
+        f"{found['clients']} clients, {found['seconds']:g} s, {found['jobs_in_journal']} ended "
         f"jobs in the journal, {found['processors']} processors",
         "",
         "| request | count | p50 / ms | p99 / ms | target for p50 / ms |",
@@ -209,7 +227,8 @@ def table(found: Json) -> str:
     rows += [
         "",
         f"grips: {found['grips']}, missed ticks in them: {found['missed_ticks']}",
-        f"supervisor: {memory['settled']:.0f} MB settled, {memory['end']:.0f} MB at the end",
+        f"resident memory of the supervisor: {memory['begin']:.0f} MB at the begin, "
+        f"{memory['settled']:.0f} MB settled, {memory['end']:.0f} MB at the end",
         f"refused or failed: {found['failures'] or 'none'}",
     ]
     return "\n".join(rows)
@@ -219,26 +238,40 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run the load test; returns the exit status."""
     parser = argparse.ArgumentParser(description="load a rig with many honest clients")
     parser.add_argument("--clients", type=int, default=50)
-    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--grips", type=int, default=30)
-    parser.add_argument("--jobs", type=int, default=5000, help="ended jobs in the journal")
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        nargs="+",
+        default=[5000, 50_000],
+        help="ended jobs in the journal; one run for each number",
+    )
     given = parser.parse_args(words)
+    runs: list[Json] = []
+    for jobs in given.jobs:
+        runs.append(loaded(given, jobs))
+        print(table(runs[-1]), end="\n\n", flush=True)
+    if figures := os.environ.get("PINCETTE_FIGURES"):
+        text = json.dumps(runs, indent=1)
+        (Path(figures) / "load.json").write_text(f"{text}\n", encoding="utf-8")
+    disturbed = [one["grips"] for one in runs if one["grips"].keys() != {"succeeded"}]
+    if disturbed:
+        print(f"grips were disturbed: {disturbed}", file=sys.stderr)
+    return int(bool(disturbed))
+
+
+def loaded(given: argparse.Namespace, jobs: int) -> Json:
+    """Start a rig with ended jobs in its journal, load it, and return the figures."""
+    rig_file = demo_rig({"supervisor": {"clients_per_address": given.clients}})
     with (
         tempfile.TemporaryDirectory(prefix="pincette-load-") as folder,
-        running_rig(demo_rig(), Path(folder)) as rig,
+        running_rig(rig_file, Path(folder)) as rig,
     ):
         make_ready(rig)
         rig.ended(rig.start_grip())
-        fill(rig.data / "supervisor.sqlite", given.jobs)
-        found = asyncio.run(measure(rig, given))
-    print(table(found))
-    if figures := os.environ.get("PINCETTE_FIGURES"):
-        text = json.dumps(found, indent=1)
-        (Path(figures) / "load.json").write_text(f"{text}\n", encoding="utf-8")
-    disturbed = found["grips"].keys() != {"succeeded"}
-    if disturbed:
-        print(f"a grip was disturbed: {found['grips']}", file=sys.stderr)
-    return int(disturbed)
+        fill(rig.data / "supervisor.sqlite", jobs)
+        return asyncio.run(measure(rig, given, jobs))
 
 
 if __name__ == "__main__":

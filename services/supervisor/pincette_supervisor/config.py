@@ -30,6 +30,8 @@ class SupervisorConfig:
     """Whether its port is published on the loopback of a container's host alone."""
     always_keys: bool
     """Whether keys are required also before there is one."""
+    clients_per_address: int
+    """Factor of the limits of an address without a key."""
     store: Path
     """SQLite: jobs, actions, results; the keys lie beside it."""
     store_url: str
@@ -57,6 +59,7 @@ def configure(rig: RigFile, data: Path) -> SupervisorConfig:
         names=frozenset(name.lower() for name in (rig.supervisor.host, *rig.supervisor.names)),
         in_container=rig.supervisor.behind == "container",
         always_keys=rig.supervisor.keys == "always",
+        clients_per_address=rig.supervisor.clients_per_address,
         store=data / STORE,
         store_url=os.environ.get(STORE_URL, ""),
     )

@@ -103,7 +103,10 @@ def run(context: Context) -> None:
         store = stack.enter_context(closing(Store(config.store, config.store_url)))
         store.work_alone()
         access = Access(
-            authenticator_of(config, store.identifier()), names=config.names, buckets=TokenBuckets()
+            authenticator_of(config, store.identifier()),
+            names=config.names,
+            buckets=TokenBuckets(),
+            clients_per_address=config.clients_per_address,
         )
         stack.enter_context(closing(KeySync(store, access)))
         require_key(config, access.authenticator)

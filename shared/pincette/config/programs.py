@@ -125,6 +125,10 @@ class Supervisor(Table):
     keys: Literal["once_made", "always"] = "once_made"
     """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
     before it, and if the whole data folder is lost."""
+    clients_per_address: int = Field(default=1, ge=1, le=256)
+    """Number of clients without a key that one address stands for, as behind a reverse proxy. It
+    multiplies the limits of rate, of requests under way and of streams of an address. A key has
+    limits of its own, and all clients together keep theirs."""
     webhooks: tuple[Webhook, ...] = Field(default=(), max_length=10, strict=False)
     """Addresses that are posted to at ends of jobs and alarms."""
     camera: Annotated[str, Field(pattern=CAMERA)] | None = None

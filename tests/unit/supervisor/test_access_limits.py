@@ -3,14 +3,19 @@
 import asyncio
 import gzip
 from collections.abc import Awaitable, Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from pydantic import ValidationError
 from starlette.types import Message, Receive, Scope, Send
 
+from pincette.config import RigFile
+from pincette.config.programs import Supervisor
 from pincette_supervisor.access.access import CLIENTS, Access, TokenBuckets
 from pincette_supervisor.access.authentication import Authenticator, Caller
+from pincette_supervisor.config import configure
 from pincette_supervisor.problems import ERRORS_MAX
 from pincette_supervisor.rest import limits
 from pincette_supervisor.rest.api import create_app
@@ -205,6 +210,50 @@ def test_actions_without_a_key_are_not_exempt(monkeypatch: pytest.MonkeyPatch) -
         await asyncio.gather(*begun)
 
     held(monkeypatch, test)
+
+
+def test_an_address_without_keys_stands_for_as_many_clients_as_the_site_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """50 honest clients behind one proxy, each with its streams."""
+    monkeypatch.setattr(limits, "HELD_S", NOT_HELD)
+
+    async def run() -> None:
+        go = asyncio.Event()
+
+        async def app(scope: Scope, receive: Receive, send: Send) -> None:
+            await go.wait()
+            await answered(scope, receive, send)
+
+        buckets = TokenBuckets(per_s=1e-3, burst=3.0)
+        limited = RateLimit(app, OfKeys(), buckets=buckets, clients_per_address=50)
+        transport = httpx.ASGITransport(limited)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            streams = await under_way([client.get("/events") for _ in range(AT_ONCE["long"])])
+            requests = await under_way([client.get("/jobs") for _ in range(150)])
+            assert (await client.get("/events")).status_code == 503  # the limit of all clients
+            assert (await client.get("/jobs")).status_code == 429
+            # A key has the limits of one client.
+            shown = {"Authorization": "Bearer ann"}
+            keyed = await under_way([client.get("/jobs", headers=shown) for _ in range(3)])
+            assert (await client.get("/jobs", headers=shown)).status_code == 429
+            go.set()
+            found = await asyncio.gather(*streams, *requests, *keyed)
+        assert {answer.status_code for answer in found} == {200}
+
+    asyncio.run(run())
+
+
+def test_the_site_sets_the_number_of_clients_of_an_address(
+    rig_file: RigFile, tmp_path: Path
+) -> None:
+    assert configure(rig_file, tmp_path).clients_per_address == 1
+    supervisor = rig_file.supervisor.model_copy(update={"clients_per_address": 50})
+    rig = rig_file.model_copy(update={"supervisor": supervisor})
+    assert configure(rig, tmp_path).clients_per_address == 50
+    for odd in (0, 257, 1.5):
+        with pytest.raises(ValidationError):
+            Supervisor(clients_per_address=odd)  # pyright: ignore[reportArgumentType]
 
 
 def test_addresses_of_one_ipv6_network_are_one_client() -> None:

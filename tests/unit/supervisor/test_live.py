@@ -245,13 +245,15 @@ def test_silence_is_told_once_a_while(scene: Scene) -> None:
     assert [batch.seq for batch in heard(listener)] == [[]]
 
 
-def test_no_more_than_a_few_may_listen(scene: Scene) -> None:
-    for _ in range(LISTENERS_MAX):
-        scene.live.open()
-    with pytest.raises(TooManyListenersError, match="16 listen already"):
-        scene.live.open()
-    scene.live.leave()
-    scene.live.open()
+def test_each_client_has_a_number_of_listeners(scene: Scene) -> None:
+    for client in ("ann", "ben", "cell-7"):
+        for _ in range(LISTENERS_MAX):
+            scene.live.open(client)
+        with pytest.raises(TooManyListenersError):
+            scene.live.open(client)
+    scene.live.open("ann", LISTENERS_MAX + 1)
+    scene.live.leave("ben")
+    scene.live.open("ben")
 
 
 def test_columns_that_are_no_numbers_are_refused() -> None:

@@ -30,22 +30,24 @@ class TokenBuckets:
         self._per_s, self._burst = per_s, burst
         self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
 
-    def wait_s(self, client: str, now_s: float, patience_s: float = 0.0) -> float:
+    def wait_s(self, client: str, now_s: float, patience_s: float = 0.0, clients: int = 1) -> float:
         """Take one token; return the time until there is one, in s.
 
         Where it is longer than ``patience_s``, no token is taken; else the caller waits for so
-        long, and the tokens of later callers come later.
+        long, and the tokens of later callers come later. ``clients`` is the number of clients that
+        share the bucket, which multiplies its rate and its capacity.
         """
+        per_s, burst = clients * self._per_s, clients * self._burst
         bucket = self._buckets.get(client)
         if bucket is None:
-            bucket = self._buckets[client] = _Bucket(self._burst, now_s)
+            bucket = self._buckets[client] = _Bucket(burst, now_s)
             if len(self._buckets) > CLIENTS:
                 self._buckets.popitem(last=False)
         else:
             self._buckets.move_to_end(client)
-        bucket.tokens = min(self._burst, bucket.tokens + (now_s - bucket.at_s) * self._per_s)
+        bucket.tokens = min(burst, bucket.tokens + (now_s - bucket.at_s) * per_s)
         bucket.at_s = now_s
-        wait_s = max(0.0, (1.0 - bucket.tokens) / self._per_s)
+        wait_s = max(0.0, (1.0 - bucket.tokens) / per_s)
         if wait_s <= patience_s:
             bucket.tokens -= 1.0
         return wait_s
@@ -61,6 +63,8 @@ class Access:
     """Host names of the supervisor beside ``localhost`` and every address."""
     buckets: TokenBuckets | None = None
     """Rate limit of each client; None: no limit."""
+    clients_per_address: int = 1
+    """Number of clients without a key that one address stands for."""
 
 
 class NoKeyError(OSError):

@@ -8,8 +8,8 @@ from weakref import WeakSet
 
 from pincette.api.events import Event
 
-LISTENERS_MAX = 64
-"""Listeners at once."""
+LISTENERS_MAX = 256
+"""Listeners of all clients at once; each client has a limit of its own, of all its streams."""
 CAPACITY = 256
 """Events queued for one listener; a slower one reads the journal again."""
 

@@ -89,7 +89,12 @@ def _add_middleware(app: FastAPI, access: Access) -> None:
     """Add what holds for all routes; the last added is outermost."""
     app.add_middleware(HeadAndOptions, routes=app.routes)
     if access.buckets is not None:
-        app.add_middleware(RateLimit, authenticator=access.authenticator, buckets=access.buckets)
+        app.add_middleware(
+            RateLimit,
+            authenticator=access.authenticator,
+            buckets=access.buckets,
+            clients_per_address=access.clients_per_address,
+        )
     app.add_middleware(OriginCheck, names=access.names)
     app.add_middleware(
         AuditLog, authenticator=access.authenticator, audit_buffer=access.audit_buffer

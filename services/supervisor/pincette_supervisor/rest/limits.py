@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import TokenBuckets
-from pincette_supervisor.access.authentication import Authenticator
+from pincette_supervisor.access.authentication import Authenticator, Caller
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import HELD, SHARE, caller_of
 from pincette_supervisor.rest.request_target import JOB_STOPS
@@ -58,11 +58,14 @@ class Shares:
         self._of_one: Counter[tuple[Kind, str]] = Counter()
 
     @contextmanager
-    def taken(self, kind: Kind, client: str) -> Generator[None]:
-        """Count a request within the block; raises ProblemError where there are too many."""
-        place = (kind, client)
-        if self._of_one[place] >= OF_ONE[kind]:
-            why = f"{client} has {OF_ONE[kind]} {kind} requests under way, which is the most"
+    def taken(self, kind: Kind, client: str, clients: int = 1) -> Generator[None]:
+        """Count a request within the block; raises ProblemError where there are too many.
+
+        ``clients`` is the number of clients that share the limit of one.
+        """
+        place, most = (kind, client), clients * OF_ONE[kind]
+        if self._of_one[place] >= most:
+            why = f"{client} has {most} {kind} requests under way, which is the most"
             raise _refused(429, why, 5.0 if kind == "long" else 1.0)
         if self._all[kind] >= AT_ONCE[kind]:
             why = f"{AT_ONCE[kind]} {kind} requests are under way, which is the most"
@@ -91,7 +94,10 @@ class RateLimit:
         authenticator: Authenticator,
         clock: Callable[[], float] = monotonic,
         buckets: TokenBuckets | None = None,
+        clients_per_address: int = 1,
     ) -> None:
+        """``clients_per_address``: factor of the limits of an address without a key."""
+        self._clients_per_address = clients_per_address
         self._app, self._authenticator, self._clock = app, authenticator, clock
         self._buckets: Mapping[Kind, TokenBuckets] = {
             "short": buckets or TokenBuckets(),
@@ -105,16 +111,15 @@ class RateLimit:
             await self._app(scope, receive, send)
             return
         caller = caller_of(scope, self._authenticator)
-        client = caller.client
         send = _with_send_timeout(send)
         if caller.scope is not None and _may_stop_job(scope):
-            scope[SHARE] = lambda: self._taken_at_once("short", client)
+            scope[SHARE] = lambda: self._taken_at_once("short", caller)
             await self._app(scope, receive, send)
             return
         kind = _kind(scope)
         try:
-            await asyncio.sleep(self._wait_s(kind, client, PATIENCE_S))
-            with self._shares.taken(kind, client):
+            await asyncio.sleep(self._wait_s(kind, caller, PATIENCE_S))
+            with self._shares.taken(kind, caller.client, self._clients(caller)):
                 await self._app(scope, receive, send)
         except ProblemError as refusal:  # of the limits; the application answers its own
             scope[HELD] = True
@@ -122,16 +127,20 @@ class RateLimit:
             await problems.response_of(refusal)(scope, receive, send)
 
     @contextmanager
-    def _taken_at_once(self, kind: Kind, client: str) -> Generator[None]:
-        self._wait_s(kind, client, 0.0)
-        with self._shares.taken(kind, client):
+    def _taken_at_once(self, kind: Kind, caller: Caller) -> Generator[None]:
+        self._wait_s(kind, caller, 0.0)
+        with self._shares.taken(kind, caller.client, self._clients(caller)):
             yield
 
-    def _wait_s(self, kind: Kind, client: str, patience_s: float) -> float:
+    def _clients(self, caller: Caller) -> int:
+        return self._clients_per_address if caller.name is None else 1
+
+    def _wait_s(self, kind: Kind, caller: Caller, patience_s: float) -> float:
         """Count a request; return for how long it must wait. Raises ProblemError if too long."""
-        wait_s = self._buckets[kind].wait_s(client, self._clock(), patience_s)
+        clients = self._clients(caller)
+        wait_s = self._buckets[kind].wait_s(caller.client, self._clock(), patience_s, clients)
         if wait_s > patience_s:
-            raise _refused(429, f"{client} asks too often", wait_s)
+            raise _refused(429, f"{caller.client} asks too often", wait_s)
         return wait_s
 
 

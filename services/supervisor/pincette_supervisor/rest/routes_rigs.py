@@ -33,7 +33,9 @@ from pincette_supervisor.rest.dependencies import (
     CLAIM_TOKEN,
     OBSERVE,
     OPERATE,
+    AccessState,
     AllRigs,
+    AnyCaller,
     Asking,
     Journal,
     Manager,
@@ -47,7 +49,7 @@ from pincette_supervisor.rest.routes_jobs import ACTION_THREADS
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.latch import unconfirmed
-from pincette_supervisor.rigs.live import LiveCursor
+from pincette_supervisor.rigs.live import LISTENERS_MAX, LiveCursor
 from pincette_supervisor.rigs.rig_view import rig_view
 from pincette_supervisor.rigs.rigs import Rigs
 from pincette_supervisor.rigs.standing import standing
@@ -254,11 +256,13 @@ async def newest_samples(
     return LiveList(batches=batches, next=cursor.place)
 
 
-async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:
+async def _live_cursor(
+    manager: Manager, caller: AnyCaller, access: AccessState
+) -> AsyncIterator[LiveCursor]:
     """A listener's place, found before the answer begins and given back at its end."""
-    live = manager.context.live
+    live, clients = manager.context.live, access.clients_per_address if caller.name is None else 1
     try:
-        cursor = live.open()
+        cursor = live.open(caller.client, clients * LISTENERS_MAX)
     except TooManyListenersError as error:
         raise ProblemError(
             503, "too-many-listeners", "Too many listeners", f"{error}; close another page"
@@ -266,7 +270,7 @@ async def _live_cursor(manager: Manager) -> AsyncIterator[LiveCursor]:
     try:
         yield cursor
     finally:
-        live.leave()
+        live.leave(caller.client)
 
 
 @router.get(

@@ -4,7 +4,7 @@
 # and no queue: a slow one gets fewer points, and the number of those it has missed.
 
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from itertools import groupby
@@ -27,6 +27,7 @@ EVENT_POINTS, HISTORY_POINTS = 60, 1200
 LATE_TICKS = 8
 """A row waits so many ticks for its messages."""
 LISTENERS_MAX = 16
+"""Listeners of one client."""
 
 
 @dataclass(slots=True)
@@ -88,7 +89,8 @@ class LiveSamples:
         self._epoch: int | None = None
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._count = 0
-        self._listeners = 0
+        self._listeners: Counter[str] = Counter()
+        """Number of listeners by client."""
 
     def take(self, _topic: Topic, message: Message) -> None:
         """Put a message into its row; called in threads of the bus."""
@@ -149,12 +151,17 @@ class LiveSamples:
         ]
         return count, count - place - len(fresh), thinned[::-1]
 
-    def open(self) -> "LiveCursor":
-        """Begin to listen at the oldest row; raises TooManyListenersError."""
+    def open(self, client: str = "", most: int = LISTENERS_MAX) -> "LiveCursor":
+        """Begin to listen at the oldest row.
+
+        Raises TooManyListenersError where the client has ``most`` listeners already.
+        """
         with self._lock:
-            if self._listeners >= LISTENERS_MAX:
-                raise TooManyListenersError(f"{self._listeners} listen already, and no more may")
-            self._listeners += 1
+            if self._listeners[client] >= most:
+                raise TooManyListenersError(
+                    f"{client} has {most} listeners to live samples, which is the most"
+                )
+            self._listeners[client] += 1
             oldest = self._rows[0].number if self._rows else self._count
         return LiveCursor(self, oldest)
 
@@ -167,10 +174,12 @@ class LiveSamples:
             return LiveCursor(self, oldest)
         return LiveCursor(self, place, EVENT_POINTS)
 
-    def leave(self) -> None:
-        """Make room for another listener."""
+    def leave(self, client: str = "") -> None:
+        """Make room for another listener of a client."""
         with self._lock:
-            self._listeners -= 1
+            self._listeners[client] -= 1
+            if not self._listeners[client]:
+                del self._listeners[client]
 
 
 def _fill_second(row: SecondRow, message: Estimate | Telemetry | Applied) -> None:
