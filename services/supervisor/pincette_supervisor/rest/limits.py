@@ -63,7 +63,8 @@ class Shares:
 
         ``clients`` is the number of clients that share the limit of one.
         """
-        place, most = (kind, client), clients * OF_ONE[kind]
+        place: tuple[Kind, str] = (kind, client)
+        most = clients * OF_ONE[kind]
         if self._of_one[place] >= most:
             why = f"{client} has {most} {kind} requests under way, which is the most"
             raise _refused(429, why, 5.0 if kind == "long" else 1.0)
