@@ -46,6 +46,8 @@ class EstimatorConfig:
     """Range of the sensor, as positions of the arm."""
     voltage_V: tuple[float, float]
     """What can be put out at all: as far beyond the limits again as they are apart."""
+    drift_um_per_s: float = 0.0
+    """Largest drift of the sensor's reading."""
     moving: tuple[float, float] | None = None
     """By how much this arm's voltage, and the other's, move the tip of an arm that holds a part
     with another one: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None: it is alone."""
@@ -87,6 +89,7 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         observer=observer,
         compliance_um_per_mN=s_p,
         noise_um=rig.sensor.noise_um * observer.noise_gain,
+        drift_um_per_s=rig.sensor.drift_um_per_min / 60.0,
         creep_mN_per_decade=model.creep_mN_per_decade,
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,

@@ -25,6 +25,8 @@ def uncertainty_mN(
     """
     t_s = seq * config.period_s
     age_s = t_s if zero_s is None else t_s - zero_s
+    # Any drift up to the largest is equally likely.
+    drift_um = config.drift_um_per_s * max(0.0, age_s) / sqrt(3.0)
     free_um = memories.response.error_um()
     share = forgotten_share(memories.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
@@ -34,7 +36,7 @@ def uncertainty_mN(
     unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
     return uncertainty(
         noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um),
+        free_error_um=hypot(free_um, unknown_um, drift_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=age_s,
@@ -43,9 +45,14 @@ def uncertainty_mN(
 
 
 def creep_um(config: EstimatorConfig, age_s: float) -> float:
-    """How far creep may have moved the arm since a zero of this age, at two standard errors."""
-    creep_mN = config.creep_mN_per_decade * log10(1.0 + max(0.0, age_s))
-    return COVERAGE * creep_mN * config.compliance_um_per_mN
+    """Return how far creep and drift may have moved the reading since a zero of this age, in µm.
+
+    Creep counts at two standard errors, drift at its largest.
+    """
+    age_s = max(0.0, age_s)
+    creep_mN = config.creep_mN_per_decade * log10(1.0 + age_s)
+    drift_um = config.drift_um_per_s * age_s
+    return COVERAGE * creep_mN * config.compliance_um_per_mN + drift_um
 
 
 def rested_past(config: EstimatorConfig, state: State) -> UnknownPast:

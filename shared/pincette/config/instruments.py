@@ -49,6 +49,9 @@ class Sensor(Table):
     """Longest exchange with the instrument; in real time at most 0.8 of a control period."""
     noise_um: NotNegative
     """r.m.s., as identified; enters the force uncertainty."""
+    drift_um_per_min: NotNegative = 0.0
+    """Largest drift of the reading, as with the temperature of the room; it enters the force
+    uncertainty with the age of the zero. 0: none is assumed."""
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
     options: Options = Field(default_factory=Options)

@@ -128,7 +128,7 @@ def draw(seed: int) -> Drawn:
     assert base.simulation is not None
     changes: Tree = {
         "rig": {"time": "lockstep", "name": f"campaign-{seed}"},
-        "sensor": {"noise_um": noise_um},
+        "sensor": {"noise_um": noise_um, "drift_um_per_min": drift_um_per_min},
         "limits": TRAVEL,
     }
     tree = base.model_dump(mode="json", exclude_unset=True)
