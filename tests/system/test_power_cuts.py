@@ -128,8 +128,10 @@ def check(cut: Cut, rig_file: RigFile, where: Path) -> float:
                 continue
             job = rig.ended(name, REPAIRED_S)
             assert (job["state"], job["result"]) == (told["state"], told["result"]), name
-            assert job["record_complete"], job["record_detail"]
-            assert folder.damaged(records / name) == []
+            # The recorder may have been stopped for the copy of an image while a record ended.
+            if told["record_complete"]:
+                assert job["record_complete"], job["record_detail"]
+                assert folder.damaged(records / name) == []
         assert found[cut.waiting]["state"] == "queued"
         running = rig.ended(cut.running, REPAIRED_S)
         assert running["state"] == "interrupted"
