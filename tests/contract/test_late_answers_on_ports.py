@@ -3,20 +3,23 @@
 import time
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
+from itertools import count
 from pathlib import Path
 
 import pytest
 
-from pincette.instruments import icpdas_i7024, keyence_lkg
+from pincette.instruments import icpdas_i7024, keyence_lkg, srs_dc205
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.line.serial_link import GRACE, Line
 from pincette.instruments.protocols import InstrumentError
+from pincette.sim.instruments import dc205
+from pincette.sim.instruments.dc205 import SimulatedDC205
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.wires.wire import serve
 from tests.contract.test_late_answers import output_settings, sensor_settings
-from tests.support.delayed_answers import Delays, constant, drawn
+from tests.support.delayed_answers import Delays, constant, drawn, single
 
 TIMEOUT_S = 0.02
 WRAP_S = 9.0
@@ -81,6 +84,62 @@ def module(url: str, delays: Delays) -> Generator[Callable[[], float]]:
         output.close()
 
 
+@contextmanager
+def module_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Write another voltage each time; the answer is as old as the voltage at the output."""
+    reached_s: dict[float, float] = {}
+
+    def put_out(voltage_V: float) -> None:
+        reached_s[round(voltage_V, 3)] = stated_s()
+
+    instrument = Delayed(SimulatedI7024(put_out, time.monotonic), constant(0.0))
+    with serve(url, instrument) as wire:
+        settings = output_settings("icpdas_i7024", 0.5, watchdog_s=0.0)
+        output = icpdas_i7024.open_output(settings.model_copy(update={"url": wire.url}))
+        shorten(vars(output)["_link"], TIMEOUT_S)
+        yield from written(output.write_V, reached_s, instrument, delays)
+        output.close()
+
+
+@contextmanager
+def source_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Write to a DC205 in the same way."""
+    reached_s: dict[float, float] = {}
+
+    def put_out(voltage_V: float) -> None:
+        reached_s[round(voltage_V, 3)] = stated_s()
+
+    source = SimulatedDC205(put_out)
+    source.answer(b"RNGE RANGE10;SOUT 1")
+    instrument = Delayed(source, constant(0.0))
+    with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
+        settings = output_settings("srs_dc205", 0.5)
+        output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
+        shorten(vars(output)["_link"], TIMEOUT_S)
+        yield from written(output.write_V, reached_s, instrument, delays)
+        output.close()
+
+
+def written(
+    write_V: Callable[[float], None],
+    reached_s: dict[float, float],
+    instrument: Delayed,
+    delays: Delays,
+) -> Generator[Callable[[], float]]:
+    """Yield an exchange that writes a voltage of its own and returns when it reached the output."""
+    numbers = count()
+
+    def use() -> float:
+        voltage_V = round(0.001 * (next(numbers) % 9000), 3)
+        reached_s.pop(voltage_V, None)
+        write_V(voltage_V)
+        # A confirmed voltage that was never put out counts as too old.
+        return reached_s.get(voltage_V, stated_s() - 0.4 * WRAP_S)
+
+    instrument.delays = delays
+    yield use
+
+
 def shorten(link: object, timeout_s: float) -> None:
     """Shorten the timeout of a line that has been opened."""
     assert isinstance(link, Line)
@@ -105,7 +164,7 @@ def check_ages(use: Callable[[], float], for_s: float) -> tuple[int, int]:
     return accepted, refused
 
 
-INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module])
+INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module, module_write, source_write])
 PORTS = pytest.mark.parametrize("port", ["tcp", "pty"])
 Offer = Callable[[str, Delays], AbstractContextManager[Callable[[], float]]]
 
@@ -147,7 +206,11 @@ def test_every_delay_from_none_to_three_timeouts(offer: Offer, port: str, tmp_pa
     """The whole table (long)."""
     for tenths in range(31):
         delay_s = 0.1 * tenths * TIMEOUT_S
-        for number, delays in enumerate((constant(delay_s), drawn(delay_s, tenths, lost=0.05))):
-            print(f"{tenths} tenths of the timeout, {'constant' if not number else 'random'}")
+        for kind, delays in (
+            ("constant", constant(delay_s)),
+            ("random", drawn(delay_s, tenths, lost=0.05)),
+            ("single", single(delay_s, 7, 0.0)),
+        ):
+            print(f"{tenths} tenths of the timeout, {kind}")
             with offer(url_of(port, tmp_path), delays) as use:
                 check_ages(use, 0.5)
