@@ -345,9 +345,9 @@ def test_a_body_as_large_as_may_be_is_read(harness: Harness) -> None:
 @pytest.mark.parametrize(
     "body",
     [
-        "{" + ", ".join(f'"f{n}": 1' for n in range(8_000)) + "}",
-        '{"kind": "grip", "labels": [' + "1," * 9_000 + "1]}",
-        '{"kind": "grip", "labels": ' + "[" * 9_000 + "]" * 9_000 + "}",
+        "{" + ", ".join(f'"f{n}": 1' for n in range(12_001)) + "}",
+        '{"kind": "grip", "labels": [' + "1," * 25_000 + "1]}",
+        '{"kind": "grip", "labels": ' + "[" * 25_000 + "]" * 25_000 + "}",
     ],
     ids=["members", "items", "depth"],
 )

@@ -1,6 +1,9 @@
-"""A recorded trajectory of thousands of rows is planned and fits in one message."""
+"""A recorded trajectory of thousands of rows is planned and fits in one request and message."""
 
+import json
 from typing import Any
+
+import pytest
 
 from pincette.config import RigFile
 from pincette.core.codec import decode, encode
@@ -9,8 +12,10 @@ from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.track import POINTS_MAX
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.present import Present
+from pincette_supervisor.rest.strict_route import MEMBERS_MAX, parsed
 from tests.support.rigs import demo_rig
 
+from .harness import Harness
 from .test_plan_warnings import TWO_ARMS
 
 RIG = demo_rig()
@@ -49,3 +54,31 @@ def test_two_paths_of_the_most_points_fit_in_one_message() -> None:
     place = {"shape": "waypoints", "points": rows(POINTS_MAX, "place_um", 0.0, 0.5)}
     wish = {"kind": "pair_track", "force": force, "place": place}
     assert knots_of(TWO_ARMS, wish) == [POINTS_MAX, POINTS_MAX]
+
+
+@pytest.mark.parametrize("count", [2007, POINTS_MAX])
+def test_a_recorded_trajectory_is_planned_over_rest(harness: Harness, count: int) -> None:
+    points = rows(count, "force_mN", 8.123456, 9.654321)
+    wish = {"kind": "track", "shape": "waypoints", "points": points}
+    answer = harness.post("/jobs", wish, dry_run="true", predict="false")
+    assert answer.status_code == 200, answer.text[:300]
+    assert answer.json()["violations"] == []
+
+
+def test_two_recorded_trajectories_fit_in_one_request() -> None:
+    force = {"shape": "waypoints", "points": rows(2007, "force_mN", 8.0, 9.0)}
+    place = {"shape": "waypoints", "points": rows(2007, "place_um", 0.0, 0.5)}
+    wish = {"kind": "pair_track", "force": force, "place": place}
+    assert parsed(json.dumps(wish).encode()) == wish
+
+
+def test_of_thousands_of_wrong_points_or_members_few_are_reported(harness: Harness) -> None:
+    wrong = [{"t": 1.0, "force": 2.0}] * POINTS_MAX
+    answer = harness.post("/jobs", {"kind": "track", "shape": "waypoints", "points": wrong})
+    assert answer.status_code == 422
+    assert {error["pointer"].split("/")[2] for error in answer.json()["errors"]} == {"0"}
+    many = {f"a{number}": 1 for number in range(MEMBERS_MAX + 1)}
+    for body in (many, {"kind": "grip", "labels": many}):
+        refused = harness.post("/jobs", body)
+        assert refused.status_code == 413
+        assert refused.json()["limit_members"] == MEMBERS_MAX

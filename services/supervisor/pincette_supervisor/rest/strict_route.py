@@ -27,9 +27,11 @@ from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES, read
 from pincette_supervisor.rest.query_numbers import numeric_names, require_numbers
 
 JSON = "application/json"
-SIGNS, SIGNS_MAX = b",:[{", 8_000
-"""Characters that separate the parts of a body, and how many a body may have: a path of 200 points
-has 2000."""
+SIGNS, SIGNS_MAX = b",:[{", 24_000
+"""Characters that separate the parts of a body, and how many a body may have: a path of 4000
+points has 20 000, two paths of 2000 points each as many."""
+MEMBERS_MAX = 200
+"""Members of one object of a body, so that few of them can be wrong at once."""
 PARAMETERS_MAX = 50
 """Query parameters of one request."""
 TINY_BYTES = 512
@@ -170,7 +172,8 @@ def parsed(body: bytes) -> Any:
             413,
             "body-too-large",
             "The body is too large",
-            f"the body has {signs} commas, colons and brackets; the limit is {SIGNS_MAX}",
+            f"the body has {signs} commas, colons and brackets; the limit is {SIGNS_MAX}: give a "
+            "path fewer points",
             limit_signs=SIGNS_MAX,
         )
     try:
@@ -191,6 +194,14 @@ def _broken(why: str) -> ProblemError:
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len(pairs) > MEMBERS_MAX:
+        raise ProblemError(
+            413,
+            "body-too-large",
+            "The body is too large",
+            f"an object of the body has {len(pairs)} members; the limit is {MEMBERS_MAX}",
+            limit_members=MEMBERS_MAX,
+        )
     found = dict(pairs)
     if len(found) < len(pairs):
         ((name, count),) = Counter(name for name, _ in pairs).most_common(1)

@@ -50,7 +50,9 @@ class ForcePath(Model):
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=MEMBERS_MAX)
     dwell_s: Duration | None = None
     """Time to stay at each level."""
-    points: list[ForcePoint] | None = Field(default=None, min_length=2, max_length=POINTS_MAX)
+    points: list[ForcePoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
     """The first at 0 s."""
 
 
@@ -68,7 +70,9 @@ class PlacePath(Model):
     cycles: Cycles | None = None
     levels_um: list[float] | None = Field(default=None, min_length=1, max_length=MEMBERS_MAX)
     dwell_s: Duration | None = None
-    points: list[PlacePoint] | None = Field(default=None, min_length=2, max_length=POINTS_MAX)
+    points: list[PlacePoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
 
 
 class PairTrackJobRequest(PairJobRequest, ZeroingRequest, frozen=True):

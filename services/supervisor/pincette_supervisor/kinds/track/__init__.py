@@ -61,7 +61,9 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Forces of a step path."""
     dwell_s: Duration | None = None
     """Time to stay at each level."""
-    points: list[TrackPoint] | None = Field(default=None, min_length=2, max_length=POINTS_MAX)
+    points: list[TrackPoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
     """The first at 0 s."""
     rate_um_per_s: Speed | None = None
     """Highest speed of x_r along the path; steps use it up."""
