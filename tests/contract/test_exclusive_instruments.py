@@ -78,7 +78,8 @@ def test_uucp_lock_of_a_live_program_is_respected(
 ) -> None:
     monkeypatch.setattr(exclusive, "UUCP_LOCKS", tmp_path)
     with closing(PtyPort(tmp_path / "laser")) as port:
-        lock = tmp_path / f"LCK..{Path(port.url).resolve().name}"
+        device = str(Path(port.url).resolve())
+        lock = tmp_path / f"LCK..{device.removeprefix('/dev/').replace('/', '_')}"
         lock.write_text(f"{os.getppid():>10}\n")
         assert f"process {os.getppid()} " in str(refusal(port.url))
         ended = subprocess.Popen([sys.executable, "-c", ""])

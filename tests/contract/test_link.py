@@ -174,6 +174,8 @@ class Wreck:
 
     def __init__(self, error: Exception) -> None:
         self.error = error
+        self.silent = True
+        """Whether it is still as it was when it was opened."""
         self.timeout: float | None = 0.0
         self.in_waiting = 0
 
@@ -181,9 +183,12 @@ class Wreck:
         raise io.UnsupportedOperation
 
     def read(self, _size: int = 1, /) -> bytes:
+        if self.silent:
+            return b""
         raise self.error
 
     def write(self, _data: bytes, /) -> int:
+        self.silent = False
         raise self.error
 
     def close(self) -> None:

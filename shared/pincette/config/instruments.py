@@ -7,9 +7,17 @@ from pydantic import AfterValidator, Field
 
 from pincette.config.tables import NotNegative, Positive, Table
 
+NO_RFC2217 = (
+    "rfc2217:// is not supported, since opening such a port and changing its settings block for "
+    "seconds; set the baud rate at the device server, configure a raw TCP port there, and use "
+    "socket://HOST:PORT"
+)
+
 
 def _reachable(url: str) -> str:
     """A url that a link can open: a device, or a socket with host and port."""
+    if url.startswith("rfc2217://"):
+        raise ValueError(NO_RFC2217)
     if not url.startswith("socket://"):
         return url
     try:

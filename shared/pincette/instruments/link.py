@@ -14,7 +14,7 @@ import socket
 import termios
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -22,11 +22,12 @@ from urllib.parse import urlsplit
 
 import serial
 
+from pincette.config.instruments import NO_RFC2217
 from pincette.instruments.line.counts import current_counts
 from pincette.instruments.line.exclusive import (
     device_in_use,
     lock_address,
-    require_unlocked_device,
+    uucp_lock,
 )
 from pincette.instruments.line.matching import Matching, any_line, every_line
 from pincette.instruments.line.recording import Recorder, RecordingLink
@@ -157,18 +158,23 @@ def exchange_s(count: int, baud: int) -> float:
 
 def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
     """Open a port for this program alone, a socket within ``within_s``; raises InstrumentError."""
+    if url.startswith("rfc2217://"):
+        raise InstrumentError(f"{url}: {NO_RFC2217}", "cannot_open")
     try:
         if url.startswith("socket://"):
             return _SocketPort(url, min(timeout_s, within_s), timeout_s)
-        if url.startswith("/"):
-            require_unlocked_device(url)
-        port = serial.serial_for_url(
-            url, baudrate=baud, timeout=0, write_timeout=timeout_s, exclusive=True
-        )
-        if isinstance(port, serial.Serial):
-            _lower_latency(url, port)
-        return _SerialPort(port, timeout_s)
-    except (OSError, ValueError, TypeError, termios.error) as error:
+        with ExitStack() as locks:
+            if url.startswith("/"):
+                locks.enter_context(uucp_lock(url))
+            port = serial.serial_for_url(
+                url, baudrate=baud, timeout=0, write_timeout=timeout_s, exclusive=True
+            )
+            if isinstance(port, serial.Serial):
+                _lower_latency(url, port)
+            return _SerialPort(port, timeout_s, locks.pop_all())
+    except InstrumentError:
+        raise
+    except Exception as error:  # a handler of pyserial's urls may raise anything
         if isinstance(error, OSError) and error.errno == errno.EWOULDBLOCK:
             raise device_in_use(url) from error
         raise InstrumentError(f"{url}: {_why_closed(error)}", "cannot_open") from error
@@ -183,7 +189,7 @@ def _lower_latency(url: str, port: serial.Serial) -> None:
 
 
 def _why_closed(error: Exception) -> str:
-    unknown = f"cannot be opened ({error}); check the url in the rig file"
+    unknown = f"cannot be opened ({type(error).__name__}: {error}); check the url in the rig file"
     # The number is told by pyserial's own error, or for ``socket://`` by the one behind it.
     behind = (error, error.__context__)
     numbers = (one.errno for one in behind if isinstance(one, OSError) and one.errno is not None)
@@ -208,8 +214,8 @@ class _AnyPort(Protocol):
 class _SerialPort:
     """A port of pyserial, whose errors are of one kind."""
 
-    def __init__(self, port: _AnyPort, timeout_s: float) -> None:
-        self._port = port
+    def __init__(self, port: _AnyPort, timeout_s: float, locks: ExitStack) -> None:
+        self._port, self._locks = port, locks
         try:
             self._descriptor = port.fileno()
         except io.UnsupportedOperation:
@@ -229,7 +235,7 @@ class _SerialPort:
             return self._port.read(READ_SIZE) if ready else b""
 
     def close(self) -> None:
-        with _of_one_kind():
+        with self._locks, _of_one_kind():
             self._port.close()
 
 
@@ -286,6 +292,9 @@ class _SocketPort:
 
     def receive(self, wait_s: float) -> bytes:
         """Return what has arrived, waiting for its first byte; empty where none came."""
+        # A device server may forward byte by byte, and wait for each to be acknowledged (Nagle);
+        # an acknowledgement is delayed by 40 ms otherwise. Linux takes the option back by itself.
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         ready, _, _ = select.select([self._socket], [], [], wait_s)
         if not ready:
             return b""

@@ -1,7 +1,7 @@
 """Locks that let one program at a time open an instrument, and the name of the one that has it.
 
-A serial port is locked by ``flock`` on the device, as pyserial's ``exclusive`` does. Programs that
-follow the older UUCP convention, such as ser2net, leave ``/var/lock/LCK..NAME`` instead. A TCP
+A serial port is locked by ``flock`` on the device, as pyserial's ``exclusive`` does, and by the
+older UUCP convention, a file ``/var/lock/LCK..NAME``, which is all that ser2net respects. A TCP
 instrument has no file, so its lock is an abstract Unix socket named after its address: the system
 frees it when the program ends, however it ends. All of these work between the programs of one host.
 """
@@ -9,7 +9,8 @@ frees it when the program ends, however it ends. All of these work between the p
 import errno
 import os
 import socket
-from contextlib import ExitStack, suppress
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from pincette.instruments.protocols import InstrumentError
@@ -18,15 +19,52 @@ UUCP_LOCKS = Path("/var/lock")
 PROCESSES = Path("/proc")
 
 
-def require_unlocked_device(url: str) -> None:
-    """Raise InstrumentError where a live program holds the UUCP lock file of a serial port."""
-    lock = UUCP_LOCKS / f"LCK..{Path(url).resolve().name}"
+@contextmanager
+def uucp_lock(url: str) -> Generator[None]:
+    """Hold the UUCP lock files of a serial port within the block.
+
+    A file whose program has ended is replaced. Where this user may not write, no file is made:
+    ``flock`` still keeps this system's own programs apart.
+
+    Raises
+    ------
+    InstrumentError
+        Where another live program holds a file.
+    """
+    files = {_lock_file(url), _lock_file(str(Path(url).resolve()))}
+    with ExitStack() as made:
+        for file in sorted(files):
+            holder = _holder_of_file(file)
+            if holder is not None and holder != os.getpid():
+                raise in_use(url, _command_of(holder))
+            if holder is None and _was_made(file):
+                made.callback(file.unlink, missing_ok=True)
+        yield
+
+
+def _lock_file(device: str) -> Path:
+    """Return the lock file of a device as ser2net names it, without following links."""
+    return UUCP_LOCKS / f"LCK..{device.removeprefix('/dev/').replace('/', '_')}"
+
+
+def _was_made(file: Path) -> bool:
+    """Write a lock file in place of one that nobody holds; return whether that was possible."""
+    try:
+        file.unlink(missing_ok=True)
+        with file.open("x", encoding="ascii") as written:
+            written.write(f"{os.getpid():>10}\n")
+    except OSError:
+        return False
+    return True
+
+
+def _holder_of_file(lock: Path) -> int | None:
+    """Return the process id of the live program that holds a UUCP lock file; None: none does."""
     try:
         pid = int(lock.read_text(encoding="ascii"))
     except (OSError, ValueError):
-        return
-    if pid != os.getpid() and (PROCESSES / str(pid)).exists():
-        raise in_use(url, _command_of(pid))
+        return None
+    return pid if (PROCESSES / str(pid)).exists() else None
 
 
 def lock_address(url: str, host: str, port: int) -> ExitStack:

@@ -9,6 +9,7 @@ at most ``patience_s``, and then opens the port again.
 
 import logging
 import re
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -31,6 +32,25 @@ MOST_UNEXPECTED = 3
 """Exchanges in a row that each find an answer too many, after which the line is left silent."""
 STANDSTILL_S = 0.005
 """A deadline that is missed by more than this was missed by the machine."""
+SETTLE_S, LONGEST_SETTLE_S = 0.05, 0.5
+"""Silence that is awaited on a new port, and the longest time that this may take. A device server
+may send a banner, and the answer to an earlier client may still be under way."""
+OFTEN, OFTEN_WITHIN_S = 4, 60.0
+"""A port that was opened again so many times within so many seconds may have a second client."""
+TELNET = re.compile(rb"\xff[\xfb-\xfe]")
+"""Begin of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT."""
+SAID = (
+    (
+        re.compile(rb"in use|busy", re.IGNORECASE),
+        "another client has this port: end it, or look for it at the device server",
+    ),
+    (
+        re.compile(rb"device|open", re.IGNORECASE),
+        "the device server cannot open its serial device: is the adapter plugged in there?",
+    ),
+)
+"""What a device server says before it hangs up, and what to do: ser2net 4.3 says "Port already in
+use" and "Device open failure: ..."."""
 
 _log = logging.getLogger("pincette.instruments.link")
 
@@ -72,7 +92,7 @@ class Line:
     open_port: Callable[[float], Port]
     """Opens the port within so many seconds; raises InstrumentError."""
     timeout_s: float
-    """Longest duration of a whole exchange, in s."""
+    """Longest duration of a whole exchange, in s, once the line is open."""
     quiet_s: float
     """Time for which the line must be silent before a request while another one is open, in s."""
     terminator: bytes
@@ -97,10 +117,23 @@ class Line:
     _silent_until_s: float = field(default=float("-inf"), init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _opening_until_s: float | None = field(default=None, init=False)
+    _is_new: bool = field(default=True, init=False)
+    """Whether nothing has been answered since the port was opened."""
+    _greeting: bytes = field(default=b"", init=False)
+    """What has come since then, the newest bytes of it, that was no answer."""
+    _reopened_at_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFTEN), init=False)
 
     def __post_init__(self) -> None:
         self._open = OpenRequests(self.counts)
         self._port = self.open_port(self.timeout_s)
+        try:
+            self._settle(self._port)
+        except (OSError, ValueError) as error:
+            self._drop()
+            raise InstrumentError(self._hung_up_text(error), "cannot_open") from error
+        except InstrumentError:
+            self._drop()
+            raise
 
     @property
     def patience_s(self) -> float:
@@ -159,8 +192,8 @@ class Line:
             text = f"{self.url}: cannot send, the line does not drain; is the other end deaf?"
             raise InstrumentError(text, "silent") from error
         except (OSError, ValueError) as error:
+            text = f"{self._hung_up_text(error)}; it is opened again"
             self._drop()
-            text = f"{self.url}: hung up ({error}); check cable and power, it is opened again then"
             raise InstrumentError(text, "hung_up") from error
         if not self._open:
             self._late_run = 0
@@ -199,8 +232,43 @@ class Line:
         except InstrumentError as error:
             text = f"{error}; it has hung up, and is tried again in {RETRY_S} s"
             raise InstrumentError(text, "hung_up") from error
+        self._is_new, self._greeting = True, b""
         self._prepare(until_s)
         return self._port
+
+    def _settle(self, port: Port) -> None:
+        """Drop what a new port sends by itself; raises InstrumentError for a telnet port."""
+        until_s = self.clock() + LONGEST_SETTLE_S
+        while self.clock() < until_s and (data := port.receive(SETTLE_S)):
+            self._note_greeting(data)
+
+    def _note_greeting(self, data: bytes) -> None:
+        """Keep what a new port sends that is no answer; raises InstrumentError for telnet."""
+        self._greeting = (self._greeting + data)[-LONGEST_FRAME:]
+        if TELNET.search(self._greeting):
+            self._drop()
+            text = (
+                f"{self.url}: sends telnet commands, so it is a telnet port; configure a raw TCP "
+                "port at the device server (in ser2net: accepter: tcp,PORT)"
+            )
+            raise InstrumentError(text, "cannot_open")
+
+    def _hung_up_text(self, error: Exception) -> str:
+        """Return why the port is lost: what the other end said, or where to look."""
+        said = (self._greeting + self._pending).strip() if self._is_new else b""
+        if said:
+            remedies = (remedy for pattern, remedy in SAID if pattern.search(said))
+            remedy = next(remedies, "see the manual of the device server")
+            text = f"{self.url}: the other end said {escaped(said)!r} and hung up; {remedy}"
+        else:
+            text = f"{self.url}: hung up ({error}); check cable and power"
+        times_s = self._reopened_at_s
+        if len(times_s) == OFTEN and self.clock() - times_s[0] <= OFTEN_WITHIN_S:
+            text += (
+                f"; opened again {OFTEN} times within {self.clock() - times_s[0]:.0f} s: does "
+                "another program use this port?"
+            )
+        return text
 
     def _prepare(self, until_s: float) -> None:
         """Let the driver bring the instrument to where it can work on."""
@@ -214,6 +282,7 @@ class Line:
         finally:
             self._opening_until_s = None
         self.counts.reopened += 1
+        self._reopened_at_s.append(self.clock())
         _log.warning("%s: opened again after it had hung up", self.url)
 
     def _drop(self) -> None:
@@ -297,7 +366,8 @@ class Line:
         """Send a request and return its answer.
 
         A line that answers no open request is returned too where only this one is open, for the
-        driver to judge; the request stays open, since its answer may still come. A probe waits on.
+        driver to judge; the request stays open, since its answer may still come. A probe waits on,
+        and so does the first request at a new port, where the line may be for an earlier client.
         """
         own = self._open.add(matching, request, self.clock())
         self._garbled = False
@@ -305,17 +375,20 @@ class Line:
         for line in self._lines(port, until_s):
             found = self._open.take(line)
             if found is own:
+                self._is_new = False
                 return line
             if found is not None:
                 self._note_late(found)
             elif self._open.repeats(line):
                 self.counts.unexpected += 1
                 _log.debug("%s: repeated %s", self.url, _Escaped(line))
-            elif self._open.is_alone(own) and not probing:
+            elif self._open.is_alone(own) and not probing and not self._is_new:
                 self._garbled = True
                 return line
             else:
                 self._garbled = True
+                if self._is_new:
+                    self._note_greeting(line + self.terminator)
                 _log.debug("%s: dropped %s", self.url, _Escaped(line))
         raise self._unanswered(request)
 
@@ -384,7 +457,8 @@ class Line:
         )
 
     def _unanswered(self, request: bytes) -> InstrumentError:
-        got = f"only {self._pending[:40]!r}" if self._pending else "no answer"
+        other = (self._greeting if self._is_new else b"") + self._pending
+        got = f"only {other[-40:]!r}" if other else "no answer"
         text = f"{self.url}: {got} within {self.timeout_s} s to {request[:40]!r}"
         if self._late_run:
             return InstrumentError(f"{text}{self._late_words()}", "late")

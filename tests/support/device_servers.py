@@ -1,0 +1,106 @@
+"""Real serial device servers, ser2net and socat, in front of a simulated instrument."""
+
+import os
+import shutil
+import socket
+import subprocess
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+START_S = 20.0
+PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin"])
+
+
+@dataclass(frozen=True)
+class DeviceServer:
+    """A running server: where it listens, and its process."""
+
+    port: int
+    process: subprocess.Popen[bytes]
+
+    @property
+    def url(self) -> str:
+        return f"socket://127.0.0.1:{self.port}"
+
+    def kill(self) -> None:
+        """End it as a power cut does."""
+        self.process.kill()
+        self.process.wait()
+
+
+def program(name: str) -> str:
+    """Return a program's path; skips the test where it is not installed."""
+    found = shutil.which(name, path=PATH)
+    if found is None:
+        pytest.skip(f"{name} is not installed: apt-get install {name}")
+    return found
+
+
+@contextmanager
+def ser2net(
+    device: str,
+    folder: Path,
+    *,
+    accepter: str = "tcp(nodelay=true)",
+    options: str = "",
+    baud: int = 115200,
+    port: int = 0,
+) -> Generator[DeviceServer]:
+    """Start ser2net; ``options`` are lines of its connection's options, as YAML."""
+    port = port or free_port()
+    lines = "".join(f"    {line}\n" for line in options.splitlines())
+    (folder / "ser2net.yaml").write_text(
+        "%YAML 1.1\n---\nconnection: &instrument\n"
+        f"  accepter: {accepter},127.0.0.1,{port}\n"
+        f"  connector: serialdev,{device},{baud}n81,local\n"
+        + (f"  options:\n{lines}" if lines else ""),
+        encoding="utf-8",
+    )
+    command = [program("ser2net"), "-n", "-c", "ser2net.yaml", "-P", "ser2net.pid"]
+    with _running(command, folder, port) as server:
+        yield server
+
+
+@contextmanager
+def socat(device: str, folder: Path, *, options: str = "") -> Generator[DeviceServer]:
+    """Start socat for one client; ``options`` of its listening address begin with a comma."""
+    port = free_port()
+    listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr{options}"
+    with _running([program("socat"), listen, f"FILE:{device},raw,echo=0"], folder, port) as server:
+        yield server
+
+
+def free_port() -> int:
+    """Return a TCP port that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def _running(command: list[str], folder: Path, port: int) -> Generator[DeviceServer]:
+    with (folder / "server.log").open("ab") as log:
+        process = subprocess.Popen(command, cwd=folder, stdout=log, stderr=log)
+    try:
+        _await_listening(process, port)
+        yield DeviceServer(port, process)
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _await_listening(process: subprocess.Popen[bytes], port: int) -> None:
+    """Wait for the listening socket without connecting, which would use up socat's one client."""
+    local, until_s = f":{port:04X}", monotonic() + START_S
+    while True:
+        rows = [row.split() for row in Path("/proc/net/tcp").read_text("ascii").splitlines()[1:]]
+        if any(row[1].endswith(local) and row[3] == "0A" for row in rows):
+            return
+        assert process.poll() is None
+        assert monotonic() < until_s
+        sleep(0.01)
