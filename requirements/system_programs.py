@@ -29,6 +29,7 @@ class Program:
 
 
 PROXIES = "of the reverse proxies"
+SERVERS = "of device servers"
 PROGRAMS = (
     Program(
         "browser",
@@ -41,6 +42,8 @@ PROGRAMS = (
     Program("HAProxy", ("haproxy",), ("haproxy",), PROXIES),
     Program("tinyproxy", ("tinyproxy",), ("tinyproxy-bin",), "of webhooks behind a forward proxy"),
     Program("Caddy", ("caddy",), ("caddy",), PROXIES),
+    Program("ser2net", ("ser2net",), ("ser2net",), SERVERS),
+    Program("socat", ("socat",), ("socat",), SERVERS),
 )
 
 

@@ -179,6 +179,9 @@ SITTINGS: dict[str, Sitting] = {
         ),
         slow=True,
     ),
+    "docs/how-to/device-servers.md": Sitting(
+        (Told("socat TCP-LISTEN", "tests/contract/test_device_servers.py starts socat"),)
+    ),
     "docs/how-to/calibrate.md": Sitting(
         (
             Told("pincette doctor", "docs/tutorials/your-own-rig.md types it"),

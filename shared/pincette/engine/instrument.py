@@ -9,7 +9,7 @@ from math import ceil, inf
 from time import monotonic, sleep
 from typing import Any, NamedTuple, TypeVar
 
-from pincette.config import RigFile
+from pincette.config import ConfigError, RigFile
 from pincette.core import plugins
 from pincette.core.faults import Fault, FaultCode, fault
 from pincette.core.messages import Message
@@ -133,7 +133,7 @@ class Instrument:
                 self._recorder.add(watch.clock() - began_s)
                 return watch.too_old(began_s) or Reading(x_um)
             block = self._device.read_block()
-        except InstrumentError as error:
+        except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             return Reading(0.0, fault_of(error))
         if not block.x_um:
             return Reading(0.0, fault(FaultCode.NO_ACQUISITION))
@@ -158,7 +158,7 @@ class Instrument:
                 self._device.begin_wave(order.voltages_V, order.rate_hz)
             else:
                 self._device.look()
-        except InstrumentError as error:
+        except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             return fault_of(error)
         return None
 
@@ -169,7 +169,7 @@ class Instrument:
         self._kicked_at_s = now
         try:
             self._watched.keep_alive()
-        except InstrumentError as error:
+        except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             return fault_of(error)
         return None
 
@@ -178,8 +178,9 @@ class Instrument:
         try:
             if self._watched is not None:
                 self._watched.clear_trip()
-        except InstrumentError as error:
-            raise RefusedError(f"the voltage output cannot be reset: {error}") from error
+        except Exception as error:
+            found = driver_error(error)
+            raise RefusedError(f"the voltage output cannot be reset: {found}") from error
         return self.read_back()
 
     def read_back(self) -> PutOut:
@@ -189,8 +190,9 @@ class Instrument:
         """
         try:
             return PutOut(float(self._read_back()))
-        except InstrumentError as error:
-            raise RefusedError(f"the voltage output cannot be read back: {error}") from error
+        except Exception as error:
+            found = driver_error(error)
+            raise RefusedError(f"the voltage output cannot be read back: {found}") from error
 
     def measure(self) -> None:
         """Ask the output a few times for its voltage, which moves nothing, to measure exchanges.
@@ -201,7 +203,7 @@ class Instrument:
             return
         for _ in range(QUESTIONS):
             began_s = self._now_s()
-            with suppress(InstrumentError):
+            with suppress(Exception):
                 self._device.read_V()
                 self._note_exchange(began_s)
 
@@ -222,11 +224,12 @@ class Instrument:
         for _ in range(TRIES - 1):
             try:
                 return self._device.read_V()
-            except InstrumentError as error:
-                if error.code not in PASSING:
+            except Exception as error:
+                found = driver_error(error)
+                if found.code not in PASSING:
                     raise
                 self.counts.retried += 1
-                _log.warning("%s; it is read back again", error)
+                _log.warning("%s; it is read back again", found)
         return self._device.read_V()
 
     def capture(self, rate_hz: float) -> None:
@@ -241,8 +244,9 @@ class Instrument:
             if rate_hz:
                 self._device.begin_capture(rate_hz)
                 self._capture_hz = rate_hz
-        except InstrumentError as error:
-            raise RefusedError(f"buffered acquisition at {rate_hz:g} Hz: {error}") from error
+        except Exception as error:
+            found = driver_error(error)
+            raise RefusedError(f"buffered acquisition at {rate_hz:g} Hz: {found}") from error
 
     def close(self) -> None:
         """Give the device back."""
@@ -255,9 +259,23 @@ def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ..
     return tuple([output for output in outputs if not isinstance(output, ORDERS)])
 
 
-def fault_of(error: InstrumentError) -> Fault:
-    """A driver's error as a fault, in the driver's own words."""
-    return fault(FaultCode(f"instrument_{error.code}"), str(error))
+def driver_error(error: Exception) -> InstrumentError:
+    """Return a driver's exception as an instrument's error.
+
+    An exception of any other class, such as the ValueError of a driver from outside, counts as an
+    answer that the driver could not read.
+    """
+    if isinstance(error, InstrumentError):
+        return error
+    _log.debug("a driver raised", exc_info=error)
+    text = f"the driver raised {type(error).__name__}: {error}; report it to the driver's author"
+    return InstrumentError(text, "garbled")
+
+
+def fault_of(error: Exception) -> Fault:
+    """Return the fault for a driver's exception, in the driver's own words."""
+    found = driver_error(error)
+    return fault(FaultCode(f"instrument_{found.code}"), str(found))
 
 
 MEASUREMENT_TIMEOUT_S = 1.0
@@ -342,9 +360,17 @@ def _retried(open_: Callable[[], D], times: int) -> D:
     for _ in range(times - 1):
         try:
             return open_()
-        except InstrumentError as error:
+        except ConfigError:
+            raise
+        except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
+            found = driver_error(error)
             current_counts().retried += 1
-            _log.warning("%s; it is tried again", error)
-            if error.code == "garbled":
+            _log.warning("%s; it is tried again", found)
+            if found.code == "garbled":
                 sleep(PAUSE_S)
-    return open_()
+    try:
+        return open_()
+    except ConfigError:
+        raise
+    except Exception as error:
+        raise driver_error(error) from error

@@ -8,7 +8,10 @@ from typing import Any
 import pytest
 
 from pincette.core import plugins
-from pincette.engine.instrument import PAUSE_S, open_device
+from pincette.core.faults import Fault
+from pincette.core.service import RefusedError, SetVoltage
+from pincette.engine import instrument
+from pincette.engine.instrument import PAUSE_S, Instrument, open_device
 from pincette.engine.process import loop_services
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.protocols import ErrorCode, InstrumentError
@@ -88,3 +91,48 @@ def test_a_line_that_makes_noise_is_given_time(monkeypatch: pytest.MonkeyPatch, 
     assert driver.tried == 3
     assert slept == [PAUSE_S, PAUSE_S]
     assert counts.retried == 2
+
+
+class Careless:
+    """A driver from outside that raises exceptions of Python itself."""
+
+    def __init__(self, _settings: Any = None) -> None:
+        pass
+
+    def read_um(self) -> float:
+        return float("nonsense")
+
+    def read_V(self) -> float:
+        raise KeyError("channel")
+
+    def write_V(self, _voltage_V: float) -> None:
+        raise ZeroDivisionError("gain")
+
+    def close(self) -> None:
+        pass
+
+
+def test_an_exception_of_a_driver_is_a_fault_that_names_it() -> None:
+    driven = Instrument(Careless(), 0.02, None)
+    reading = driven.read()
+    assert reading.fault is not None
+    assert reading.fault.code == "instrument_garbled"
+    assert "ValueError" in str(reading.fault)
+    found = driven.put_out(SetVoltage(1.0))
+    assert isinstance(found, Fault)
+    assert "ZeroDivisionError" in str(found)
+    with pytest.raises(RefusedError, match="KeyError"):
+        driven.read_back()
+
+
+def test_an_exception_at_opening_is_an_instrument_s_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(_group: str, _name: str) -> Any:
+        def open_sensor(_settings: Any) -> Any:
+            raise AttributeError("vendor library")
+
+        return open_sensor
+
+    monkeypatch.setattr(plugins, "load", load)
+    monkeypatch.setattr(instrument, "PAUSE_S", 0.0)
+    with pytest.raises(InstrumentError, match="AttributeError"):
+        open_device(SERVICES["sensor"], RIG)
