@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -17,7 +18,7 @@ pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.real_time]
 
 MOST_APART_MN = 0.5
 """Between the true forces of two grips: sensor noise, and the creep of the arm's past."""
-START = {"ser2net": ser2net, "socat": socat}
+START = {"ser2net": partial(ser2net, options="chardelay: false"), "socat": socat}
 
 
 @contextmanager
