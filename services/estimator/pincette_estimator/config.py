@@ -36,6 +36,10 @@ class EstimatorConfig:
     noise_um: float
     """Standard deviation that the sensor's noise gives the force, times s_p."""
     creep_mN_per_decade: float
+    creep_percent_per_decade: float
+    """Creep per decade of a step, by which U grows beyond ``creep_known_s``."""
+    creep_known_s: float
+    """Age of a zero up to which x_1 follows creep; infinite where it follows none."""
     forgotten_mN: float
     forgotten_scale_V: float
     zero_limits: ZeroLimits
@@ -91,6 +95,8 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         noise_um=rig.sensor.noise_um * observer.noise_gain,
         drift_um_per_s=rig.sensor.drift_um_per_min / 60.0,
         creep_mN_per_decade=model.creep_mN_per_decade,
+        creep_percent_per_decade=derived.creep_percent_per_decade(model),
+        creep_known_s=derived.creep_known_s(model),
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
         zero_limits=ZeroLimits(

@@ -2,7 +2,7 @@
 
 from math import hypot, log10, sqrt
 
-from pincette.control.force.estimation import COVERAGE, uncertainty
+from pincette.control.force.estimation import COVERAGE, late_creep_um, uncertainty
 from pincette.control.response.free_response import MemoryResponse, rest_mean
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
@@ -33,10 +33,17 @@ def uncertainty_mN(
     if config.residual is not None and missed is not None and zero_s is not None:
         free_um, lost_mN = config.residual.error_um, 0.0
         age_s = missed.beyond * config.period_s
+    response = memories.response
+    late_um = late_creep_um(
+        percent_per_decade=config.creep_percent_per_decade,
+        stroke_um=response.nominal_um_per_V * response.voltage_V,
+        age_s=0.0 if zero_s is None else t_s - zero_s,
+        known_to_s=config.creep_known_s,
+    )
     unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
     return uncertainty(
         noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um, drift_um),
+        free_error_um=hypot(free_um, unknown_um, drift_um, late_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=age_s,

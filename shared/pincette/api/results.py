@@ -121,6 +121,26 @@ class Goal(Model):
     """Largest magnitude of the estimate less F_r after the settling time."""
 
 
+class ZeroReturn(Model):
+    """What the force reads as the arm, free again, comes back to the place of its zero.
+
+    It is 0 but for the error of the free response. Drift or a jump of the sensor, a slip that was
+    not noticed, or a large change of a gain shows in it.
+    """
+
+    model_config = example(force_mN=-0.11, uncertainty_mN=0.42, x_um=26.0, verified=True)
+
+    force_mN: float
+    """Mean of the estimate over the samples about the place of the zero, on the way back."""
+    uncertainty_mN: float
+    """Expanded uncertainty: by the ways back of rehearsed grips, or as the estimator states it
+    where the model has none."""
+    x_um: float
+    """Place of the zero."""
+    verified: bool
+    """False where the force is beyond its uncertainty: no force since that zero is verified."""
+
+
 StepCause = Literal["slip", "sensor", "unknown"]
 
 
@@ -241,6 +261,8 @@ class ClosedLoopResult(JobResult):
     """At the end of the hold or the path."""
     peak_force_mN: float | None
     final_force_mN: float | None
+    zero_return: ZeroReturn | None = None
+    """Null where the arm did not come back free to the place of a zero of this job."""
     contact_rmse_position_um: float | None
     """From the load to the unload."""
     contact_rmse_force_mN: float | None

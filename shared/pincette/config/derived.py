@@ -3,6 +3,8 @@
 Several programs work with the same parts of a rig file; each part is made of it here alone.
 """
 
+from math import inf
+
 from pincette.config.model import Model
 from pincette.config.rig_file import RigFile
 from pincette.config.tables import ConfigError
@@ -32,6 +34,9 @@ REST_SAMPLES = (10, 64)
 """Fewest and most samples of a rest."""
 X_START_UM = 0.0
 """Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
+
+CREEP_REACH = 10.0
+"""Creep is known up to this many times the longest creep time identified."""
 
 
 def free_response(model: Model) -> FreeResponse:
@@ -170,3 +175,20 @@ def planned_rig(
         memory=begin_memory(model),
         condition_V=condition_V,
     )
+
+
+def creep_percent_per_decade(model: Model) -> float:
+    """Return the creep after a step in % of the step per decade of time."""
+    free = model.free_response
+    return 0.0 if free is None else free.creep_percent_per_decade
+
+
+def creep_known_s(model: Model) -> float:
+    """Return the age of a zero up to which the free response follows creep, in s.
+
+    It is ``CREEP_REACH`` times the longest creep time identified, and infinite without one.
+    """
+    free = model.free_response
+    if free is None or not free.creep_times_s:
+        return inf
+    return CREEP_REACH * max(free.creep_times_s)

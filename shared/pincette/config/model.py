@@ -47,6 +47,12 @@ class IdentifiedFreeResponse(Table):
     """Ways of the voltage since a zero at which the error is known; empty: by the residual."""
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
     """Standard error of the free response there; enters the force uncertainty."""
+    return_error_um: NotNegative | None = None
+    """Standard error, in µm, of the free response at the place of the zero on the way back from a
+    press; by rehearsed grips. None: not known."""
+    creep_percent_per_decade: NotNegative = 2.0
+    """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
+    ``creep_times_s`` the uncertainty of the force grows by it; the default is assumed."""
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
     """Least and largest voltage of the motion that it was identified from; a job that presses is
     refused beyond. Without it: not known, and not checked."""
@@ -68,8 +74,9 @@ class IdentifiedFreeResponse(Table):
         press_gain: float = 1.0,
         growth: ErrorGrowth | None = None,
         taught_V: tuple[float, float] | None = None,
+        **measured: float,
     ) -> "IdentifiedFreeResponse":
-        """Table of a model that was identified."""
+        """Return the table of a model that was identified; ``measured`` are further fields."""
         ways_V, errors_um = ((), ()) if growth is None else growth
         return cls(
             **asdict(model),
@@ -78,6 +85,7 @@ class IdentifiedFreeResponse(Table):
             error_ways_V=ways_V,
             errors_um=errors_um,
             taught_V=taught_V,
+            **measured,
         )
 
     def growth(self) -> ErrorGrowth | None:

@@ -1,6 +1,6 @@
 """The estimator's step: matched ages, missing partners, zeros, and a memory that lives on."""
 
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, sqrt
 
 import pytest
 
@@ -12,7 +12,7 @@ from pincette.core.service import RefusedError
 from pincette.core.wording import fault_text, named_text
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.step import Inputs, handle, start, step
-from tests.unit.estimator.bench import APPLIED, POSITION, TAUGHT, Bench, a_rig
+from tests.unit.estimator.bench import APPLIED, DEMO, POSITION, TAUGHT, Bench, a_rig
 
 LINEAR = configure(a_rig(None))
 IDENTIFIED = configure(a_rig(TAUGHT))
@@ -243,3 +243,19 @@ def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
     for tick in range(100):
         bench.feed(0.0, 0.004 * (tick % 2))
     assert bench.feed(0.0, 0.0).force_uncertainty_mN > before + 2.0
+
+
+def test_the_uncertainty_of_a_long_hold_grows_by_the_creep_of_the_whole_stroke() -> None:
+    """The creep time identified is 1 s: from 10 s on each decade adds 1.5 % of 30 µm."""
+    taught = TAUGHT.model_copy(update={"creep_percent_per_decade": 1.5})
+    quiet = TAUGHT.model_copy(update={"creep_percent_per_decade": 0.0})
+    stated_mN: list[list[float]] = []
+    for each in (taught, quiet):
+        bench = Bench(configure(a_rig(each)))
+        bench.rest(0.0, 0.0)
+        bench.feed(0.0, 0.0, zero=True)
+        stated_mN.append([bench.feed(20.0, 2.0).force_uncertainty_mN for _ in range(5002)])
+    assert stated_mN[0][400] == pytest.approx(stated_mN[1][400])
+    s_p, d_p = DEMO.model.compliance_um_per_mN, DEMO.model.piezo_um_per_V
+    late_mN = sqrt(stated_mN[0][-1] ** 2 - stated_mN[1][-1] ** 2)
+    assert late_mN == pytest.approx(0.015 * 2.0 * d_p / s_p, rel=0.02)

@@ -98,6 +98,10 @@ class JobRecorder:
         self._figures = {name: record.tree[name] for name in FIGURES if name in record.tree}
         if record.result.goal is not None and record.result.goal.met is not None:
             self._figures["goal_met"] = record.result.goal.met
+        returned = getattr(record.result, "zero_return", None)
+        if returned is not None:
+            self._figures["zero_return_verified"] = returned.verified
+            self._context.observer.counters.count_zero_return(verified=returned.verified)
         return record.fault
 
     def write(self, tracker: Tracker, *, over: bool) -> None:

@@ -136,6 +136,16 @@ CONTACT: tuple[ResultField, ...] = (
         uncertainty="contact_stiffness_error_mN_per_um",
     ),
 )
+ZERO_RETURN: tuple[ResultField, ...] = (
+    ResultField(name="zero_return.verified", label="verified by the zero return", optional=True),
+    number(
+        "zero_return.force_mN",
+        "force back at the place of the zero",
+        uncertainty="zero_return.uncertainty_mN",
+        optional=True,
+    ),
+)
+"""Closure of the force after the part was let go."""
 MOTION: tuple[ResultField, ...] = (
     number("ends_at.x_um", "rests at", main=True),
     number("ends_at.voltage_V", "voltage kept", digits=3),

@@ -138,6 +138,14 @@ def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:
         families.GONE,
         [((rig, service), n) for rig, counters in of for service, n in counters.gone().items()],
     )
+    yield _metric(
+        families.ZERO_RETURNS,
+        [
+            ((rig, "true" if verified else "false"), n)
+            for rig, counters in of
+            for verified, n in counters.zero_returns().items()
+        ],
+    )
     yield _metric(families.UNANSWERED, [((rig,), counters.unanswered) for rig, counters in of])
     yield _metric(families.DEGRADED, [((rig,), counters.degraded) for rig, counters in of])
     dropped: list[tuple[tuple[str, ...], int]] = [

@@ -84,6 +84,7 @@ class RigCounters:
             pair: MonotonicCounter() for pair in product(WITH_INSTRUMENT, INSTRUMENT_KINDS)
         }
         self._gone: Counter[str] = Counter()
+        self._zero_returns: Counter[bool] = Counter()
         self.lost = MonotonicCounter()
         """Messages missing from records."""
 
@@ -98,6 +99,16 @@ class RigCounters:
                 self._take_estimate(message)
             elif isinstance(message, Timing):
                 self._take_timing(message)
+
+    def count_zero_return(self, *, verified: bool) -> None:
+        """Count a job whose arm came back to the place of its zero."""
+        with self._lock:
+            self._zero_returns[verified] += 1
+
+    def zero_returns(self) -> dict[bool, int]:
+        """Return how many jobs the return of their zero has verified, and has not."""
+        with self._lock:
+            return {verified: self._zero_returns[verified] for verified in (True, False)}
 
     def _check_seq(self, topic: Topic, epoch: int, seq: int) -> None:
         """Count missing sequence numbers while the loop is armed."""

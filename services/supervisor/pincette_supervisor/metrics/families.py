@@ -134,6 +134,13 @@ PEAKS = Family(
     ("rig",),
     "the same of every arming that is over, so that none is missed between two scrapes",
 )
+ZERO_RETURNS = Family(
+    "pincette_zero_returns_total",
+    "counter",
+    ("rig", "verified"),
+    "jobs whose arm came back free to the place of its zero; `false` where the force read there "
+    "was beyond its uncertainty",
+)
 JOBS = Family("pincette_jobs", "gauge", ("rig", "kind", "state"), "jobs in the journal")
 QUEUE_HALTED = Family(
     "pincette_queue_halted", "gauge", ("rig",), "1 where the queue waits for a person"

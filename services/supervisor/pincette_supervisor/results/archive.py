@@ -10,7 +10,7 @@ from typing import Any
 
 from pincette import __version__
 from pincette.api.job_kinds import job_kinds
-from pincette.api.results import JobResult
+from pincette.api.results import ClosedLoopResult, JobResult
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.core.messages import Message, Recorded
@@ -23,6 +23,7 @@ from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.results.goal import goal_of
 from pincette_supervisor.results.long_hold import completed
 from pincette_supervisor.results.run_samples import THINNED, RunSamples
+from pincette_supervisor.results.zero_return import zero_return_of
 
 
 def trim_memory() -> None:
@@ -151,5 +152,8 @@ def gathered(
     )
     if goal is not None:
         result = result.model_copy(update={"goal": goal})
+    if isinstance(result, ClosedLoopResult) and rig.second is None:
+        returned = zero_return_of(tables.extreme, planned.armed.rig)
+        result = result.model_copy(update={"zero_return": returned})
     run = replace(run, table=tables.extreme)  # the picture shows the extremes as well
     return Record(job, run, replace(evaluation, result=result), epoch)

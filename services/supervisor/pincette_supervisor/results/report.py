@@ -119,6 +119,12 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
             digits = figure.digits
             more = f" ± {spread:.{digits}f}" if isinstance(spread, float) else ""
             told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
+    returned = result.get("zero_return")
+    if returned is not None and not returned["verified"]:
+        told.append(
+            f"unverified: back at the place of its zero the free arm read "
+            f"{returned['force_mN']:.2f} ± {returned['uncertainty_mN']:.2f} mN"
+        )
     goal = result.get("goal")
     if goal is not None:
         told.append(f"goal {GOALS[goal['met']]}")

@@ -57,6 +57,21 @@ def uncertainty(
     )
 
 
+def late_creep_um(
+    *, percent_per_decade: float, stroke_um: float, age_s: float, known_to_s: float
+) -> float:
+    """Return the standard error, in µm, of creep that is slower than any that x_1 follows.
+
+        p/100·|stroke|·log10(age/known_to)/COVERAGE
+
+    beyond ``known_to_s``, 0 before: creep times are fitted to a course of a minute, and a hold may
+    last for hours. ``percent_per_decade`` of the whole stroke bounds what is left.
+    """
+    if age_s <= known_to_s:
+        return 0.0
+    return percent_per_decade / 100.0 * abs(stroke_um) * log10(age_s / known_to_s) / COVERAGE
+
+
 def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_mN: float) -> float:
     """Expanded uncertainty in mN of the mean force over n samples.
 

@@ -166,6 +166,7 @@ def rehearsed_grips(
             samples_of(f"approach {number}"),
             samples_of(f"press {number}"),
             samples_of(f"small swings {number}") if f"small swings {number}" in phases else None,
+            samples_of(f"let go {number}"),
         )
         for number in range(1, len(REHEARSED) + 1)
     )

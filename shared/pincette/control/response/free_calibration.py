@@ -33,6 +33,7 @@ from pincette.control.response.model_errors import (
     Value,
     line_error,
     rehearsed_errors,
+    return_error,
     unknown_forgetting,
 )
 
@@ -91,6 +92,8 @@ class FreeCalibration:
     """Error of the model under a small to-and-fro."""
     rehearsed: Rehearsed
     """Errors of the model since a zero."""
+    return_error_um: float | None
+    """Error of the model at the place of the zero on the way back; see ``return_error``."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -159,6 +162,7 @@ def calibrate_free_response(
         line_error=line_error((gain, presses)),
         forgetting=unknown_forgetting(u, left, motion.period_s, swings),
         rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
+        return_error_um=return_error(x, left, motion.period_s, motion.grips),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,

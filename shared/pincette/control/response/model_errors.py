@@ -23,6 +23,8 @@ REST_S = 0.2
 """End of a rest over which its place is taken."""
 BLOCK_S = 0.4
 """Before small swings, over which noise is averaged."""
+PASSING = 3
+"""Samples before and after a place, over which the position there is taken in passing."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Tried, each twice the one before."""
 SCALES_ALIKE = 1.05
@@ -38,6 +40,8 @@ class RehearsedGrip(NamedTuple):
     """On from there, with a rest at the end."""
     swings: slice | None = None
     """Small swings after it."""
+    let_go: slice | None = None
+    """Way back to rest."""
 
 
 class Value(NamedTuple):
@@ -199,6 +203,39 @@ def rehearsed_errors(
         ErrorGrowth(tuple(way for way, _ in points), tuple(um for _, um in points)),
         Value(max(creep_um, least_um), least_um),
     )
+
+
+def return_error(
+    x_um: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
+) -> float | None:
+    """Return the error of x_1 at the place of the zero on the way back, r.m.s. of all grips.
+
+    Parameters
+    ----------
+    x_um, left_um
+        N positions, and those less x_1.
+    grips
+        Rehearsals; None is returned where no way back passes the place of its zero.
+    """
+    count, squares = max(1, round(REST_S / period_s)), list[float]()
+    for grip in grips:
+        if grip.let_go is None:
+            continue
+        rest = slice(grip.approach.stop - count, grip.approach.stop)
+        here = passing(x_um[grip.let_go], float(np.mean(x_um[rest])))
+        if here is not None:
+            returned_um = float(np.mean(left_um[grip.let_go][here]))
+            squares.append((returned_um - float(np.mean(left_um[rest]))) ** 2)
+    return sqrt(fsum(squares) / len(squares)) if squares else None
+
+
+def passing(x_um: Column, place_um: float) -> slice | None:
+    """Return the samples about the first at which falling positions are at a place or below it."""
+    below = np.flatnonzero(x_um <= place_um)
+    if not len(below) or below[0] == 0:
+        return None
+    first = int(below[0])
+    return slice(max(0, first - PASSING), min(len(x_um), first + PASSING))
 
 
 def at_end(voltage_V: Column, samples: slice) -> slice:

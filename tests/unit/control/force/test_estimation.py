@@ -8,6 +8,7 @@ import pytest
 from pincette.control.force.estimation import (
     COVERAGE,
     force,
+    late_creep_um,
     smoothing,
     uncertainty,
     uncertainty_of_mean,
@@ -85,3 +86,13 @@ def test_a_mean_of_filtered_noise_is_as_uncertain_as_one_of_readings() -> None:
     stated_mN = [COVERAGE * sqrt(noise_mN**2 + 0.05**2)] * count
     u_mN = uncertainty_of_mean(stated_mN, noise_mN=noise_mN, reading_mN=0.3)
     assert u_mN == pytest.approx(COVERAGE * float(np.std(means_mN)), rel=0.05)
+
+
+def test_creep_beyond_the_course_widens_by_the_share_of_the_stroke() -> None:
+    def late_um(age_s: float) -> float:
+        return late_creep_um(percent_per_decade=1.5, stroke_um=60.0, age_s=age_s, known_to_s=125.0)
+
+    assert late_um(125.0) == 0.0
+    # 1.5 % of 60 µm in a decade, at a coverage of 2.
+    assert late_um(1250.0) == pytest.approx(0.45)
+    assert late_um(600.0) == pytest.approx(0.45 * log10(600.0 / 125.0))

@@ -200,6 +200,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("learned.cycles", "cycles learned from", "", digits=0, optional=True),
     number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
     *fields.GOAL,
+    *fields.ZERO_RETURN,
     *fields.ERROR_SOURCES,
 )
 KIND = JobKind(

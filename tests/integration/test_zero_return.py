@@ -1,0 +1,55 @@
+"""What the force reads as the arm comes back to the place of its zero, on the demo rig."""
+
+import pytest
+
+from pincette.api.results import ZeroReturn
+from pincette.records.columns import columns
+from pincette_supervisor.kinds.grip import KIND
+from pincette_supervisor.results.report import verdict
+from pincette_supervisor.results.zero_return import zero_return_of
+from tests.support.slips import Played, played
+
+
+def returned(job: Played, **model: float) -> ZeroReturn | None:
+    """The zero return of a job, on a rig with other errors of its free response."""
+    rig = job.rig
+    free = rig.model.free_response
+    assert free is not None
+    changed = rig.model.model_copy(update={"free_response": free.model_copy(update=model)})
+    return zero_return_of(columns(job.messages, 0.02), rig.model_copy(update={"model": changed}))
+
+
+@pytest.mark.parametrize("profile", ["quick", "gentle"])
+def test_an_undisturbed_grip_is_verified(profile: str) -> None:
+    job = played(profile=profile)
+    assert job.outcome == "gripped"
+    found = returned(job, return_error_um=0.1)
+    assert found is not None
+    assert found.verified
+    assert found.x_um == pytest.approx(26.0, abs=0.5)
+    assert 0.2 < found.uncertainty_mN < 1.2
+
+
+def test_a_drift_of_the_sensor_in_the_hold_leaves_the_grip_unverified() -> None:
+    """The drift of 1.2 µm is held as 1.3 mN too little; no step of the position shows it."""
+    job = played({"drift": {"slope_um_per_s": 0.3}}, hold_s=4.0)
+    assert job.outcome == "gripped"
+    found = returned(job, return_error_um=0.1)
+    assert found is not None
+    assert found.force_mN < -2.0
+    assert not found.verified
+    result = {"outcome": "gripped", "zero_return": found.model_dump()}
+    assert "unverified" in verdict(KIND, result)
+
+
+def test_without_a_measured_error_the_estimators_own_uncertainty_counts() -> None:
+    job = played()
+    found = zero_return_of(columns(job.messages, 0.02), job.rig)
+    assert found is not None
+    assert found.uncertainty_mN == pytest.approx(0.5, abs=0.3)
+
+
+def test_a_job_that_meets_no_part_has_no_zero_return() -> None:
+    job = played({"bead": False})
+    assert job.outcome == "no_contact"
+    assert zero_return_of(columns(job.messages, 0.02), job.rig) is None
