@@ -1,0 +1,31 @@
+"""Every outcome and every ending of a job becomes an error that SiLA defines."""
+
+from typing import Any, get_args
+
+import pytest
+
+from pincette.api.endings import Ending, EndingCode
+from pincette.api.jobs import Job
+from pincette.api.results import OutcomeCode
+from pincette.client import JobEndedError
+from pincette_sila.errors import command_error
+
+
+def ended(**changes: Any) -> JobEndedError:
+    """A job that has failed, as the documented example of one."""
+    extra = Job.model_config.get("json_schema_extra")
+    assert isinstance(extra, dict)
+    examples: Any = extra["examples"]
+    return JobEndedError("it has ended", Job.model_validate({**examples[0], **changes}))
+
+
+@pytest.mark.parametrize("outcome", get_args(OutcomeCode))
+def test_an_outcome(outcome: OutcomeCode) -> None:
+    error = command_error(ended(state="failed", ending=None, result={"outcome": outcome}))
+    assert error.identifier == "JobFailed"
+
+
+@pytest.mark.parametrize("code", get_args(EndingCode))
+def test_an_ending(code: EndingCode) -> None:
+    error = command_error(ended(state="failed", ending=Ending(code=code).model_dump()))
+    assert error.identifier == ("RigLatched" if code == "tripped" else "JobFailed")

@@ -1,0 +1,81 @@
+"""Every code of a fault, cause, outcome, ending and broken limit passes every model that has it."""
+
+from typing import Any, get_args
+
+import msgspec
+import pytest
+
+from pincette.api import Model
+from pincette.api.checks import FaultView
+from pincette.api.endings import Ending, EndingCode
+from pincette.api.events import Alarm
+from pincette.api.jobs import Job
+from pincette.api.predictions import Violation
+from pincette.api.results import OutcomeCode
+from pincette.api.states import OUTCOMES
+from pincette.client import JobEndedError
+from pincette.control.vocabulary import FaultCode, LimitedQuantity
+from pincette.core.faults import Cause, Fault, Mode, Outcome, fault
+from pincette.core.messages import Applied, Telemetry
+from pincette.core.wording import cause_text
+from pincette.mcp.server import Gripped
+from pincette_supervisor.kinds.grip import GripResult
+
+NUMBERS = {"force_mN": 1.0, "limit_mN": 2.0, "seq": 3.0}
+
+
+def example_of(model: type[Model], **changes: Any) -> Any:
+    """The documented example of a model, with changes, as it comes over REST."""
+    extra = model.model_config.get("json_schema_extra")
+    assert isinstance(extra, dict)
+    examples: Any = extra["examples"]
+    made = model.model_validate({**examples[0], **changes}, strict=False)
+    assert model.model_validate_json(made.model_dump_json()) == made
+    return made
+
+
+@pytest.mark.parametrize("code", list(FaultCode))
+def test_a_fault(code: FaultCode) -> None:
+    found = fault(code, "words", **NUMBERS)
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(found), type=Fault) == found
+    assert example_of(FaultView, code=code, values=NUMBERS).code is code
+
+
+@pytest.mark.parametrize("cause", list(Cause))
+def test_a_cause(cause: Cause) -> None:
+    applied = Applied(1, 2, 0.5, Mode.LATCHED, cause, 0, False, False, False, True, 0, 0.02)
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(applied), type=Applied).cause is cause
+    assert example_of(Ending, trip=cause).trip == cause
+    assert example_of(Alarm, cause=cause).cause == cause
+    assert str(cause) in cause_text(cause)
+
+
+@pytest.mark.parametrize("outcome", get_args(OutcomeCode))
+def test_an_outcome(outcome: OutcomeCode) -> None:
+    assert example_of(GripResult, outcome=outcome).outcome == outcome
+    given = {"job": "a", "force_held_mN": None, "force_uncertainty_mN": None}
+    assert Gripped.model_validate({**given, "outcome": outcome}).outcome == outcome
+    job = example_of(Job, state="failed", result={"outcome": outcome})
+    assert JobEndedError("it has ended", job).job.result == {"outcome": outcome}
+    if outcome in set(Outcome):
+        assert OUTCOMES[outcome]
+
+
+@pytest.mark.parametrize("code", get_args(EndingCode))
+def test_an_ending(code: EndingCode) -> None:
+    ending = example_of(Ending, code=code).model_dump()
+    job = example_of(Job, state="failed", ending=ending)
+    assert job.ending.code == code
+    raised = JobEndedError("it has ended", job)
+    assert raised.job.ending is not None
+    assert raised.job.ending.code == code
+
+
+@pytest.mark.parametrize("quantity", get_args(LimitedQuantity))
+def test_a_broken_limit(quantity: LimitedQuantity) -> None:
+    assert example_of(Violation, quantity=quantity).quantity == quantity
+
+
+def test_the_outcomes_of_telemetry_are_the_controllers() -> None:
+    hints = msgspec.structs.fields(Telemetry)
+    assert next(one.type for one in hints if one.name == "outcome") is Outcome
