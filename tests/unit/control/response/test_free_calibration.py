@@ -49,7 +49,10 @@ def test_the_demo_rig_has_the_papers_gain() -> None:
     found = calibrate_free_response(motion, SAMPLES_PER_CYCLE)
     assert found.gain.gain_um_per_V == pytest.approx(19.0, rel=0.005)
     assert found.gain.loop_percent == pytest.approx(18.5, abs=0.5)
-    assert found.unpoled
+    # Once the growing swings are slow, a new arm is explained as well by one that was moved before.
+    new = calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True)
+    assert new.model_residual_um == pytest.approx(found.model_residual_um, rel=0.05)
+    assert found.model_residual_um < 0.1
     assert float(np.std(found.x_um - found.model_um)) < 0.2
 
 
