@@ -1,6 +1,6 @@
 """Every outcome and every ending of a job becomes an error that SiLA defines."""
 
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import pytest
 
@@ -15,7 +15,7 @@ def ended(**changes: Any) -> JobEndedError:
     """A job that has failed, as the documented example of one."""
     extra = Job.model_config.get("json_schema_extra")
     assert isinstance(extra, dict)
-    examples: Any = extra["examples"]
+    examples = cast("list[dict[str, Any]]", extra["examples"])
     return JobEndedError("it has ended", Job.model_validate({**examples[0], **changes}))
 
 

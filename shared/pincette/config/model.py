@@ -17,6 +17,9 @@ USUAL_DELAY = 0.65
 """Of a period, from a sample to its voltage, where nobody has measured it."""
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
+ASSUMED_CREEP_PERCENT = 2.0
+"""Creep in % of a step per decade of time where nobody has measured it; actuators have 1 to 2."""
+
 
 class IdentifiedFreeResponse(Table):
     """The free response as ``pincette teach`` identified it; see ``control.hysteresis``."""
@@ -50,7 +53,7 @@ class IdentifiedFreeResponse(Table):
     return_error_um: NotNegative | None = None
     """Standard error, in µm, of the free response at the place of the zero on the way back from a
     press; by rehearsed grips. None: not known."""
-    creep_percent_per_decade: NotNegative = 2.0
+    creep_percent_per_decade: NotNegative = ASSUMED_CREEP_PERCENT
     """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
     ``creep_times_s`` the uncertainty of the force grows by it; the default is assumed."""
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
@@ -74,9 +77,10 @@ class IdentifiedFreeResponse(Table):
         press_gain: float = 1.0,
         growth: ErrorGrowth | None = None,
         taught_V: tuple[float, float] | None = None,
-        **measured: float,
+        creep_percent_per_decade: float = ASSUMED_CREEP_PERCENT,
+        return_error_um: float | None = None,
     ) -> "IdentifiedFreeResponse":
-        """Return the table of a model that was identified; ``measured`` are further fields."""
+        """Return the table of a model that was identified."""
         ways_V, errors_um = ((), ()) if growth is None else growth
         return cls(
             **asdict(model),
@@ -85,7 +89,8 @@ class IdentifiedFreeResponse(Table):
             error_ways_V=ways_V,
             errors_um=errors_um,
             taught_V=taught_V,
-            **measured,
+            return_error_um=return_error_um,
+            creep_percent_per_decade=creep_percent_per_decade,
         )
 
     def growth(self) -> ErrorGrowth | None:

@@ -1,6 +1,6 @@
 """Every code of a fault, cause, outcome, ending and broken limit passes every model that has it."""
 
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import msgspec
 import pytest
@@ -28,7 +28,7 @@ def example_of(model: type[Model], **changes: Any) -> Any:
     """The documented example of a model, with changes, as it comes over REST."""
     extra = model.model_config.get("json_schema_extra")
     assert isinstance(extra, dict)
-    examples: Any = extra["examples"]
+    examples = cast("list[dict[str, Any]]", extra["examples"])
     made = model.model_validate({**examples[0], **changes}, strict=False)
     assert model.model_validate_json(made.model_dump_json()) == made
     return made

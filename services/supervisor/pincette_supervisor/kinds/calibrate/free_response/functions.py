@@ -166,16 +166,14 @@ def analyse(run: Run) -> Analysis:
     require_like_in_use(planned.model, "model.piezo_um_per_V", found.gain.gain_um_per_V)
     s_p = planned.model.rig.model.compliance_um_per_mN
     residual_um = max(found.model_residual_um, found.cycles_residual_um)
-    measured = {"creep_percent_per_decade": max(0.0, found.creep.percent_per_decade)}
-    if found.return_error_um is not None:
-        measured["return_error_um"] = found.return_error_um
     table = IdentifiedFreeResponse.from_model(
         found.model,
         residual_um,
         found.press_gain,
         found.rehearsed.growth,
         _fitted_V(motion),
-        **measured,
+        creep_percent_per_decade=max(0.0, found.creep.percent_per_decade),
+        return_error_um=found.return_error_um,
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
     warnings: list[str] = []
