@@ -16,7 +16,7 @@ from pincette_supervisor.rest import held_refusals, server
 from pincette_supervisor.rest.bounded_loop import EVENTS, BoundedSelector
 from pincette_supervisor.rest.held_refusals import Refusals
 from pincette_supervisor.rest.server import MOST, server_of
-from pincette_supervisor.rest.work_queue import TASKS
+from pincette_supervisor.rest.work_queue import TASKS, WorkQueue
 
 MANY = 300
 """Connections whose data arrive before those of the stop."""
@@ -268,3 +268,33 @@ def test_the_queue_leaves_breaks_for_other_work_of_the_loop() -> None:
         assert turns > 3 * MANY / TASKS
 
     run(test)
+
+
+@pytest.mark.parametrize(("alternates", "order"), [(False, [0, 1, 2, 3]), (True, [3, 0, 2, 1])])
+def test_handshakes_are_begun_at_both_ends_of_their_queue(
+    alternates: bool, order: list[int]
+) -> None:
+    begun: list[int] = []
+
+    class Numbered:
+        def __init__(self, number: int) -> None:
+            self.number = number
+
+        def work(self) -> bool:
+            begun.append(self.number)
+            return False
+
+        def has_unread_data(self) -> bool:
+            return False
+
+        def abort(self) -> None:
+            raise AssertionError
+
+    async def test() -> None:
+        queue = WorkQueue(break_s=0.0, alternates=alternates)
+        for number in range(4):
+            queue.add(Numbered(number))
+        await until(lambda: len(begun) == 4)
+
+    asyncio.run(test())
+    assert begun == order

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from math import ceil
+from random import uniform
 from time import monotonic
 from typing import Any, Literal
 
@@ -36,6 +37,8 @@ the clients of one address without keys all get their turn."""
 HELD_S: Mapping[Kind, float] = {"short": 1.0, "long": 5.0}
 """Time for which such a refusal is held back, so that a client that repeats at once does not keep
 the server busy with refusals."""
+SPREAD = (0.75, 1.25)
+"""Range of factors of that time, so that clients refused together do not come back together."""
 SEND_S = 30.0
 """How long a client may take for one block of an answer."""
 ESTOP = "/estop"
@@ -124,7 +127,7 @@ class RateLimit:
                 await self._app(scope, receive, send)
         except ProblemError as refusal:  # of the limits; the application answers its own
             scope[HELD] = True
-            await asyncio.sleep(HELD_S[kind])
+            await asyncio.sleep(HELD_S[kind] * uniform(*SPREAD))
             await problems.response_of(refusal)(scope, receive, send)
 
     @contextmanager

@@ -385,8 +385,9 @@ def server_of(app: ASGIApp, tls: ssl.SSLContext | None = None) -> uvicorn.Server
     refusals = Refusals()
     door: Any = partial(Connection, WorkQueue(), refusals)
     if tls is not None:
-        # A handshake must precede a stop, so that its queue has no breaks.
-        door = partial(Doorway, tls, WorkQueue(break_s=0.0), door)
+        # A handshake must precede a stop. So this queue has no breaks, and the newest handshake
+        # does not wait for all of a flood.
+        door = partial(Doorway, tls, WorkQueue(break_s=0.0, alternates=True), door)
     return Server(
         uvicorn.Config(
             HeldRefusals(UnambiguousLength(app), refusals),

@@ -42,8 +42,9 @@ class Peer(Protocol):
 class WorkQueue:
     """The connections of one server that wait: for data of their clients, or for their turn."""
 
-    def __init__(self, break_s: float = BREAK_S) -> None:
-        self._break_s = break_s
+    def __init__(self, break_s: float = BREAK_S, *, alternates: bool = False) -> None:
+        """``alternates``: the newest has its turn, then the oldest, and so on."""
+        self._break_s, self._alternates, self._newest = break_s, alternates, alternates
         self._silent: dict[Peer, None] = {}
         """Connections that wait for the data of their first request; the longest silent first."""
         self._kept: dict[Peer, None] = {}
@@ -103,14 +104,18 @@ class WorkQueue:
             later = wait_s > 0.0
             self._turn = loop.call_later(wait_s, self._run) if later else loop.call_soon(self._run)
 
+    def _pop_next(self) -> Peer:
+        peer = next(reversed(self._ready) if self._newest else iter(self._ready))
+        del self._ready[peer]
+        self._newest = self._alternates and not self._newest
+        return peer
+
     def _run(self) -> None:
         self._turn = None
         until_s, tasks = monotonic() + TURN_S, 0
         try:
             while self._ready and tasks < TASKS and monotonic() < until_s:
-                peer = next(iter(self._ready))
-                del self._ready[peer]
-                tasks += peer.work()
+                tasks += self._pop_next().work()
         finally:  # an error in one connection does not stop the others
             self._next_s = monotonic() + self._break_s
             self._schedule()
