@@ -220,7 +220,7 @@ def test_a_number_of_another_journal_begins_anew(log: EventLog) -> None:
 def test_there_is_room_for_so_many(log: EventLog) -> None:
     async def scene() -> None:
         places = [log.subscribe() for _ in range(listeners.LISTENERS_MAX)]
-        with pytest.raises(TooManyListenersError, match="64 listen"):
+        with pytest.raises(TooManyListenersError):
             log.subscribe()
         places.pop().close()
         places.append(log.subscribe())
