@@ -4,18 +4,19 @@ On its way through free space the arm must meet nothing, from the first sample o
 the estimator has found stops the motion, and the arm goes back to where it was free.
 """
 
-from math import exp
+from math import exp, inf
 
 from msgspec.structs import replace
 
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.contact_line import ContactLine
+from pincette.control.planning.load_line import line_share, stiffest_line, stiffness_bounds
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.quick_grip import LONGEST
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
-from pincette_controller.slipping import line_so_far, watch_steps
+from pincette_controller.slipping import watch_steps
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
@@ -23,8 +24,6 @@ BACK_UM, BACK_SHARE = 2.0, 0.1
 """Way out of what was met on the way back, in µm, or as a share of the voltage gone back."""
 STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
-LINE_S = 0.02
-"""Time constant with which a load follows the contact line that it shows, in s."""
 FREE = 2.0
 """Stated uncertainties within which the force of an arm that has lost its part lies."""
 DRIFT_S = 0.2
@@ -74,9 +73,9 @@ def guard(
         return _watch_way(program, player, estimate, period_s)
     if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         player = replace(player, line=_line(program, player, estimate))
-        if not segment.follows:
+        if program.contact_line == "planned":
             return player
-        return _follow_line(program, player, estimate, period_s, limits)
+        return _follow_line(program, player, period_s, limits)
     if segment.presses and (segment.phase in WATCHED or player.paused):
         return _watch_part(program, player, estimate)
     if player.held and player.segment.open_loop and player.outcome == Outcome.POSITION_STEP:
@@ -149,7 +148,10 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
         return replace(player, count=0)
     if player.count + 1 < guards.contact_samples:
         return replace(player, count=player.count + 1)
-    K_e, following = program.contact_stiffness_mN_per_um, program.segments[player.index + 1]
+    planned, following = program.contact_stiffness_mN_per_um, program.segments[player.index + 1]
+    K_e = planned
+    if program.contact_line == "identified":
+        _, K_e = stiffness_bounds(planned, program.guards)
     touched = replace(
         player,
         contact_x_um=estimate.x_um - estimate.force_mN / K_e,
@@ -163,7 +165,7 @@ def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
     entered = enter(touched, player.index + 1, following)
     if not following.follows:
         return entered
-    rate = load_rate(following, estimate.force_mN, K_e * player.speed_um_per_s)
+    rate = load_rate(following, estimate.force_mN, planned * player.speed_um_per_s)
     return replace(entered, from_rate_mN_per_s=rate)
 
 
@@ -176,26 +178,25 @@ def load_rate(load: Segment, force_mN: float, rate_mN_per_s: float) -> float:
 
 
 def _follow_line(
-    program: Program,
-    player: Player,
-    estimate: Estimate,
-    period_s: float,
-    limits: StepLimits | None,
+    program: Program, player: Player, period_s: float, limits: StepLimits | None
 ) -> Player:
-    """Let the contact line go towards what the load has shown of it, once there is enough.
+    """Let the contact line of the references go towards the stiffest one that the load admits.
 
-    K ← K + (1 - e^(-T/τ))·(K_fit - K), and x_e likewise. A fit that cannot be of this arm and a
-    part is left out; whether it is the planned part is judged at the load's end.
+    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. Whether the part is the planned one
+    is judged at the end of the load.
     """
-    fit = line_so_far(program, player, estimate.x_um, limits)
     x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um
-    if fit is None or x_e_um is None or K_e is None:
+    if not player.line.count or x_e_um is None or K_e is None:
         return player
-    share = 1.0 - exp(-period_s / LINE_S)
+    _, hardest = stiffness_bounds(program.contact_stiffness_mN_per_um, program.guards)
+    noise_um, s_p = 0.0, inf
+    if limits is not None:
+        noise_um, s_p = limits.noise_um, limits.compliance_um_per_mN
+    towards, share = stiffest_line(player.line, hardest, noise_um, s_p), line_share(period_s)
     return replace(
         player,
-        contact_x_um=x_e_um + share * (fit.x_e_um - x_e_um),
-        K_e_mN_per_um=K_e + share * (fit.K_e_mN_per_um - K_e),
+        contact_x_um=x_e_um + share * (towards.x_e_um - x_e_um),
+        K_e_mN_per_um=K_e + share * (towards.K_e_mN_per_um - K_e),
     )
 
 

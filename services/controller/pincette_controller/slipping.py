@@ -11,19 +11,21 @@ After a slip in a load the program may load again, as often as it allows. A held
 in doubt is never dropped for that: the voltage stays frozen until the hold ends.
 """
 
-from math import sqrt
-
 from msgspec.structs import replace
 
 from pincette.control.force.position_steps import Kappa, StepLimits, StepWatch, unexplained_um
 from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.control.planning.load_line import (
+    LEAST_STIFFNESS,
+    is_straight,
+    stiffness_bounds,
+    stiffness_error,
+)
 from pincette.control.planning.program import Program, Segment
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player, SeenStep, enter, has_phase, jump
 
-LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
-"""Bounds of a contact stiffness that may be used, as shares of the planned one."""
 CONFIRMING_SHARE = 0.3
 """Share of a step that the next sample must show to confirm it: the mode rings by the rest."""
 AVERAGED = 8
@@ -31,11 +33,8 @@ AVERAGED = 8
 LINE_KNOWN, LINE_ERROR = 4, 0.1
 """Samples of a load, and largest standard error of its stiffness as a share of it, from which on
 the fitted line is used for judging a step."""
-STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
-"""Scatter of a straight contact line: multiples of the sensor's noise, and what the free response
-errs by besides, in µm. A line across a slip that was not noticed scatters more."""
 LINE_AFTER_UM = 1.2
-"""Way of the arm under load from which the contact line is followed."""
+"""Way of the arm under load from which a step is judged by the fitted line."""
 UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
 """Phases in which contact ends: the arm steps back on purpose."""
 
@@ -45,9 +44,7 @@ def admissible(program: Program, K_e: float) -> bool:
 
     A program that looks for the stiffness itself states wider bounds, which hold then.
     """
-    planned, guards = program.contact_stiffness_mN_per_um, program.guards
-    least = min(LEAST_STIFFNESS * planned, guards.stiffness_min_mN_per_um)
-    most = max(MOST_STIFFNESS * planned, guards.stiffness_max_mN_per_um)
+    least, most = stiffness_bounds(program.contact_stiffness_mN_per_um, program.guards)
     return least <= K_e <= most
 
 
@@ -63,10 +60,7 @@ def line_so_far(
         return None
     if limits is None:
         return fit
-    # Noise is in x and F at once: see ``contact_line``.
-    mN_per_um = fit.K_e_mN_per_um + 1.0 / limits.compliance_um_per_mN
-    most_mN = (STRAIGHT_SIGMAS * limits.noise_um + STRAIGHT_UM) * mN_per_um
-    return fit if fit.scatter_mN <= most_mN else None
+    return fit if is_straight(fit, limits.noise_um, limits.compliance_um_per_mN) else None
 
 
 def watch_steps(
@@ -113,10 +107,9 @@ def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) ->
         return Kappa(limits.kappa(player.K_e_mN_per_um or planned))
     fit, line = line_so_far(program, player, x_um, limits), player.line
     if fit is not None and line.count >= LINE_KNOWN:
-        kappa = limits.kappa(fit.K_e_mN_per_um)
-        noise = (1.0 + 1.0 / kappa) * limits.noise_um / (line.spread_um * sqrt(line.count))
-        if max(noise, fit.K_e_error_mN_per_um / fit.K_e_mN_per_um) <= LINE_ERROR:
-            return Kappa(kappa)
+        s_p = limits.compliance_um_per_mN
+        if stiffness_error(line, fit, limits.noise_um, s_p) <= LINE_ERROR:
+            return Kappa(limits.kappa(fit.K_e_mN_per_um))
     return Kappa(limits.kappa(LEAST_STIFFNESS * planned), known=False)
 
 
@@ -140,10 +133,13 @@ def _confirm(
     seen = SeenStep(step, shown_um, force_mN, estimate.force_mN)
     if player.seen_step is not None:
         seen = seen.after(player.seen_step)
-    return _act(program, replace(player, seen_step=seen), estimate, forwards=step.forwards)
+    player = replace(player, seen_step=seen)
+    return _act(program, player, estimate, limits, forwards=step.forwards)
 
 
-def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool) -> Player:
+def _act(
+    program: Program, player: Player, estimate: Estimate, limits: StepLimits, *, forwards: bool
+) -> Player:
     """End, freeze or load again after a confirmed step."""
     segment, x_um = player.segment, estimate.x_um
     if segment.open_loop and _rests(player):
@@ -155,7 +151,8 @@ def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool
         return _frozen(player) if _rests(player) else _back(program, player, x_um)
     if _rests(player):
         return _frozen(replace(player, outcome=Outcome.POSITION_STEP))
-    player = _moved_line(program, replace(player, slips=player.slips + 1), estimate)
+    K_e = _known_stiffness(program, player, x_um, limits)
+    player = _moved_line(replace(player, slips=player.slips + 1), estimate, K_e)
     again = segment.phase == Phase.LOAD and segment.kind == "force"
     if again and player.slips <= program.slip_retries:
         return enter(player, player.index, segment)
@@ -195,9 +192,16 @@ def _rests(player: Player) -> bool:
     return segment.phase == Phase.HOLD or player.paused
 
 
-def _moved_line(program: Program, player: Player, estimate: Estimate) -> Player:
+def _known_stiffness(program: Program, player: Player, x_um: float, limits: StepLimits) -> float:
+    """Return the contact stiffness before a slip: the fitted one, as far as a load has shown it."""
+    fit = line_so_far(program, player, x_um, limits)
+    if fit is not None and player.segment.phase == Phase.LOAD:
+        return fit.K_e_mN_per_um
+    return player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
+
+
+def _moved_line(player: Player, estimate: Estimate, K_e: float) -> Player:
     """Put the line through the newest sample, with the stiffness there was: x_e = x - F/K_e."""
-    K_e = player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
     return replace(
         player,
         line=ContactLine(),

@@ -111,7 +111,12 @@ def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> 
         Segment("contact", "seek", 1.0, x_to_um=14.0),
         Segment("hold", "voltage", 0.6, voltage_to_V=0.0),
     )
-    soft = replace(program(), segments=segments, contact_stiffness_mN_per_um=5e-324)
+    soft = replace(
+        program(),
+        segments=segments,
+        contact_stiffness_mN_per_um=5e-324,
+        contact_line="planned",
+    )
     state: State = Bench(soft).state
     said: list[tuple[object, ...]] = []
     for seq in range(80):

@@ -8,10 +8,9 @@ from msgspec.structs import replace
 from pincette.control.planning.program import Program
 from pincette_controller.actions import pause, resume, stop
 from pincette_controller.guarding import load_rate
-from pincette_controller.slipping import LINE_AFTER_UM
 
 from .bench import ARM, X_E_UM, Bench, program
-from .ideal_arm import K_E, PROGRAM, Arm, T
+from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T
 
 SPEED = 40.0
 LOAD = 3
@@ -42,7 +41,7 @@ def test_a_quick_grip_goes_through_every_phase_and_ends_gripped() -> None:
     assert arm.player.outcome == "gripped"
 
 
-def test_the_load_begins_with_the_speed_of_the_seek_and_ends_at_rest() -> None:
+def test_the_load_begins_no_faster_than_the_seek_and_ends_at_rest() -> None:
     arm = Arm(program=QUICK)
     arm.until("load")
     touch, x_um = arm.player, [arm.player.from_x_um, arm.player.x_r_um]
@@ -53,30 +52,36 @@ def test_the_load_begins_with_the_speed_of_the_seek_and_ends_at_rest() -> None:
         x_um.append(arm.player.x_r_um)
         forces_mN.append(arm.player.force_r_mN)
     rates = [(b - a) / T for a, b in pairwise(x_um)]
-    assert rates[0] == pytest.approx(SPEED, rel=0.02)
+    # On the line of the hardest part, three times as hard as the planned one.
+    assert rates[0] == pytest.approx(SPEED / 3.0, rel=0.02)
+    # It catches up where the part turns out to be softer.
+    assert max(rates) < 1.7 * SPEED
     assert rates[-2] < 0.05 * SPEED
     assert max(forces_mN) <= 20.0 + 1e-9
-    # Where the part is the planned one, nothing moves the line, and no reference jumps.
-    jerks = [b - a for a, b in pairwise(rates)]
-    assert max(map(abs, jerks)) < 0.15 * SPEED
+    assert arm.estimate().force_mN <= 20.0 + 1e-9
 
 
-@pytest.mark.parametrize("stiffness", [1.6, 2.0, 2.4])
-def test_the_references_follow_the_line_while_the_load_goes_on(stiffness: float) -> None:
-    arm = Arm(stiffness=stiffness, contact_um=12.0, program=QUICK)
+@pytest.mark.parametrize("program", [PROGRAM, QUICK, TRACK], ids=["gentle", "quick", "track"])
+@pytest.mark.parametrize("share", [0.5, 0.8, 1.0, 1.2, 2.0, 3.0])
+def test_the_references_of_a_load_stay_on_the_hard_side_of_the_line(
+    program: Program, share: float
+) -> None:
+    stiffness = share * K_E
+    arm = Arm(stiffness=stiffness, contact_um=11.0, program=program)
     arm.until("load")
-    first_um = arm.player.from_x_um
+    assert arm.player.K_e_mN_per_um == pytest.approx(3.0 * K_E)
     while arm.player.segment.phase == "load":
         player = arm.player
         assert player.K_e_mN_per_um is not None
         assert player.contact_x_um is not None
-        on_line_um = player.contact_x_um + player.force_r_mN / player.K_e_mN_per_um
-        assert player.x_r_um == pytest.approx(on_line_um)
-        if abs(player.x_r_um - first_um) < LINE_AFTER_UM:
-            assert player.K_e_mN_per_um == K_E
+        assert player.K_e_mN_per_um >= stiffness * (1.0 - 1e-6)
+        if program is QUICK:
+            on_line_um = player.contact_x_um + player.force_r_mN / player.K_e_mN_per_um
+            assert player.x_r_um == pytest.approx(on_line_um)
+        assert arm.estimate().force_mN <= 20.0 + 1e-6
         if player.ticks * T > 0.2:
             assert player.K_e_mN_per_um == pytest.approx(stiffness, rel=0.01)
-            assert player.contact_x_um == pytest.approx(12.0, abs=0.05)
+            assert player.contact_x_um == pytest.approx(11.0, abs=0.05)
         arm.tick()
 
 
@@ -118,7 +123,7 @@ def test_a_stop_in_flight_holds_the_force_that_is_there() -> None:
     arm.until("load")
     for _ in range(4):
         arm.tick()
-    force_mN = arm.player.force_r_mN
+    force_mN = arm.estimate().force_mN
     arm.player = stop(arm.player)
     for _ in range(40):
         arm.tick()

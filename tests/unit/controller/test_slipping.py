@@ -6,11 +6,12 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.control.force.position_steps import StepLimits
+from pincette.control.planning.load_line import MOST_STIFFNESS
 from pincette.control.planning.program import Program
 from pincette.core.messages import Estimate
 from pincette_controller.actions import release
 from pincette_controller.player import advance
-from pincette_controller.slipping import MOST_STIFFNESS, admissible
+from pincette_controller.slipping import admissible
 
 from .ideal_arm import K_E, PROGRAM, Arm, T
 from .test_quick_grip import QUICK

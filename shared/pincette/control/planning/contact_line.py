@@ -71,7 +71,6 @@ class ContactLine(FrozenRecord, frozen=True):
             self.sum_FF + F * F,
         )
 
-    @property
     def spread_um(self) -> float:
         """Standard deviation of x over the samples."""
         n = self.count

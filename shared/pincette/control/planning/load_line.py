@@ -1,0 +1,108 @@
+"""The contact line that the references of a load follow while it is identified.
+
+A load moves F_r and x_r together along F_r = K_e·(x_r - x_e). A part that is harder than the line
+is pressed with too much force: at twice the planned stiffness, by up to twice the force. So a load
+begins on the line of the hardest part that may be there, and goes on with the stiffest line that
+its samples admit:
+
+    K = min(hardest, K_fit·(1 + 2·e)),    x_e = mean x - mean F/K
+    e = max((1 + 1/kappa)·sigma/(s·√n), standard error of K_fit/K_fit),    kappa = s_p·K_fit
+
+for n samples whose position has the standard deviation s, and the r.m.s. noise sigma of one
+reading, which enters x and F at once. The error e falls along the load, so that the references end
+on the fitted line. A softer part is pressed with less force than F_r meanwhile, never with more. A
+line across a slip that was not noticed is not straight: its stiffness is left out.
+
+Both numbers go towards these with a time constant of 20 ms, so that no reference jumps.
+"""
+
+from math import exp, sqrt
+from typing import NamedTuple
+
+from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.control.planning.program import Guards
+
+LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
+"""Bounds of a contact stiffness that may be used, as shares of the planned one."""
+LINE_S = 0.02
+"""Time constant with which the references follow the line, in s."""
+STANDARD_ERRORS = 2.0
+"""Standard errors of the fitted stiffness by which the references keep on the hard side."""
+LEAST_SPREAD_UM = 0.02
+"""Standard deviation of the position below which no stiffness is fitted, in µm."""
+STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
+"""Scatter of a straight contact line: multiples of the sensor's noise, and what the free response
+errs by besides, in µm."""
+fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
+
+
+class LoadLine(NamedTuple):
+    """Contact line that references follow."""
+
+    x_e_um: float
+    K_e_mN_per_um: float
+
+
+def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, float]:
+    """Return the least and the largest contact stiffness that may be used, in mN/µm.
+
+    They are 0.3 and 3 times the planned one; a program that looks for the stiffness itself has
+    guards with wider bounds, which hold then.
+    """
+    least = min(LEAST_STIFFNESS * planned_mN_per_um, guards.stiffness_min_mN_per_um)
+    return least, max(MOST_STIFFNESS * planned_mN_per_um, guards.stiffness_max_mN_per_um)
+
+
+def line_share(period_s: float) -> float:
+    """Return the share of its distance that the line of the references goes in a period."""
+    return 1.0 - exp(-period_s / LINE_S)
+
+
+def is_straight(fit: ContactFit, noise_um: float, compliance_um_per_mN: float) -> bool:
+    """Return whether the samples scatter about a line by no more than one straight line does.
+
+    Parameters
+    ----------
+    noise_um
+        R.m.s. noise of one reading, which enters x and F at once.
+    """
+    mN_per_um = fit.K_e_mN_per_um + 1.0 / compliance_um_per_mN
+    return fit.scatter_mN <= (STRAIGHT_SIGMAS * noise_um + STRAIGHT_UM) * mN_per_um
+
+
+def stiffness_error(
+    line: ContactLine, fit: ContactFit, noise_um: float, compliance_um_per_mN: float
+) -> float:
+    """Return the standard error of a fitted stiffness as a share of it.
+
+    It is the larger one of what the noise makes and what the scatter shows: a few samples may show
+    too little.
+    """
+    K_e = fit.K_e_mN_per_um
+    readings = spread_um(line) * sqrt(line.count)
+    noise = (1.0 + 1.0 / (compliance_um_per_mN * K_e)) * noise_um / readings
+    return max(noise, fit.K_e_error_mN_per_um / K_e)
+
+
+def stiffest_line(
+    line: ContactLine, hardest_mN_per_um: float, noise_um: float, compliance_um_per_mN: float
+) -> LoadLine:
+    """Return the stiffest line that the samples of a load admit, through their mean.
+
+    Parameters
+    ----------
+    line
+        Sums over one sample or more.
+    hardest_mN_per_um
+        Stiffness of the hardest part that may be there.
+    """
+    K_e = hardest_mN_per_um
+    fit = fit_line(line, LEAST_SPREAD_UM)
+    if fit is not None:
+        rises = fit.K_e_mN_per_um > 0.0
+        if rises and is_straight(fit, noise_um, compliance_um_per_mN):
+            error = stiffness_error(line, fit, noise_um, compliance_um_per_mN)
+            K_e = min(K_e, fit.K_e_mN_per_um * (1.0 + STANDARD_ERRORS * error))
+    x_um = line.first_x_um + line.sum_x / line.count
+    force_mN = line.first_force_mN + line.sum_F / line.count
+    return LoadLine(x_um - force_mN / K_e, K_e)
