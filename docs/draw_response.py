@@ -12,6 +12,7 @@ import numpy as np
 from pincette.control.arm.plant import consistent_arm
 from pincette.control.laws import law as control_law
 from pincette.control.planning.contact_line import ContactLine
+from pincette.control.planning.load_line import MOST_STIFFNESS, line_share, stiffest_line
 from pincette.control.planning.profiles import move
 from pincette.control.planning.repetition import CycleLearner, no_corrections
 from pincette.control.response import hysteresis
@@ -116,16 +117,18 @@ def response_picture() -> bytes:
 
 
 def following_picture() -> bytes:
-    """Loads of a part that is 25 % softer than planned: the line followed, and not."""
+    """Loads of a part that is twice as hard as planned: the line followed, and not."""
 
     def draw(axes: list[Axis]) -> None:
-        planned, true, speed, load_s = 1.25 * K_E, K_E, 40.0, 0.4
+        planned, true, speed, load_s = 0.5 * K_E, K_E, 40.0, 0.4
         for follows, colour, name in (
             (False, RED, "line as planned"),
             (True, GREEN, "line followed"),
         ):
-            K_line, x_line, line = planned, 0.0, ContactLine()
-            way = move(5.0, K_line * speed, FORCE_MN, 0.0, load_s)
+            K_line = MOST_STIFFNESS * planned if follows else planned
+            # Both begin at the touch.
+            x_line, line = 5.0 / true - 5.0 / K_line, ContactLine()
+            way = move(5.0, planned * speed, FORCE_MN, 0.0, load_s)
             rows: list[tuple[float, float, float]] = []
             for tick in range(round(load_s / T) + 1):
                 force_r_mN = way.position(tick * T)
@@ -133,11 +136,10 @@ def following_picture() -> bytes:
                 force_mN = true * x_um
                 line = line.add(x_um, force_mN, force_r_mN)
                 rows.append((tick * T, force_mN, K_line))
-                fit = line.fit()
-                if follows and fit is not None and x_um - line.first_x_um > 1.2:
-                    share = 1.0 - np.exp(-1.0)
-                    K_line += share * (fit.K_e_mN_per_um - K_line)
-                    x_line += share * (fit.x_e_um - x_line)
+                if follows:
+                    found = stiffest_line(line, MOST_STIFFNESS * planned, 0.0, S_P)
+                    K_line += line_share(T) * (found.K_e_mN_per_um - K_line)
+                    x_line += line_share(T) * (found.x_e_um - x_line)
             t_s, force, stiffness = np.array(rows).T
             axes[0].plot(t_s, force, color=colour, label=name)
             axes[1].plot(t_s, stiffness, color=colour, label=name)

@@ -16,9 +16,7 @@ S_P, HARDEST = 0.46, 6.6
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
 
 
-def loaded(
-    K_e: float, noise_um: float, count: int, seed: int = 0, end_mN: float = 20.0
-) -> ContactLine:
+def loaded(K_e: float, noise_um: float, count: int, seed: int = 0) -> ContactLine:
     """Samples of a load from 2 mN to 20 mN, with noise in x and in F̂ = (x_1 - x)/s_p."""
     rng, line = np.random.default_rng(seed), ContactLine()
     for force_mN in np.linspace(2.0, 20.0, count):
