@@ -73,7 +73,8 @@ def guard(
         return _watch_way(program, player, estimate, period_s)
     if segment.phase == Phase.LOAD and not (player.paused or player.resumed):
         player = replace(player, line=_line(program, player, estimate))
-        if program.contact_line == "planned":
+        rises = (segment.force_to_mN or 0.0) > player.from_force_mN
+        if program.contact_line == "planned" or not rises:
             return player
         return _follow_line(program, player, period_s, limits)
     if segment.presses and (segment.phase in WATCHED or player.paused):
@@ -182,7 +183,8 @@ def _follow_line(
 ) -> Player:
     """Let the contact line of the references go towards the stiffest one that the load admits.
 
-    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. Whether the part is the planned one
+    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. A load that falls keeps the line that
+    was fitted over the rise. Whether the part is the planned one
     is judged at the end of the load.
     """
     x_e_um, K_e = player.contact_x_um, player.K_e_mN_per_um

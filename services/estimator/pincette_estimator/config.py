@@ -42,6 +42,11 @@ class EstimatorConfig:
     """Age of a zero up to which x_1 follows creep; infinite where it follows none."""
     forgotten_mN: float
     forgotten_scale_V: float
+    ring_shares: tuple[float, float]
+    """Standard uncertainty of a free position as a share of the ring after steps of the voltage,
+    and the share of that ring which is left after a period; 0 where it is not known."""
+    pressed_share: float
+    """Share of the ring that is left while a part is held: 1/(1 + s_p·K_e)."""
     zero_limits: ZeroLimits
     kink_limits: KinkLimits
     stuck_V: float
@@ -99,6 +104,8 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         creep_known_s=derived.creep_known_s(model),
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
+        ring_shares=derived.ring_shares(model, period_s),
+        pressed_share=1.0 / (1.0 + s_p * part.stiffness_mN_per_um),
         zero_limits=ZeroLimits(
             rest_samples=derived.rest_samples(period_s),
             noise_um=rig.sensor.noise_um,

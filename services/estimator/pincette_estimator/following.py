@@ -6,6 +6,7 @@ where that is still the same, so that it changes no number.
 
 from msgspec.structs import replace
 
+from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import SMALL_V
 from pincette.control.response.voltage_memory import VoltageMemory
@@ -13,7 +14,7 @@ from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Estimate, Message
 from pincette_estimator.both_arms import second_applied
 from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import Followed, Foreseen, State
+from pincette_estimator.state import Followed, Foreseen, Ringing, State
 from pincette_estimator.statements import within
 from pincette_estimator.uncertainty import uncertainty_mN
 
@@ -61,13 +62,26 @@ def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Follow
     """What a voltage makes of the memories, over all samples since the last that had one."""
     voltage_V = applied.voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
+    response = state.response.follow(voltage_V, passed_s)
     return Followed(
-        state.response.follow(voltage_V, passed_s),
+        response,
         state.past.follow(voltage_V, passed_s),
         state.unknown.follow(voltage_V, passed_s),
         state.reversal_memory.follow(voltage_V),
+        _ringing(config, state, response, applied),
         (applied, state.response, state.unknown),
     )
+
+
+def _ringing(
+    config: EstimatorConfig, state: State, response: FreeResponse, applied: Applied
+) -> Ringing:
+    """Add the ring of a step of the free place to those of the steps before."""
+    share, kept = config.ring_shares
+    if share == 0.0:
+        return state.ringing
+    step_um = response.position_um() - state.response.position_um()
+    return Ringing(abs(step_um) + kept * state.ringing.free_um, applied.part_held)
 
 
 def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied | None) -> State:
@@ -100,6 +114,7 @@ def follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> S
         past=found.past,
         unknown=found.unknown,
         reversal_memory=found.reversal_memory,
+        ringing=found.ringing,
         followed_seq=applied.seq + 1,
         followed=None,
     )

@@ -111,6 +111,14 @@ class Inputs(NamedTuple):
     applied: Applied | None
 
 
+class Ringing(NamedTuple):
+    """Ring of the mode after the steps of the voltage so far."""
+
+    free_um: float = 0.0
+    """Amplitude for a free arm, in µm, as if the rings of all steps were in phase."""
+    part_held: bool = False
+
+
 class Followed(FrozenRecord, frozen=True):
     """What a voltage applied makes of the memories."""
 
@@ -118,6 +126,7 @@ class Followed(FrozenRecord, frozen=True):
     past: VoltageMemory
     unknown: UnknownPast
     reversal_memory: ReversalMemory
+    ringing: Ringing
     of: tuple[Applied, FreeResponse, UnknownPast]
     """The voltage, and the memories that it was applied to."""
 
@@ -167,6 +176,7 @@ class State(FrozenRecord, frozen=True):
     known_V: float = 0.0
     """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
     refused: int = 0
+    ringing: Ringing = Ringing()
     stuck: StuckWatch = field(default_factory=StuckWatch)
     """Whether the sensor follows the voltage at all."""
     past: VoltageMemory = field(default_factory=VoltageMemory)

@@ -8,7 +8,7 @@ from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
 from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import Followed, State
+from pincette_estimator.state import Followed, Ringing, State
 
 
 def uncertainty_mN(
@@ -41,14 +41,21 @@ def uncertainty_mN(
         known_to_s=config.creep_known_s,
     )
     unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
+    ring = ring_um(config, memories.ringing)
     return uncertainty(
         noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um, drift_um, late_um),
+        free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=age_s,
         forgotten_mN=lost_mN,
     )
+
+
+def ring_um(config: EstimatorConfig, ringing: Ringing) -> float:
+    """Return the standard uncertainty of the position by the ring after steps of the voltage."""
+    share, _ = config.ring_shares
+    return share * ringing.free_um * (config.pressed_share if ringing.part_held else 1.0)
 
 
 def creep_um(config: EstimatorConfig, age_s: float) -> float:

@@ -19,6 +19,7 @@ from pincette.control.force.observers import (
     least_period_s,
 )
 from pincette.control.force.position_steps import StepLimits
+from pincette.control.force.ring import ring_kept, ring_share
 from pincette.control.planning.conditioning import stroke_depth_V
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
@@ -87,6 +88,19 @@ def rest_samples(period_s: float) -> int:
 def residual(model: Model) -> ResidualTable | None:
     """What x_1 misses along the program that is armed; an arming carries that table alone."""
     return model.residuals[0].table() if len(model.residuals) == 1 else None
+
+
+def ring_shares(model: Model, period_s: float) -> tuple[float, float]:
+    """Return the share of a ring that is an uncertainty, and the share left after a period.
+
+    Both are 0 where nobody has measured or stated when a voltage acts (``output_delay_s``), and for
+    observers that model the mode.
+    """
+    if model.force_observer != "quasi_static" or model.output_delay_s is None:
+        return 0.0, 0.0
+    omega_n, zeta = model.natural_frequency_rad_per_s, model.damping_ratio
+    share = ring_share(omega_n, zeta, model.output(period_s), period_s)
+    return share, ring_kept(omega_n, zeta, period_s)
 
 
 def force_observer(rig: RigFile) -> ForceObserver:

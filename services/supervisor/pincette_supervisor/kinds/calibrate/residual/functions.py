@@ -1,12 +1,13 @@
 """Program, analysis and plot of the residual of a motion that is played without the part."""
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
 from pincette.api.calibrations import Identified
 from pincette.config import FreeResidual, RigFile, derived
-from pincette.control.planning.recorded_motion import chained, recorded_program
+from pincette.control.planning.recorded_motion import RecordedMotion, chained, recorded_program
 from pincette.control.response.residual_identification import (
     IdentifiedResidual,
     Place,
@@ -54,6 +55,7 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
         "runs": list(begins),
         "ticks": [len(one.voltages_V) for one in motion.segments],
         "zeroes": [one.zeroes for one in motion.segments],
+        "ring_um": _ring_um(motion, rig),
     }
     return made, values, waits
 
@@ -88,13 +90,21 @@ def analyse(run: Run) -> Analysis:
             "something is believed to touch it: take the part away and play it again"
         )
     found = identify_residual(places, runs_um, noise_um)
+    error_um = hypot(found.error_um, values["ring_um"])
+    # The noise of the sensor is in both.
+    missed_um = max(0.0, float(np.mean(np.square(runs_um))) - noise_um**2) ** 0.5
+    if not error_um < missed_um:
+        raise ValueError(
+            f"the table would not help: a run that it was not made of would be missed by "
+            f"{error_um:.3f} µm with it, and by {missed_um:.3f} µm without: nothing is kept"
+        )
     table = FreeResidual(
         program=values["motion"],
         response=rig.model.response_digest(),
         job=values["of_job"],
         stride_ticks=found.table.stride,
         values_um=found.table.knots_um,
-        error_um=found.error_um,
+        error_um=error_um,
     )
     rms_um = float(np.sqrt(np.mean(found.residual_um**2)))
     return Analysis(
@@ -103,14 +113,14 @@ def analyse(run: Run) -> Analysis:
                 quantity=QUANTITY,
                 value=[table.model_dump(mode="json")],
                 unit=UNITS[QUANTITY],
-                uncertainty=found.error_um,
+                uncertainty=error_um,
             ),
         ),
         figures=(
             figure("missed", rms_um, "µm", "by the free response along this motion, r.m.s."),
             figure("missed force", rms_um / s_p, "mN", "the same as a force"),
-            figure("error", found.error_um, "µm", "of what is kept, in a later run"),
-            figure("error of the force", found.error_um / s_p, "mN", "the same as a force"),
+            figure("error", error_um, "µm", "of what is kept, in a later run"),
+            figure("error of the force", error_um / s_p, "mN", "the same as a force"),
             figure("smoothing", found.width_ticks * run.period_s, "s", "width of the Gaussian"),
         ),
         residuals=residuals(
@@ -120,11 +130,24 @@ def analyse(run: Run) -> Analysis:
         ),
         statement=(
             f"along job {values['of_job']} the free response misses {rms_um:.3f} µm "
-            f"({rms_um / s_p:.2f} mN); with what is kept {found.error_um:.3f} µm "
-            f"({found.error_um / s_p:.2f} mN) are left"
+            f"({rms_um / s_p:.2f} mN); with what is kept {error_um:.3f} µm "
+            f"({error_um / s_p:.2f} mN) are left"
         ),
         drawn=_drawn(run, places, runs_um, found),
     )
+
+
+def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
+    """Return the r.m.s. uncertainty of a free arm by the ring of the mode, along the motion.
+
+    The table has the ring of the free arm in it, which is none of a pressed arm.
+    """
+    steps_V = np.diff(np.concatenate([np.asarray(one.voltages_V) for one in motion.segments]))
+    if not steps_V.size:
+        return 0.0
+    share, kept = derived.ring_shares(rig.model, rig.rig.period_s)
+    steps_um = rig.model.piezo_um_per_V * float(np.sqrt(np.mean(steps_V**2)))
+    return share * steps_um / (1.0 - kept)
 
 
 def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:

@@ -1,0 +1,48 @@
+"""The ring of the mode that a step of the voltage leaves at the next sample."""
+
+import numpy as np
+import pytest
+
+from pincette.control.arm.plant import OutputTiming
+from pincette.control.force.ring import ring_share
+
+OMEGA, ZETA, T = 2437.8, 0.026, 0.02
+
+
+def ring(after_s: float, omega: float, lag_s: float) -> float:
+    """Return what a unit step lacks of its end after a time, through a lag and the mode."""
+    poles = np.array([-ZETA * omega + 1j * omega * np.sqrt(1.0 - ZETA**2)])
+    poles = np.concatenate([poles, poles.conj(), [-1.0 / lag_s] if lag_s else []])
+    gain = omega**2 / (lag_s or 1.0)
+    left = 0.0 + 0.0j
+    for number, pole in enumerate(poles):
+        others = np.delete(poles, number)
+        left += gain / np.prod(pole - others) * np.exp(pole * after_s) / pole
+    return float(left.real)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.001, 0.0033])
+def test_it_is_the_ring_over_all_phases(lag_s: float) -> None:
+    delay_s = 0.005
+    omegas = np.linspace(0.97, 1.03, 400) * OMEGA
+    rings = [ring(T - delay_s, omega, lag_s) for omega in omegas]
+    lagging = np.exp(-(T - delay_s) / lag_s) if lag_s else 0.0
+    found = ring_share(OMEGA, ZETA, OutputTiming(delay_s, lag_s), T)
+    assert np.sqrt(np.mean(np.square(rings))) == pytest.approx(np.hypot(found, lagging), rel=0.15)
+
+
+def test_an_rc_of_3_3_ms_leaves_an_eighth_of_it() -> None:
+    none = ring_share(OMEGA, ZETA, OutputTiming(0.005, 0.0), T)
+    assert none == pytest.approx(0.273, abs=0.005)
+    assert ring_share(OMEGA, ZETA, OutputTiming(0.005, 0.0033), T) == pytest.approx(
+        none / 8.1, rel=0.02
+    )
+
+
+def test_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
+    assert ring_share(OMEGA, ZETA, OutputTiming(0.03), T) == pytest.approx(0.5**0.5)
+
+
+def test_a_period_that_is_none_is_refused() -> None:
+    with pytest.raises(ValueError, match="period"):
+        ring_share(OMEGA, ZETA, OutputTiming(), 0.0)
