@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pincette.config import Calibration, RigFile, calibrated
+from pincette.config.reading import laid_over
 from pincette.core.messages import Message, Reset, Sample, Telemetry
 from pincette.core.topics import RESET, TOPICS
 from pincette.engine.arming import arm
@@ -152,6 +153,20 @@ def test_the_prediction_goes_by_it_too() -> None:
         F for F, p in zip(with_table.force_mN, with_table.phase, strict=True) if p == "track"
     ]
     assert max(force_mN) == pytest.approx(20.0, abs=0.5)
+
+
+def test_a_table_of_the_ring_of_the_free_arm_is_not_kept() -> None:
+    """Without a lag of the output a fast motion rings the mode, free otherwise than pressed."""
+    lagless = {"model": {"output_delay_s": 0.005}, "simulation": {"output_lag_s": 0.0}}
+    desk = Desk(demo_rig(laid_over({"limits": {"slew_V_per_s": 40.0}}, lagless), time="lockstep"))
+    first = plan_job(TRACK.model_copy(update={"frequency_hz": 2.0, "cycles": 4}), desk.rig)
+    recorded = desk.play(first)
+    desk.bench.rig.remove_part()
+    away = residual_plan(desk, first, recorded)
+    found = evaluated(desk, away, desk.play(away))
+    print(found.fault)
+    assert found.fault
+    assert found.result.model_dump()["values"] == []
 
 
 def test_a_part_that_is_still_there_ends_it_and_nothing_is_kept() -> None:
