@@ -6,9 +6,11 @@ import pytest
 
 from pincette.api.jobs import Progress
 from pincette.control.record import replace
+from pincette.core.faults import FaultCode, Outcome, fault
 from pincette.core.messages import Estimate, Message
 from pincette.core.messages.second import SecondEstimate
-from pincette_supervisor.jobs.tracker import SETTLE_S, Tracker
+from pincette.core.wording import fault_text
+from pincette_supervisor.jobs.tracker import SETTLE_S, Tracker, outcome_words
 
 from . import samples
 from .samples import PERIOD_S
@@ -87,3 +89,12 @@ def test_no_phase_is_missed_where_many_samples_come_at_once() -> None:
     ]
     assert tracker.phases == [(one.phase, one.seq, one.held) for one in begun]
     assert len(begun) > 4
+
+
+def test_a_refused_zero_states_its_reason_or_that_its_sample_was_lost() -> None:
+    refusal = fault(FaultCode.ZERO_PART_HELD)
+    estimate = next(iter(samples.grip())).estimate
+    refused = replace(estimate, zero_refusal=refusal)
+    assert fault_text(refusal) in outcome_words(Outcome.ZERO_REFUSED, None, refused)
+    assert "lost" in outcome_words(Outcome.ZERO_REFUSED, None, replace(refused, zero_refusal=None))
+    assert "lost" in outcome_words(Outcome.ZERO_REFUSED)

@@ -19,6 +19,7 @@ from pincette.core.messages import (
     Telemetry,
 )
 from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
+from pincette.core.wording import fault_text
 from pincette_supervisor.alarms.trips import TripReason, reason_of
 from pincette_supervisor.planning.planned import Wait
 from pincette_supervisor.results.run_samples import THINNED, RunSamples
@@ -191,7 +192,7 @@ class Tracker:
 
     def final_words(self) -> str:
         """How the program ended, in words."""
-        return outcome_words(self.final_outcome(), self._telemetry)
+        return outcome_words(self.final_outcome(), self._telemetry, self._estimate)
 
     def progress(self, wait: Wait | None = None) -> Progress:
         """The progress by the newest samples, with what the run waits for."""
@@ -243,9 +244,13 @@ class Tracker:
         return None if second.zero_age_s is None else 0.5 * (force_mN + second.force_mN)
 
 
-def outcome_words(outcome: Outcome, telemetry: Telemetry | None = None) -> str:
-    """An outcome code with its meaning, and what was met with its place and its force."""
+def outcome_words(
+    outcome: Outcome, telemetry: Telemetry | None = None, estimate: Estimate | None = None
+) -> str:
+    """Describe an outcome: its meaning, what was met, or why a zero was refused."""
     words = f"{outcome}: {OUTCOMES[outcome]}" if outcome else "unfinished"
+    if outcome == Outcome.ZERO_REFUSED:
+        return f"{words}; {_refusal_words(estimate)}"
     if outcome != Outcome.CONTACT or telemetry is None or telemetry.touch_mN is None:
         return words
     if telemetry.touch_mN < 0.0:
@@ -255,6 +260,17 @@ def outcome_words(outcome: Outcome, telemetry: Telemetry | None = None) -> str:
         )
     return (
         f"{words}, at {telemetry.touch_x_um:.2f} µm, and went back at {telemetry.touch_mN:.1f} mN"
+    )
+
+
+def _refusal_words(estimate: Estimate | None) -> str:
+    """Describe why the estimator took no zero; without its reason, the sample of it was lost."""
+    refusal = None if estimate is None else estimate.zero_refusal
+    if refusal is None and estimate is not None and estimate.second is not UNSET:
+        refusal = estimate.second.zero_refusal
+    return fault_text(refusal) or (
+        "the estimator took no zero and refused none: the sample or the voltage of the zero was "
+        "lost; look at the sensor's line and start again"
     )
 
 
