@@ -6,7 +6,7 @@ grips rehearsed without a part, by which the model's error in a grip is judged. 
 nothing is touched.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite, pi
 
 from pincette.control.checks import require_positive
@@ -19,7 +19,7 @@ from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import sinusoid, voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program, Segment
-from pincette.control.planning.teaching import COURSE
+from pincette.control.planning.teaching import COURSE, SLOW, Leg
 from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
@@ -101,7 +101,10 @@ def free_response_program(
     way_V = to_V - from_V
     least_V = from_V if lowest_V is None else min(lowest_V, from_V)
     course_V = to_V - least_V
-    course = [(least_V + leg.to * course_V, leg.pace * rate_V_per_s, leg.rest_s) for leg in COURSE]
+    course = [
+        (least_V + leg.to * course_V, leg.pace * rate_V_per_s, leg.rest_s)
+        for leg in slow_on_new_ground(COURSE)
+    ]
     teach = voltage_moves([(rest_V, rate_V_per_s, 0.0), *course, (mean_V, rate_V_per_s, 0.0)])
     cycles = sinusoid("voltage", mean_V, GAIN_PP_V, GAIN_HZ, SETTLING_CYCLES + GAIN_CYCLES)
     press_V = from_V + 0.5 * (PRESS_LOW + PRESS_HIGH) * way_V
@@ -138,6 +141,15 @@ def free_response_program(
             for segment in _rehearsal(rig, number, (rest_V, *grip_V), quick_V_per_s)
         ],
     )
+
+
+def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
+    """Return a course that goes slowly wherever it is higher than before: a part may be there."""
+    found, highest = list[Leg](), 0.0
+    for leg in course:
+        found.append(leg._replace(pace=min(leg.pace, SLOW)) if leg.to > highest else leg)
+        highest = max(highest, leg.to)
+    return found
 
 
 def _rehearsal(

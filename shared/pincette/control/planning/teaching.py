@@ -18,12 +18,10 @@ class Leg(NamedTuple):
 
 SLOW = 1.0 / 3.0
 COURSE = (
-    # Growing swings from unpoled, as a rig begins: a first stroke has a branch of its own. Each
-    # reaches places where the arm has not been, and where a part may be in the way: slowly.
-    *(Leg(0.0, 2.0), Leg(0.2, 0.0, SLOW), Leg(0.0, 0.4), Leg(0.4, 0.0, SLOW), Leg(0.0, 0.4)),
-    *(Leg(0.7, 0.0, SLOW), Leg(0.0, 0.4)),
+    # Growing swings from unpoled, as a rig begins: a first stroke has a branch of its own.
+    *(Leg(0.0, 2.0), Leg(0.2), Leg(0.0, 0.4), Leg(0.4), Leg(0.0, 0.4), Leg(0.7), Leg(0.0, 0.4)),
     # The whole range, which washes out what was before; then swings of mixed width.
-    *(Leg(1.0, 0.4, SLOW), Leg(0.0, 0.3), Leg(1.0), Leg(0.0, 0.3)),
+    *(Leg(1.0, 0.4), Leg(0.0, 0.3), Leg(1.0), Leg(0.0, 0.3)),
     *(Leg(0.8), Leg(0.1), Leg(0.8), Leg(0.1), Leg(0.65), Leg(0.3), Leg(0.7), Leg(0.2)),
     # A grip, loops at its top as the work makes them, and a drift under small loops.
     *(Leg(0.56, 0.4, SLOW), Leg(0.66, 0.2, SLOW), Leg(0.95, 3.0, SLOW)),
