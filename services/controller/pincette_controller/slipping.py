@@ -134,12 +134,10 @@ def _confirm(
     if player.seen_step is not None:
         seen = seen.after(player.seen_step)
     player = replace(player, seen_step=seen)
-    return _act(program, player, estimate, limits, forwards=step.forwards)
+    return _act(program, player, estimate, forwards=step.forwards)
 
 
-def _act(
-    program: Program, player: Player, estimate: Estimate, limits: StepLimits, *, forwards: bool
-) -> Player:
+def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool) -> Player:
     """End, freeze or load again after a confirmed step."""
     segment, x_um = player.segment, estimate.x_um
     if segment.open_loop and _rests(player):
@@ -151,7 +149,7 @@ def _act(
         return _frozen(player) if _rests(player) else _back(program, player, x_um)
     if _rests(player):
         return _frozen(replace(player, outcome=Outcome.POSITION_STEP))
-    K_e = _known_stiffness(program, player, x_um, limits)
+    K_e = player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
     player = _moved_line(replace(player, slips=player.slips + 1), estimate, K_e)
     again = segment.phase == Phase.LOAD and segment.kind == "force"
     if again and player.slips <= program.slip_retries:
@@ -190,14 +188,6 @@ def _rests(player: Player) -> bool:
     if segment.kind == "voltage":
         return segment.path is None and segment.voltage_to_V is None and not segment.voltages_V
     return segment.phase == Phase.HOLD or player.paused
-
-
-def _known_stiffness(program: Program, player: Player, x_um: float, limits: StepLimits) -> float:
-    """Return the contact stiffness before a slip: the fitted one, as far as a load has shown it."""
-    fit = line_so_far(program, player, x_um, limits)
-    if fit is not None and player.segment.phase == Phase.LOAD:
-        return fit.K_e_mN_per_um
-    return player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
 
 
 def _moved_line(player: Player, estimate: Estimate, K_e: float) -> Player:
