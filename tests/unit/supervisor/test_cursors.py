@@ -93,7 +93,10 @@ def kept_trajectories(harness: Harness) -> list[str]:
         repository.add(TrajectoryRow("demo", {"kind": "grip", "n": number}, "f", 1, "m"))[0]
         for number in range(7)
     ]
-    return [row.digest for row in rows[::-1]]
+    # The newest first, and by digest where two are of the same millisecond.
+    rows.sort(key=lambda row: row.digest)
+    rows.sort(key=lambda row: row.created_at, reverse=True)
+    return [row.digest for row in rows]
 
 
 def succeeded_calibrations(harness: Harness) -> list[str]:
