@@ -61,9 +61,8 @@ def test_stop_reset_and_a_whole_job_beside_all_of_them(rig: RunningRig, mode: st
         assert monotonic() - begun_s < STOP_S
         assert answer.status_code == 200, answer.text
         assert rig.view()["latch"]["cause"] == "estop"
-        reset = rig.post("/rigs/demo/reset", {"acknowledge": True})
-        assert reset.status_code == 200, reset.text
-        assert rig.view()["can_start"]
+        make_ready(rig)
+        assert not rig.view()["latch"]["cause"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -16,7 +16,7 @@ line across a slip that was not noticed is not straight: its stiffness is left o
 Both numbers go towards these with a time constant of 20 ms, so that no reference jumps.
 """
 
-from math import exp, sqrt
+from math import exp, isfinite, sqrt
 from typing import NamedTuple
 
 from pincette.control.planning.contact_line import ContactFit, ContactLine
@@ -47,10 +47,14 @@ def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, f
     """Return the least and the largest contact stiffness that may be used, in mN/µm.
 
     They are 0.3 and 3 times the planned one; a program that looks for the stiffness itself has
-    guards with wider bounds, which hold then.
+    guards with wider bounds, which hold then. Guards without an upper bound give none, since a load
+    cannot begin on a line of infinite stiffness.
     """
     least = min(LEAST_STIFFNESS * planned_mN_per_um, guards.stiffness_min_mN_per_um)
-    return least, max(MOST_STIFFNESS * planned_mN_per_um, guards.stiffness_max_mN_per_um)
+    most = MOST_STIFFNESS * planned_mN_per_um
+    if isfinite(guards.stiffness_max_mN_per_um):
+        most = max(most, guards.stiffness_max_mN_per_um)
+    return least, most
 
 
 def line_share(period_s: float) -> float:

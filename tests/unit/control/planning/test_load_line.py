@@ -1,7 +1,10 @@
 """The line that the references of a load follow: never softer than what the samples admit."""
 
+from math import inf
+
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.load_line import (
@@ -73,3 +76,8 @@ def test_stiffnesses_that_may_be_used() -> None:
 
 def test_the_line_moves_with_the_same_time_constant_at_every_period() -> None:
     assert line_share(0.02) == pytest.approx(1.0 - (1.0 - line_share(0.001)) ** 20)
+
+
+def test_guards_without_an_upper_bound_leave_a_finite_stiffness() -> None:
+    guards = replace(GUARDS, stiffness_min_mN_per_um=0.0, stiffness_max_mN_per_um=inf)
+    assert stiffness_bounds(2.0, guards) == (0.0, 6.0)
