@@ -7,6 +7,7 @@ import pytest
 from pincette.config import RigFile, parse_rig, read_rig
 from pincette.config.reading import laid_over
 from pincette.core.messages import Ack, Arm, Reset
+from pincette.core.messages.requests import ExchangeTimes
 from pincette.engine.node import Node
 from pincette.engine.timing_budget import budget
 from pincette_actuator import SERVICE as ACTUATOR
@@ -58,6 +59,22 @@ def test_a_rig_whose_instruments_fit_is_armed_and_another_is_not() -> None:
         assert isinstance(reply, str)
         assert reply.startswith("the instruments are too slow: sensor exchange ")
         assert "above the control period of 20 ms" in reply
+
+
+@pytest.mark.parametrize(
+    ("sensor_s", "output_s", "fits"),
+    [(0.0025, 0.0023, True), (0.009, 0.005, True), (0.027, 0.024, False), (0.012, 0.008, False)],
+)
+def test_measured_exchanges_must_leave_time_for_the_loop(
+    sensor_s: float, output_s: float, *, fits: bool
+) -> None:
+    stated = budget(rig(115200, i7024(115200)))
+    found = stated.measured(
+        [ExchangeTimes(40, sensor_s, sensor_s, sensor_s)],
+        [ExchangeTimes(40, output_s, output_s, output_s)],
+    )
+    assert found.loop_s == pytest.approx(sensor_s + output_s + found.computing_s)
+    assert found.fits == fits
 
 
 def test_the_words_name_every_part() -> None:
