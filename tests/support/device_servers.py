@@ -68,10 +68,15 @@ def ser2net(
 
 @contextmanager
 def socat(device: str, folder: Path, *, options: str = "") -> Generator[DeviceServer]:
-    """Start socat for one client; ``options`` of its listening address begin with a comma."""
+    """Start socat for one client at a time; ``options`` of its address begin with a comma.
+
+    ``-t0``, since it would otherwise read on for half a second after its client has hung up, and
+    take the answers to the next one.
+    """
     port = free_port()
-    listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr{options}"
-    with _running([program("socat"), listen, f"FILE:{device},raw,echo=0"], folder, port) as server:
+    listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr,fork,max-children=1{options}"
+    command = [program("socat"), "-t0", listen, f"FILE:{device},raw,echo=0"]
+    with _running(command, folder, port) as server:
         yield server
 
 

@@ -180,7 +180,7 @@ SITTINGS: dict[str, Sitting] = {
         slow=True,
     ),
     "docs/how-to/device-servers.md": Sitting(
-        (Told("socat TCP-LISTEN", "tests/contract/test_device_servers.py starts socat"),)
+        (Told("socat -t0 TCP-LISTEN", "tests/contract/test_device_servers.py starts socat"),)
     ),
     "docs/how-to/calibrate.md": Sitting(
         (

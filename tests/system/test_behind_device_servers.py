@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.real_time]
 
 MOST_APART_MN = 0.5
 """Between the true forces of two grips: sensor noise, and the creep of the arm's past."""
-START = {"ser2net": partial(ser2net, options="chardelay: false"), "socat": partial(socat, options=",fork")}
+START = {"ser2net": partial(ser2net, options="chardelay: false"), "socat": socat}
 
 
 @contextmanager
