@@ -71,7 +71,6 @@ def test_a_port_with_another_client_is_refused_in_the_server_s_words(
             error = refusal(server.url)
             assert error.code == "cannot_open"
             assert "Port already in use" in str(error)
-            assert "cable" not in str(error)
         closing_s = time.monotonic() + 10.0
         while time.monotonic() < closing_s:  # until the server has noticed
             try:
@@ -87,7 +86,6 @@ def test_a_device_that_is_away_is_named(tmp_path: Path) -> None:
         error = refusal(server.url)
         assert error.code == "cannot_open"
         assert "Device open failure" in str(error)
-        assert "adapter plugged in there" in str(error)
 
 
 def test_a_local_port_and_a_server_keep_each_other_out(laser: Wire, tmp_path: Path) -> None:
@@ -108,7 +106,7 @@ def test_a_server_that_restarts_is_found_again(laser: Wire, tmp_path: Path) -> N
             sensor.read_um()
         assert caught.value.code == "hung_up"
     with ser2net(laser.url, tmp_path, port=server.port), closing(sensor):
-        time.sleep(serial_link.RETRY_S)
+        time.sleep(serial_link.RETRY_S)  # real servers: the line tries again after this time
         assert sensor.read_um() == pytest.approx(X_UM)
 
 

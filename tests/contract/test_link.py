@@ -175,7 +175,7 @@ class Wreck:
     def __init__(self, error: Exception) -> None:
         self.error = error
         self.silent = True
-        """Whether it is still as it was when it was opened."""
+        """True until the first write: reading then returns nothing instead of raising."""
         self.timeout: float | None = 0.0
         self.in_waiting = 0
 

@@ -1,4 +1,4 @@
-"""What the force reads as the arm comes back to the place of its zero, on the demo rig."""
+"""Zero return on the demo rig: force read when the free arm is back where it was zeroed."""
 
 import pytest
 

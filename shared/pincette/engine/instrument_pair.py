@@ -83,7 +83,7 @@ class InstrumentPair(Instrument):
 
     @property
     def exchanges(self) -> tuple[ExchangeTimes, ...]:
-        """What the newest exchanges took, for each arm; empty before both had one."""
+        """Durations of the newest exchanges, for each arm; empty until both arms have had one."""
         first, second = (one.exchanges for one in self._arms)
         return (*first, *second) if first and second else ()
 

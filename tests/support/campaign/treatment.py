@@ -16,7 +16,7 @@ from tests.support.campaign.laboratory import REQUEST, Laboratory, Watched, labo
 SKIPPED_S = 0.5
 """Begin of a hold that its mean force leaves out, as the product's result does."""
 RANGE_UM, RANGE_V = 0.5, 0.01
-"""By which a true position or a voltage may pass the stated range: ring and output step."""
+"""Tolerance of the stated range of position and voltage, for the ring and the output step."""
 LAST = 5
 """Samples at the end of a job whose mean force is compared."""
 MARKS = ("position_step", "warnings", "unverified", "model_mismatch", "marks")
@@ -54,14 +54,14 @@ class Gripped:
 
     @property
     def wrong(self) -> bool:
-        """Whether a force outside its U was stated without a mark."""
+        """Return whether the held force was outside its uncertainty U without a mark."""
         if self.outcome != "gripped" or self.marked or self.error_mN is None:
             return False
         return abs(self.error_mN) > (self.uncertainty_mN or 0.0)
 
     @property
     def last_wrong(self) -> bool:
-        """Whether the force stated at the job's end is outside its U."""
+        """Return whether the force at the job's end was outside its uncertainty U."""
         if self.last_mN is None or self.last_true_mN is None or self.marked:
             return False
         return abs(self.last_mN - self.last_true_mN) > (self.last_uncertainty_mN or 0.0)
@@ -86,7 +86,7 @@ class Gripped:
 
 @dataclass
 class Treated:
-    """What came of one rig."""
+    """Results of one rig: its grips, and why it could not be brought up."""
 
     drawn: Drawn
     failed: str = ""
@@ -171,9 +171,9 @@ def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripp
     try:
         program = manager.plan(REQUEST.validate_python(body)).program
         job = opened.run(body)
-    except ProblemError as error:
-        # A person looks, sees what is said of the profile, and takes the other one.
-        if body["profile"] == "gentle" or "quick" not in str(error):
+    except ProblemError:
+        # A person whose quick grip is refused tries the gentle profile.
+        if body["profile"] == "gentle":
             raise
         gentle = replace(gripped, wish=replace(gripped.wish, profile="gentle"))
         return _judged(opened, gentle, body | {"profile": "gentle"})

@@ -93,7 +93,7 @@ class JobIndex:
         return self.is_finished(name) or (live is not None and live.revision != revision)
 
     def is_finished(self, name: str) -> bool:
-        """Whether a job is neither queued nor live, so that nothing is gained by waiting for it."""
+        """Return whether a job has ended: it is not queued and not live, and will not change."""
         live = self._live(name)
         return self._queue.entry(name) is None and (live is None or live.done.is_set())
 

@@ -95,7 +95,7 @@ class Connection(H11Protocol):
     _is_stop = False
     """Whether the request that is being read or answered stops a rig or a job."""
     _was_served = False
-    """Whether one of its requests has been answered, other than by a refusal."""
+    """True after the first request of this connection that was not refused."""
 
     def __init__(self, queue: WorkQueue, refusals: Refusals, **given: Any) -> None:
         super().__init__(**given)

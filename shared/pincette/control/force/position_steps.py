@@ -174,7 +174,7 @@ class StepWatch(FrozenRecord, frozen=True):
         return max((abs(after - before) for before, after in pairwise(self.free_um)), default=0.0)
 
     def _at_rest(self, begin: int, limits: StepLimits) -> bool:
-        """Whether the free place has hardly moved since a sample.
+        """Return whether the free place has moved by less than the threshold since a sample.
 
         A long mean of a moving arm lies several samples back, and an error of kappa then counts for
         the way of all of them.

@@ -118,9 +118,9 @@ class Line:
     _next_try_s: float = field(default=float("-inf"), init=False)
     _opening_until_s: float | None = field(default=None, init=False)
     _is_new: bool = field(default=True, init=False)
-    """Whether nothing has been answered since the port was opened."""
+    """True until the first answer after the port was opened."""
     _greeting: bytes = field(default=b"", init=False)
-    """What has come since then, the newest bytes of it, that was no answer."""
+    """Newest bytes received from a new port that were no answer, such as a banner."""
     _reopened_at_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFTEN), init=False)
 
     def __post_init__(self) -> None:
