@@ -1,5 +1,6 @@
 # Every target works on a fresh clone: it first fills .venv, from requirements/run.txt for what runs
-# rigs alone and from requirements/dev.txt for all else; VENV=FOLDER takes another folder.
+# rigs alone and from requirements/dev.txt for all else; VENV=FOLDER takes another folder. The packages
+# of contrib/ have .venv-contrib, filled from requirements/contrib.txt.
 
 PYTHON ?=
 ARGS ?=
@@ -15,7 +16,14 @@ TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
 # What keeps no clock runs on every core; what keeps one runs alone, afterwards.
 PARALLEL := -n logical --dist worksteal
-OTHERS := tests/contract tests/foxglove tests/integration tests/orchestrators tests/project tests/replay tests/unit
+OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
+# Packages beside the core have an environment of their own. SiLA's makes all of a process use another
+# protobuf, so its tests have a process of their own.
+CONTRIB := .venv-contrib
+ADAPTERS = $(filter-out contrib/sila/tests,$(wildcard contrib/*/tests contrib/tests))
+# MADSci conflicts with the requirements of pincette.
+PROJECTS := $(filter-out contrib/madsci/%,$(wildcard contrib/*/pyproject.toml))
+IN_CONTRIB := $(patsubst contrib/%/pyproject.toml,%,$(PROJECTS))
 TESTS := tests/system $(OTHERS)
 # those of them that have tests that keep a clock
 TIMED = $(filter tests/system tests/contract,$(TESTS))
@@ -29,13 +37,15 @@ PYTHONS := 3.11 3.12 3.13
 # pytest's exit status where ARGS leave no test; one half may have none
 NO_TEST := 5
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-  --no-header --no-annotate --no-emit-index-url --no-emit-find-links --no-emit-package pincette-client
+  --no-header --no-annotate --no-emit-index-url --no-emit-find-links \
+  $(foreach one,pincette pincette-client $(IN_CONTRIB:%=pincette-%),--no-emit-package $(one))
 
 SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 
 .DEFAULT_GOAL := help
 .PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
-  paper bench bench-check soak soak-load findings adapters engine pins sbom wheels docs dist site clean
+  paper bench bench-check soak soak-load findings \
+  contrib contrib-full contrib-env contrib-checked contrib-lint contrib-stock contrib-engine contrib-contained engine pins sbom wheels docs dist site clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -61,32 +71,35 @@ exit 1
 endef
 
 # tested MARKS COMMAND: first the parallel tests of these marks, then those that run alone, and between
-# them the command. The package of SiLA makes all of a process use another protobuf: its tests have a
-# process of their own. Some may have no test under ARGS, but not all. Sets $$status.
+# them the command. Some may have no test under ARGS, but not all. Sets $$status.
 define tested
 echo "== pytest, on every core: $(1)"; \
 $(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL_HALF) $(ARGS) $(TESTS); parallel=$$?; \
 $(2) \
-echo "== pytest, SiLA: $(1)"; \
-$(BIN)/pytest -m "$(1)" $(UNTIL) $(ARGS) tests/sila; sila=$$?; \
 echo "== pytest, in real time, one after another: $(1)"; \
 $(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) $(TIMED); alone=$$?; \
-status=0; \
-for one in $$parallel $$sila $$alone; do \
-  test $$one -eq 0 -o $$one -eq $(NO_TEST) || status=$$one; \
-done; \
-if test $$parallel$$sila$$alone = $(NO_TEST)$(NO_TEST)$(NO_TEST); then \
-  echo "ARGS='$(ARGS)' leave no test" >&2; status=$(NO_TEST); \
-fi
+$(call judged,$$parallel $$alone)
 endef
 
-# apart WORDS PLACES: pytest, and the tests of SiLA in a process of their own (see `tested`).
-define apart
-$(BIN)/pytest --ignore tests/sila $(1) $(2); others=$$?; \
-$(BIN)/pytest $(1) tests/sila; sila=$$?; \
-for one in $$others $$sila; do \
-  test $$one -eq 0 -o $$one -eq $(NO_TEST) || exit $$one; \
-done
+# beside MARKS: the tests of contrib, those of SiLA in a process of their own. Sets $$status.
+define beside
+echo "== pytest, contrib without SiLA: $(1)"; \
+$(BIN)/pytest -m "($(1)) and not real_time" $(PARALLEL) $(UNTIL) $(ARGS) $(ADAPTERS); parallel=$$?; \
+echo "== pytest, SiLA: $(1)"; \
+$(BIN)/pytest -m "$(1)" $(UNTIL) $(ARGS) contrib/sila/tests; sila=$$?; \
+echo "== pytest, contrib in real time: $(1)"; \
+$(BIN)/pytest -m "($(1)) and real_time" $(UNTIL) $(ARGS) contrib/nidaqmx/tests; alone=$$?; \
+$(call judged,$$parallel $$sila $$alone)
+endef
+
+# judged STATUSES: sets $$status to that of the last session that failed; no session may be without a
+# test under ARGS, but not all.
+define judged
+status=$(NO_TEST); \
+for one in $(1); do \
+  test $$one -eq $(NO_TEST) || test $$one -eq 0 -a $$status -ne $(NO_TEST) || status=$$one; \
+done; \
+test $$status -ne $(NO_TEST) || echo "ARGS='$(ARGS)' leave no test" >&2
 endef
 
 venv:
@@ -140,7 +153,7 @@ mutants: dev ## change the safety module in every small way; its unit tests must
 	@$(BIN)/python -m tests.mutants.run $(ARGS)
 
 paper: venv ## repeat the paper's experiments; writes data/paper/index.html, in some minutes
-	@$(BIN)/pincette paper $(ARGS)
+	@PYTHONPATH=contrib/study $(BIN)/python -m pincette_study $(ARGS)
 
 bench: dev ## measure loop, hops, plant, rates, many rigs; writes bench.json
 	@$(BIN)/python -m tests.bench.loop $(ARGS)
@@ -155,7 +168,7 @@ bench-check: dev ## compare with the ratios that are expected; ARGS=--short leav
 soak: dev ## the tests that take minutes or hours each; figures go into data/figures
 	@mkdir -p data/figures
 	@export PINCETTE_FIGURES=$(CURDIR)/data/figures; \
-	$(if $(filter tests/%,$(ARGS)),$(BIN)/pytest -m slow $(ARGS),$(call apart,-m slow $(ARGS)))
+	$(BIN)/pytest -m slow $(ARGS) $(if $(filter tests/%,$(ARGS)),,tests)
 
 soak-load: dev ## 50 clients beside 30 grips, ten minutes each with 5000 and 50 000 jobs in the journal
 	@mkdir -p data/figures
@@ -167,18 +180,48 @@ findings: ## run the scripts of findings/ one after another; needs the network, 
 	done; \
 	test -z "$$failed" || { echo "no longer as described:$$failed" >&2; exit 1; }
 
-adapters: dev ## stock clients of orchestrators and viewers, in environments of their own; half an hour
-	@$(call apart,$(ARGS),tests/orchestrators tests/foxglove)
+contrib: ## lint and test the packages beside the core, in an environment of their own
+	@$(MAKE) --no-print-directory contrib-checked VENV=$(CONTRIB)
+
+contrib-full: ## their stock clients and extras, also in further environments; half an hour
+	@$(MAKE) --no-print-directory contrib-stock VENV=$(CONTRIB)
+
+contrib-env:
+	$(call filled,contrib)
+
+contrib-checked: contrib-env
+	@$(MAKE) --no-print-directory contrib-lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
+	$(call beside,$(TEST)); \
+	wait $$lint; linted=$$?; cat $(VENV)/lint.log; \
+	test $$linted -eq 0 || { echo "== lint failed, exit status $$linted: see above" >&2; exit 1; }; \
+	exit $$status
+
+contrib-lint:
+	@echo "== basedpyright, contrib"
+	@$(BIN)/basedpyright -p contrib
+	@echo "== import-linter, contrib"
+	@$(BIN)/lint-imports --config contrib/importlinter.toml --no-cache --no-logo
+
+contrib-stock: contrib-env
+	@$(BIN)/python requirements/system_programs.py
+	@$(call beside,$(FULL)); exit $$status
 
 engine: dev ## the tests in containers, with a Docker engine; some minutes
 	@$(BIN)/pytest -m engine $(ARGS) tests/engine
+
+contrib-engine: ## those of the images of contrib, by stock clients; some minutes
+	@$(MAKE) --no-print-directory contrib-contained VENV=$(CONTRIB)
+
+contrib-contained: contrib-env
+	@$(BIN)/pytest -m engine $(ARGS) contrib/tests/engine
 
 pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(COMPILE) --extra dev --output-file requirements/dev.txt $(ARGS) pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --output-file requirements/run.txt pyproject.toml
 	@$(COMPILE) -c requirements/dev.txt --group loop --output-file requirements/loop.txt
-	@$(COMPILE) -c requirements/dev.txt --group adapters --output-file requirements/adapters.txt
-	@$(COMPILE) --group madsci --output-file requirements/madsci.txt
+	@$(COMPILE) -c requirements/dev.txt --extra dev $(PROJECTS:%=--group %:test) --output-file requirements/contrib.txt pyproject.toml $(PROJECTS)
+	@$(COMPILE) -c requirements/contrib.txt --group adapters --output-file requirements/adapters.txt
+	@$(COMPILE) --no-emit-package pincette-madsci --output-file requirements/madsci.txt contrib/madsci/pyproject.toml
 	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
 	@printf 'editables\nhatchling\nuv\n' | $(COMPILE) -c requirements/dev.txt --output-file requirements/tools.txt -
 	@grep -c == requirements/*.txt
@@ -198,7 +241,9 @@ docs: dev ## write what is generated: docs/reference and deploy/openapi.json
 dist: dev ## build wheels and sdist into data/dist, from what git has
 	@rm -rf data/dist
 	@$(BIN)/python -m build --no-isolation --outdir data/dist .
-	@$(BIN)/python -m build --no-isolation --wheel --outdir data/dist shared
+	@for one in shared $(dir $(wildcard contrib/*/pyproject.toml)); do \
+	  $(BIN)/python -m build --no-isolation --wheel --outdir data/dist $$one || exit 1; \
+	done
 
 site: dev ## build the documentation site into data/site; any warning ends it
 	@rm -rf data/site data/site-pages
@@ -206,5 +251,5 @@ site: dev ## build the documentation site into data/site; any warning ends it
 	@echo "data/site/index.html"
 
 clean: ## remove .venv, caches and measurements; records under data/ stay
-	rm -rf .venv $(PYTHONS:%=.venv-%) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json bench.png scale.png
+	rm -rf .venv $(CONTRIB) $(PYTHONS:%=.venv-%) .pytest_cache .ruff_cache .hypothesis .import_linter_cache bench.json bench.png scale.png
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

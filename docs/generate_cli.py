@@ -6,8 +6,8 @@ from typing import Any
 
 from typer.core import TyperGroup
 
-from pincette.api.job_kinds import job_kinds
 from pincette.cli import MEANINGS
+from pincette.cli.job import JobKinds
 from pincette.cli.main import COMMANDS, load
 
 PAGE = Path(__file__).resolve().parent / "reference" / "cli.md"
@@ -21,7 +21,7 @@ Every command that calls a supervisor takes `--url`, `--key`, `--authority`, `--
 document (RFC 9457), and its text goes to standard error as always. `watch --json` prints one event
 per line.
 A progress bar appears only in a terminal; elsewhere a followed job prints one line for each phase.
-`JOB` is the id of a job, or `last`. An option may be shortened as long as it is unambiguous.
+`JOB` is the id of a job, or `last`. Options cannot be abbreviated.
 `pincette --install-completion` lets the shell complete commands and options.
 
 ## Exit status
@@ -35,7 +35,6 @@ LIKE_A_JOB = {
     "as PNG.",
 }
 """Commands whose options are listed elsewhere already."""
-KINDS = "\n## `pincette KIND`\n\nThe same as `pincette job KIND`: {names}.\n"
 COMMON = {"url", "key", "authority", "rig_name", "json", "help"}
 
 
@@ -43,8 +42,7 @@ def page() -> str:
     """The whole page, as Markdown."""
     statuses = "".join(f"| {status.value} | {text} |\n" for status, text in MEANINGS.items())
     commands = (part for name in COMMANDS for part in _command(f"pincette {name}", load(name)))
-    names = ", ".join(f"`{name}`" for name in job_kinds())
-    return HEAD + statuses + "".join(commands) + KINDS.format(names=names)
+    return HEAD + statuses + "".join(commands)
 
 
 def _command(path: str, command: Any) -> Iterator[str]:
@@ -58,6 +56,8 @@ def _command(path: str, command: Any) -> Iterator[str]:
     if name in LIKE_A_JOB:
         yield f"\n{LIKE_A_JOB[name]}\n"
         return
+    if isinstance(command, JobKinds):
+        command.complete()
     for below, one in command.commands.items():
         yield from _command(f"{path} {below}", one)
 

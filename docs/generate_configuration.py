@@ -12,7 +12,7 @@ from typing import Any, cast, get_args
 from pydantic import TypeAdapter
 
 from pincette.asyncapi.schemas import notes
-from pincette.cli.doctor import TABLES
+from pincette.cli.catalogue import TABLES
 from pincette.config import RigFile, Table
 from pincette.config.calibration import CALIBRATED, EXPECTED
 from pincette.config.laws import Law, installed_laws, law_definition
@@ -22,6 +22,8 @@ from pincette.core.units import OF_FILES, UNITS, unit_in_file
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "reference" / "configuration.md"
+OWN = ("pincette", "pincette-nidaqmx")
+"""Distributions whose laws and drivers the page describes."""
 words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
 
 LEADING = re.compile(r"([^\s.,;]+)(?:[.,;] ?| |$)")
@@ -54,8 +56,9 @@ Letters behind a key:
 DRIVERS = """\
 ## Options of the drivers
 
-Each driver has its own table `options` in `[sensor]` or `[output]`. `pincette drivers` shows the
-options of all installed drivers, including those of [other packages](../how-to/add-a-driver.md).
+Each driver has its own table `options` in `[sensor]` or `[output]`. `pincette doctor --drivers`
+shows the options of all installed drivers, including those of
+[other packages](../how-to/add-a-driver.md).
 
 """
 
@@ -91,7 +94,7 @@ def _tables(kind: type[Table], path: str) -> Iterator[str]:
 def _gains() -> Iterator[str]:
     """The gains of each law that comes with the project."""
     for entry in plugins.registered(plugins.LAWS):
-        if plugins.origin(entry).partition(" ")[0] != "pincette":
+        if plugins.origin(entry).partition(" ")[0] not in OWN:
             continue
         if entry.name not in installed_laws():
             continue  # of two arms: no rig file names it
@@ -184,7 +187,7 @@ def _untold(path: str, name: str) -> bool:
 def _drivers() -> Iterator[str]:
     for group, rig_table in TABLES.items():
         for entry in plugins.registered(group):
-            if plugins.origin(entry).partition(" ")[0] != "pincette":
+            if plugins.origin(entry).partition(" ")[0] not in OWN:
                 continue
             plugins.load(group, entry.name)
             for name, thing in vars(sys.modules[entry.module]).items():

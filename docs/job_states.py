@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
-from pincette.api.rig_states import RIG_STATES
+from pincette.api.rig_states import MOTION, RIG_STATES
 from pincette.api.states import BEYOND, EVENTS, HOLDS, NEEDS, STATES, Event, JobState
 
 WIDTH, HEIGHT = 980, 452
@@ -114,6 +114,10 @@ def jobs_page() -> str:
         )
         for name, row in RIG_STATES.items()
     ]
+    motion = [("state", "meaning", "the stage may move")]
+    motion += [
+        (f"`{name}`", row.meaning, "yes" if row.may_move else "no") for name, row in MOTION.items()
+    ]
     return (
         HEAD
         + f"{_everywhere('fail')} {_everywhere('interrupt')}\n\n"
@@ -128,7 +132,9 @@ def jobs_page() -> str:
         + RULES
         + "\n## The rig\n\n"
         + "`latch.state` and `standing.state` of a rig, from `pincette.api.rig_states`.\n\n"
-        + _table(rig_states).rstrip("\n")
+        + _table(rig_states)
+        + "`safe_to_move.state` of a rig, from the same module.\n\n"
+        + _table(motion).rstrip("\n")
         + "\n"
     )
 

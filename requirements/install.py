@@ -1,4 +1,7 @@
-"""Fill .venv in two steps: ``run``, what pincette needs to run, and ``dev``, what its tests need.
+"""Fill .venv with the packages of a step, and install the projects of this tree into it.
+
+Steps: ``run``, what pincette needs to run; ``dev``, what its tests need, too; ``contrib``, what the
+packages of contrib and their tests need, too.
 
 Run by make, with any Python from 3.11 on and its standard library alone. A stamp for each step says
 for which requirements and which place .venv was filled, so that a moved checkout, another Python or
@@ -19,12 +22,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 VENV = os.environ.get("VENV", ".venv")
-STEPS = ("run", "dev")
-"""Each has its pins, requirements/NAME.txt; the second has all that the first has, and more."""
+STEPS = ("run", "dev", "contrib")
+"""Steps; each has its pins, requirements/NAME.txt, and contains the steps before it."""
 TOOLS = Path("requirements/tools.txt")
 """What fills .venv: installed by pip, before all others."""
-PROJECTS = (Path("pyproject.toml"), Path("shared/pyproject.toml"))
-"""Of pincette, and of pincette-client, which it needs."""
+PROJECTS = (Path(), Path("shared"), Path("contrib/nidaqmx"))
+"""Folders that each step installs: pincette, its client, and the driver of NI without its packages,
+since the rig files for 1 kHz name its simulated instrument."""
+APART = ("madsci",)
+"""Packages of contrib whose requirements conflict with those of pincette."""
 EVERY_S = 10.0
 """Where the output is no terminal, a line at least this often."""
 PIP = {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_NO_INPUT": "1", "PIP_USER": "0"}
@@ -44,10 +50,18 @@ class InstallError(Exception):
     """A step failed; the text has the end of its output and says where all of it is."""
 
 
+def projects(root: Path, step: str) -> list[Path]:
+    """List the folders of the projects that a step installs from this tree."""
+    found = sorted(root.glob("contrib/*/pyproject.toml")) if step == "contrib" else []
+    folders = [path.parent.relative_to(root) for path in found if path.parent.name not in APART]
+    return list(dict.fromkeys([*PROJECTS, *folders]))
+
+
 def wanted_stamp(root: Path, step: str) -> str:
     """What .venv must have been filled for."""
     digest = hashlib.sha256()
-    for source in (Path(f"requirements/{step}.txt"), TOOLS, *PROJECTS):
+    described = [path / "pyproject.toml" for path in projects(root, step)]
+    for source in (Path(f"requirements/{step}.txt"), TOOLS, *described):
         digest.update((root / source).read_bytes())
     return f"{digest.hexdigest()} {root}\n"
 
@@ -129,9 +143,10 @@ def fill(root: Path, step: str, *, this_python: bool) -> None:
     config = [python, "-m", "pip", "config", "list"]
     settings = uv_settings(subprocess.run(config, capture_output=True, text=True).stdout)
     pins = f"requirements/{step}.txt"
+    editable = [word for path in projects(root, step) for word in ("-e", f"./{path}")]
     for what, wanted in (
         (f"the packages of {pins}", ["--require-hashes", "-r", pins]),
-        ("pincette itself", ["--no-deps", "--no-build-isolation", "-e", ".", "-e", "./shared"]),
+        ("pincette itself", ["--no-deps", "--no-build-isolation", *editable]),
     ):
         uv = [str(venv / "bin/uv"), "pip", "install", "--python", python]
         try:

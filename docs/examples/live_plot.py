@@ -15,7 +15,7 @@ import zenoh
 PANELS = {
     "position in µm": {"x_um": "measured", "x_r_um": "reference"},
     "force in mN": {"force_mN": "estimated", "force_r_mN": "reference"},
-    "voltage in V": {"applied_V": "applied"},
+    "voltage in V": {"voltage_V": "applied"},
 }
 
 parser = argparse.ArgumentParser(description=__doc__)
@@ -28,9 +28,9 @@ if given.png:
     matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (once the backend is chosen)
 
-arrived = queue.SimpleQueue()
+arrived, gap = queue.SimpleQueue(), float("nan")
 rows = {}
-"""What position, estimate and telemetry say of a sample, joined by its number."""
+"""What the messages of a sample say, joined by its number: only values that may be used."""
 
 figure, axes = plt.subplots(len(PANELS), sharex=True, layout="constrained")
 curves = {}
@@ -47,16 +47,19 @@ def draw():
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
         row = rows.setdefault((message["epoch"], message["seq"]), {})
-        valid = message.get("valid", True)  # what is not valid leaves a gap in its curve
-        row.update(message if valid else {"t_s": message["t_s"]} if "t_s" in message else {})
+        usable = message.get("valid", True) and not message.get("unconfirmed")  # else a gap
+        row.update(message if usable else {"t_s": message["t_s"]} if "t_s" in message else {})
     epoch = max(rows, default=(0, 0))[0]
     newest_s = max((row.get("t_s", 0.0) for (e, _), row in rows.items() if e == epoch), default=0.0)
     for number, row in list(rows.items()):
         if number[0] < epoch or row.get("t_s", newest_s) < newest_s - given.seconds:
             del rows[number]
-    shown = [row for _, row in sorted(rows.items()) if "t_s" in row]
+    shown = []
+    for epoch, seq in sorted(rows):
+        shown += [] if (epoch, seq - 1) in rows else [{}]  # a lost sample is a gap
+        shown.append(rows[epoch, seq])
     for field, curve in curves.items():
-        points = [(row["t_s"], row.get(field, float("nan"))) for row in shown]
+        points = [(row.get("t_s", gap), row.get(field, gap)) for row in shown]
         curve.set_data(*zip(*points, strict=True) if points else ((), ()))
     for panel in axes:
         panel.relim()
@@ -65,7 +68,7 @@ def draw():
 
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
 with zenoh.open(config) as session:
-    for topic in ("position", "estimate", "telemetry"):
+    for topic in ("position", "estimate", "telemetry", "applied"):
         session.declare_subscriber(f"pincette/v1/{given.rig}/{topic}", arrived.put)
     while not given.png and plt.fignum_exists(figure.number):
         draw()

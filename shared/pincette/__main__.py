@@ -1,7 +1,7 @@
 """The command ``pincette``, also ``python -m pincette``.
 
 ``run`` loads only what a program of the loop needs. So a program starts fast, and where only the
-packages of the loop are installed.
+packages of the loop are installed. ``estop`` loads only what a stop needs.
 """
 
 import os
@@ -24,6 +24,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from pincette.cli import run
 
         return run.main(given[1:])
+    if given[:1] == ["estop"]:
+        from pincette.cli import estop
+
+        status = estop.main(given[1:])
+        if arguments is None:
+            # A thread that is still inside the bus would abort the end of the interpreter, and the
+            # exit status would no longer say what the actuator has confirmed. All output has been
+            # flushed.
+            os._exit(status)
+        return status
     try:
         from pincette.cli.main import main as every_command
     except ModuleNotFoundError as error:
@@ -34,12 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return Exit.DONE
         sys.stderr.write(INCOMPLETE.format(missing=error.name.partition(".")[0]))
         return Exit.USAGE
-    status = every_command(given)
-    if arguments is None and given[:1] == ["estop"]:
-        # A thread that is still inside the bus would abort the end of the interpreter, and the exit
-        # status would no longer say what the actuator has confirmed. All output has been flushed.
-        os._exit(status)
-    return status
+    return every_command(given)
 
 
 if __name__ == "__main__":

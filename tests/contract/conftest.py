@@ -1,6 +1,6 @@
 import socket
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
@@ -8,7 +8,6 @@ from typing import Literal, Protocol
 
 import pytest
 
-from pincette.bus.private_port import PrivatePort
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.line.recording import Recorder, RecordingLink
 from pincette.instruments.line.replay import ReplayLink
@@ -129,26 +128,3 @@ def script() -> Iterator[Script]:
         thread.join(timeout=5.0)
     listener.close()
     assert not any(thread.is_alive() for thread in threads)
-
-
-@pytest.fixture
-def echo() -> Generator[PrivatePort]:
-    """Private port behind which everything that comes is sent back."""
-    behind = PrivatePort.chosen()
-    with socket.create_server((behind.host, behind.port)) as listener:
-        assert behind.close_to_others()
-
-        def answer() -> None:
-            line, _ = listener.accept()
-            with line:
-                try:
-                    while found := line.recv(65536):
-                        line.sendall(found)
-                except OSError:
-                    return
-
-        thread = threading.Thread(target=answer, daemon=True)
-        thread.start()
-        yield behind
-        thread.join(5.0)
-        assert not thread.is_alive()

@@ -257,7 +257,7 @@ def test_a_script_that_knows_nothing_of_pincette_listens(site: Site) -> None:
     player.start()
     try:
         assert process.stdout is not None
-        assert process.stdout.readline() == "  31.400 µm    9.870 mN   1.7000 V\n"
+        assert process.stdout.readline() == "  31.400 µm    9.870 mN\n"
     finally:
         end.set()
         player.join()

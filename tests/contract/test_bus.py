@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, LatestBus, RefusalError
-from pincette.bus.session import open_session, serve_router
+from pincette.bus.session import AskRouter, open_session, serve_router
 from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.codec import encode
@@ -20,7 +20,8 @@ from pincette.core.codec.wire import ENCODING
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Burst, Message, Position, StatusRequest, Trip
 from pincette.core.topics import BURST, JOB, POSITION, STATUS, TRIP, Request, Topic, key
-from pincette.engine.rig_file import ask_rig_file, read_rig_reply, serve_rig_file
+from pincette.engine.rig_file import read_rig_reply, serve_rig_file
+from pincette_supervisor.rigs.other_rigs import OtherRigs
 from tests.support.rigs import demo_rig, free_ports
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -145,7 +146,7 @@ class TestZenohBus(BusContract):
         port = free_ports(1)
         end, up = threading.Event(), threading.Event()
 
-        def wait() -> None:
+        def wait(_ask: AskRouter) -> None:
             up.set()
             end.wait()
 
@@ -265,10 +266,10 @@ class TestZenohBus(BusContract):
         assert ("other", "sensor") in watcher.alive_everywhere()
         assert ("contract", "settled") in watcher.alive_everywhere()
         assert "sensor" not in watcher.alive()
-        asker = ZenohBus(ends, "other", "asker")
-        assert read_rig_reply(ask_rig_file(asker, "sensor")) == file
-        with pytest.raises(BusError, match="nobody answers actuator/rig_file"):
-            ask_rig_file(asker, "actuator")
-        asker.close()
+        others = OtherRigs(lambda: ZenohBus(ends, "contract", "asker"))
+        assert read_rig_reply(others.rig_file("other", "sensor")) == file
+        with pytest.raises(BusError, match="other: nobody answers actuator/rig_file"):
+            others.rig_file("other", "actuator")
+        others.close()
         program.close()
         self.settle(buses, lambda: ("other", "sensor", False) in turns)

@@ -141,6 +141,53 @@ def test_an_answer_to_an_earlier_client_is_no_answer(laser: Wire) -> None:
             peer.close()
 
 
+@pytest.mark.parametrize("timeout_s", [0.2, 1.0])
+@pytest.mark.parametrize(
+    ("banner", "at_once"),
+    [
+        (b"Welcome\r\n", False),
+        (b"\r\n", False),
+        (b"port 1\r\nlogin: ", True),
+        (b"login: ", True),
+    ],
+)
+def test_a_banner_of_a_port_that_is_opened_again_costs_no_further_exchange(
+    banner: bytes, timeout_s: float, *, at_once: bool, laser: Wire
+) -> None:
+    """``at_once``: it is sent before the first request, otherwise together with its answer."""
+    connections = 3
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        peers: list[socket.socket] = []
+
+        def relay() -> None:
+            for number in range(connections):
+                peer, _ = listener.accept()
+                peers.append(peer)
+                if at_once or number == 0:
+                    peer.sendall(banner)
+                with closing(open_link(laser.url, baud=115200, timeout_s=1.0)) as behind:
+                    first = b"" if at_once or number == 0 else banner
+                    while request := peer.recv(64):
+                        peer.sendall(first + behind.exchange(request.rstrip(b"\r")) + b"\r")
+                        first = b""
+
+        thread = Thread(target=relay, daemon=True)
+        thread.start()
+        url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        with closing(open_sensor(url, timeout_s)) as sensor:
+            for _ in range(connections - 1):
+                assert sensor.read_um() == pytest.approx(X_UM)
+                peers[-1].shutdown(socket.SHUT_RDWR)
+                with pytest.raises(InstrumentError):
+                    sensor.read_um()
+                time.sleep(serial_link.RETRY_S)  # a real server: the line tries no more often
+                assert sensor.read_um() == pytest.approx(X_UM)
+        thread.join(10.0)
+        assert not thread.is_alive()
+        for peer in peers:
+            peer.close()
+
+
 def test_rfc2217_is_refused_with_what_to_use_instead() -> None:
     url = "rfc2217://127.0.0.1:4000"
     with pytest.raises(ConfigError, match="socket://HOST:PORT"):
@@ -149,7 +196,7 @@ def test_rfc2217_is_refused_with_what_to_use_instead() -> None:
         open_link(url, baud=9600, timeout_s=0.1)
 
 
-READINGS = 200
+READINGS = 50
 MOST_MORE_S = 1.5e-3
 """What a device server may add to a reading."""
 

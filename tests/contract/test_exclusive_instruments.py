@@ -1,6 +1,7 @@
 """One program at a time opens an instrument; a second one learns which program has it."""
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Generator
@@ -71,6 +72,54 @@ def test_two_names_of_one_address_are_one_instrument() -> None:
         number = port.url.rpartition(":")[2]
         with another_program_at(port.url):
             assert refusal(f"socket://localhost:{number}").code == "cannot_open"
+
+
+@contextmanager
+def listening(address: str, port: int = 0) -> Generator[int]:
+    """Listen at an address, at ``::`` for IPv4 too, and yield the port."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family) as server:
+        if address == "::":
+            server.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        server.bind((address, port))
+        server.listen()
+        yield server.getsockname()[1]
+
+
+@pytest.mark.parametrize(
+    ("server", "first", "second"),
+    [
+        ("0.0.0.0", "127.0.0.1", "127.0.0.2"),
+        ("0.0.0.0", "localhost", "127.0.1.1"),
+        ("::", "127.0.0.1", "[::1]"),
+        ("::", "[::ffff:127.0.0.1]", "127.0.0.9"),
+    ],
+)
+def test_any_address_of_a_server_of_this_host_is_one_instrument(
+    server: str, first: str, second: str
+) -> None:
+    """A host has several addresses, such as those of its own name and of localhost."""
+    with listening(server) as port, another_program_at(f"socket://{first}:{port}") as holder:
+        assert f"process {holder.pid} " in str(refusal(f"socket://{second}:{port}"))
+
+
+def test_servers_at_two_addresses_of_this_host_are_two_instruments() -> None:
+    with (
+        listening("127.0.0.1") as port,
+        listening("127.0.0.2", port),
+        another_program_at(f"socket://127.0.0.1:{port}"),
+    ):
+        open_link(f"socket://127.0.0.2:{port}", baud=115200, timeout_s=1.0).close()
+
+
+def test_a_server_at_one_address_is_not_the_one_at_all_others() -> None:
+    with (
+        listening("127.0.0.2") as port,
+        listening("0.0.0.0", port),
+        another_program_at(f"socket://127.0.0.1:{port}"),
+    ):
+        open_link(f"socket://127.0.0.2:{port}", baud=115200, timeout_s=1.0).close()
 
 
 def test_uucp_lock_of_a_live_program_is_respected(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from time import monotonic, sleep
-from typing import cast
+from typing import NoReturn, cast
 
 import pytest
 import zenoh
@@ -21,17 +21,26 @@ from pincette.bus.endpoints import (
     tool_endpoint,
 )
 from pincette.bus.endpoints import service_endpoint as loop_endpoint
-from pincette.bus.protocol import BusError, RefusalError
+from pincette.bus.protocol import AbsentError, BusError, RefusalError
 from pincette.bus.query import Query
 from pincette.bus.session import open_session
 from pincette.bus.stopping import trip_at
-from pincette.bus.zenoh_bus import EMPTY, ZenohBus
+from pincette.bus.zenoh_bus import EMPTY, ForeignDeclaration, ZenohBus
 from pincette.config import RigFile
 from pincette.core.codec import encode
-from pincette.core.faults import Cause, FaultCode
+from pincette.core.faults import Cause, FaultCode, Mode
 from pincette.core.messages import Ack, Applied, Message, Reset, Status, StatusRequest, Trip
-from pincette.core.topics import APPLIED, RESET, STATUS, TRIP, Request, key, request_key
-from pincette.diagnostics.bus import foreign_sessions
+from pincette.core.topics import (
+    APPLIED,
+    RESET,
+    STATUS,
+    TRIP,
+    Request,
+    key,
+    live_key,
+    request_key,
+)
+from pincette.diagnostics.bus import exchanges, foreign_sessions
 from pincette.engine.loop import Loop
 from pincette.engine.node import Node
 from pincette.engine.process import loop_services
@@ -39,7 +48,7 @@ from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.bench.shape import EXAMPLES
 from tests.support.certificates import Intruder, folder_for
-from tests.support.foreign import EVERYTHING, KINDS, Store, declared, outsider
+from tests.support.foreign import EVERYTHING, KINDS, Store, declared, outsider, settle
 from tests.support.rigs import demo_rig, free_ports
 from tests.support.routed import until
 
@@ -62,6 +71,8 @@ class Site:
     actuator: ZenohBus
     supervisor: ZenohBus
     asked: list[Message]
+    mode: Mode | None = Mode.IDLE
+    """Mode that the actuator states; None: it does not answer."""
 
     def trip(self) -> Message:
         return self.supervisor.call(TRIP, Trip(Cause.ESTOP), PATIENCE_S)
@@ -83,12 +94,19 @@ def running(rig: RigFile) -> Generator[Site]:
             asked.append(request)
             reply(Ack(len(asked)) if isinstance(request, Trip) else REFUSED)
 
+        site = Site(rig, router, actuator, supervisor, asked)
+
+        def state(_: Request, _request: Message, reply: Reply) -> None:
+            if site.mode is not None:
+                reply(Status("actuator", "", 1, rig.digest(), 0, 0, 0, 0, mode=site.mode))
+
         for question in (TRIP, RESET):
             actuator.serve(question, take)
+        actuator.serve(STATUS["actuator"], state)
         actuator.declare(APPLIED)
         actuator.announce("actuator")
         until(lambda: "actuator" in supervisor.alive())
-        yield Site(rig, router, actuator, supervisor, asked)
+        yield site
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +230,100 @@ def test_a_reply_with_the_mark_that_is_no_message_is_counted_and_the_next_one_wi
         served.undeclare()
 
 
+ODD_TOKENS = (
+    "**",
+    EVERYTHING,
+    "pincette/v1/demo/live/*",
+    "pincette/v1/demo/live/**",
+    "pincette/v1/*/live/actuator",
+    "pincette/v1/demo/live/a$*",
+    "pincette/v1/Demo rig/live/sensor",
+    "pincette/v1/demo/live/Sensor\N{MICRO SIGN}",
+)
+"""Liveliness tokens that no program has; a lookup of the programs' tokens finds each of them."""
+
+
+def test_tokens_that_no_program_has_are_ignored(plain: Site) -> None:
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    changes: list[tuple[str, str, bool]] = []
+    with ExitStack() as stack:
+        bus = ZenohBus(program_endpoint(plain.rig, "supervisor", lockstep=False), "demo", "x")
+        stack.callback(bus.close)
+        before, everywhere = bus.alive(), bus.alive_everywhere()
+        tool, looker = (stack.enter_context(outsider("client", place)) for _ in range(2))
+        tokens = [tool.liveliness().declare_token(one) for one in ODD_TOKENS]
+
+        def seen() -> set[str]:
+            replies = cast("Iterable[zenoh.Reply]", looker.liveliness().get("**"))
+            return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+        until(lambda: seen() >= {*ODD_TOKENS})
+        assert bus.alive() == before >= {"actuator"}
+        assert bus.alive_everywhere() == everywhere
+        assert bus.other_wires() == {}
+        bus.watch_everywhere(lambda rig, program, alive: changes.append((rig, program, alive)))
+        for token in tokens:
+            token.undeclare()
+        bus.announce("recorder")
+        until(lambda: ("demo", "recorder", True) in changes)
+    assert {(rig, program) for rig, program, _ in changes} <= everywhere | {("demo", "recorder")}
+
+
+GHOST_TRIP = request_key("ghost", TRIP)
+
+
+def test_a_token_without_a_program_is_known_as_such_at_once(plain: Site) -> None:
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+    with outsider("client", place) as tool:
+        token = tool.liveliness().declare_token(live_key("ghost", "actuator"))
+        until(lambda: ("ghost", "actuator") in plain.supervisor.alive_everywhere())
+        begun_s = monotonic()
+        with pytest.raises(AbsentError):
+            plain.supervisor.call(TRIP, Trip(Cause.ESTOP), PATIENCE_S, rig="ghost")
+        assert monotonic() - begun_s < ANSWER_S
+        token.undeclare()
+        until(lambda: ("ghost", "actuator") not in plain.supervisor.alive_everywhere())
+        with pytest.raises(BusError) as gone:
+            plain.supervisor.call(TRIP, Trip(Cause.ESTOP), PATIENCE_S, rig="ghost")
+        assert not isinstance(gone.value, AbsentError)
+
+
+@pytest.mark.parametrize("kind", ["silent", "drops", "store", "rubbish"])
+def test_a_program_that_does_not_answer_is_not_taken_for_a_mere_token(
+    plain: Site, kind: str
+) -> None:
+    """A query that a program drops ends at once, as does one that nobody takes."""
+    place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
+
+    def drop(query: zenoh.Query) -> None:
+        query.drop()
+
+    with outsider("client", place) as tool, ExitStack() as stack:
+        if kind == "drops":
+            stack.enter_context(tool.declare_queryable(GHOST_TRIP, drop))
+        else:
+            stack.enter_context(declared(tool, kind, GHOST_TRIP))
+        token = tool.liveliness().declare_token(live_key("ghost", "actuator"))
+        until(lambda: ("ghost", "actuator") in plain.supervisor.alive_everywhere())
+        with pytest.raises(BusError) as silent:
+            plain.supervisor.call(TRIP, Trip(Cause.ESTOP), 0.3, rig="ghost")
+        assert not isinstance(silent.value, AbsentError)
+        token.undeclare()
+
+
+def test_with_certificates_a_token_is_never_taken_for_a_mere_one(secure: Site) -> None:
+    """The access list may refuse the request to a real program: then the query ends at once too."""
+    other = ZenohBus(loop_endpoint(secure.rig, "sensor", loop_services()), "demo", "sensor")
+    try:
+        other.announce("sensor")
+        until(lambda: "sensor" in secure.supervisor.alive())
+        with pytest.raises(BusError) as refused:
+            secure.supervisor.call(STATUS["sensor"], StatusRequest(), ANSWER_S)
+        assert not isinstance(refused.value, AbsentError)
+    finally:
+        other.close()
+
+
 @pytest.mark.parametrize("who", ["viewer", "operator", "demo/sensor", "demo/recorder"])
 def test_a_certificate_that_may_not_answer_declares_no_queryable(
     secure: Site, folder: Folder, who: str
@@ -236,6 +348,26 @@ def test_a_certificate_that_may_not_answer_declares_no_queryable(
             assert secure.trip() == Ack(1)
             assert declared_here
     assert heard == []
+
+
+@pytest.mark.parametrize("who", ["viewer", "operator", "demo/sensor"])
+def test_a_certificate_holds_no_token_but_its_own(secure: Site, folder: Folder, who: str) -> None:
+    """A token of another program, or one with wildcards, does not pass the router."""
+    before, port = secure.supervisor.alive_everywhere(), secure.rig.bus.port
+    others = (*ODD_TOKENS, "pincette/v1/demo/live/recorder", "pincette/v1/other/live/actuator")
+    intruder = Intruder(who, folder.credentials(folder.named(who)))
+    looker = Intruder("operator", folder.credentials(folder.named("operator")))
+    with (
+        intruder.joined("127.0.0.1", port) as session,
+        looker.joined("127.0.0.1", port) as other,
+    ):
+        tokens = [session.liveliness().declare_token(one) for one in others]
+        sleep(0.2)
+        replies = cast("Iterable[zenoh.Reply]", other.liveliness().get("pincette/v1/*/live/*"))
+        found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        assert found == {live_key(rig, program) for rig, program in before}
+        assert secure.supervisor.alive_everywhere() == before
+        assert tokens
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -332,6 +464,8 @@ def test_foreign_declarations_are_listed_and_those_of_programs_are_not(plain: Si
         zid = str(session.zid())
         wanted = {("queryable", "**", zid), ("subscriber", "**", zid)}
 
+        settle()
+
         def listed() -> bool:
             found = bus.foreign_declarations()
             return {(one.kind, one.place, one.session) for one in found} == wanted
@@ -346,10 +480,60 @@ def test_doctor_names_the_session_and_the_key_of_a_foreign_store(plain: Site) ->
     plain.supervisor.announce("supervisor")
     until(lambda: [one.mark for one in foreign_sessions(plain.rig)] == ["well"])
     with outsider("client", place) as session, declared(session, "store"):
+        settle()
         until(lambda: {one.mark for one in foreign_sessions(plain.rig)} == {"note"})
         found = [*foreign_sessions(plain.rig)]
         assert len(found) == 2
         assert all(str(session.zid()) in one.what and EVERYTHING in one.what for one in found)
+
+
+@pytest.mark.parametrize("mode", [Mode.IDLE, None])
+def test_doctor_misses_programs_of_a_running_rig_that_do_not_answer(
+    plain: Site, monkeypatch: pytest.MonkeyPatch, mode: Mode | None
+) -> None:
+    """A device server whose port is taken keeps the sensor's program from starting."""
+    monkeypatch.setattr(plain, "mode", mode)
+    missing = [one.what for one in exchanges(plain.rig) if one.mark == "missing"]
+    wanted = [plain.rig.sensor.url] + ([plain.rig.output.url] if mode is None else [])
+    assert len(missing) == len(wanted)
+    assert all(url in what for url, what in zip(wanted, missing, strict=True))
+
+
+@pytest.mark.parametrize("mode", [Mode.ARMED, Mode.FROZEN, Mode.RAMPING, None])
+def test_doctor_does_not_ask_the_router_of_a_rig_at_work(
+    plain: Site, monkeypatch: pytest.MonkeyPatch, mode: Mode | None
+) -> None:
+    def asked(_bus: ZenohBus) -> NoReturn:
+        pytest.fail("the router was asked")
+
+    monkeypatch.setattr(ZenohBus, "foreign_declarations", asked)
+    monkeypatch.setattr(plain, "mode", mode)
+    (found,) = foreign_sessions(plain.rig)
+    assert found.mark == "note"
+    assert plain.rig.rig.name in found.what
+
+
+def test_doctor_does_not_ask_the_router_that_another_rig_at_work_shares(
+    plain: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = program_endpoint(plain.rig, "recorder", lockstep=False)
+    other = ZenohBus(config, "other", "actuator")
+    mode = Mode.ARMED
+
+    def state(_: Request, _request: Message, reply: Reply) -> None:
+        reply(Status("actuator", "", 1, "", 0, 0, 0, 0, mode=mode))
+
+    other.serve(STATUS["actuator"], state)
+    other.announce("actuator")
+    until(lambda: [one.mark for one in foreign_sessions(plain.rig)] == ["note"])
+    mode = Mode.LATCHED
+
+    def none(_bus: ZenohBus) -> list[ForeignDeclaration]:
+        return []
+
+    monkeypatch.setattr(ZenohBus, "foreign_declarations", none)
+    assert [one.mark for one in foreign_sessions(plain.rig)] == ["well"]
+    other.close()
 
 
 def test_doctor_says_nothing_of_a_bus_that_is_down_and_trusts_access_lists(secure: Site) -> None:

@@ -14,7 +14,7 @@ import pytest
 from pincette.cli.main import main
 from pincette.config import ConfigError, calibrated, parse_calibration, parse_rig_json, read_rig
 from pincette.config.calibration import CALIBRATED, EXPECTED
-from pincette.config.reading import MOST_BYTES
+from pincette.config.toml_file import MOST_BYTES
 from pincette.core.service import programs
 from pincette.engine.process import Options, run_program
 from tests.support.rigs import DEMO, demo_rig, rig_toml
@@ -61,7 +61,7 @@ def test_a_broken_rig_file_is_refused_in_words(
     assert words in said
     assert len(said) < 20_000
     assert all(line.isprintable() for line in said.splitlines())
-    assert main(["topics", "--rig", str(path)]) == 1
+    assert main(["doctor", "--topics", "--rig", str(path)]) == 1
     printed = capsys.readouterr()
     assert words in printed.err
     assert "Traceback" not in printed.err + printed.out

@@ -1,29 +1,32 @@
-"""The guard at a program's ports: strangers keep nobody out, and what passes it passes whole."""
+"""Ports of the bus, plain and behind a guard with TLS: strangers keep nobody out."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
 import errno
+import json
 import logging
 import re
-import secrets
 import socket
 import tempfile
-import threading
 from collections.abc import Callable, Generator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from time import monotonic, sleep
 from typing import Any, cast
 
 import pytest
+import zenoh
 
 from pincette.bus import private_port
 from pincette.bus.admission import HELLO_S
-from pincette.bus.guard import MOST_PENDING, Guard
-from pincette.bus.own_sockets import StallWatch, own_sockets
+from pincette.bus.guard import MOST_PENDING
+from pincette.bus.own_sockets import own_sockets
 from pincette.bus.private_port import PrivatePort
-from pincette.bus.relay import MOST_WAITING
+from pincette.bus.protocol import BusError
 from pincette.bus.session import open_session
+from pincette.bus.settings import settings
+from pincette.bus.topology import TlsIdentity, router_session, secured
+from pincette.security.access import router_access
 from pincette.security.folder import Folder
 from tests.support.bare_connects import (
     TLS_HELLO_BEGUN,
@@ -32,16 +35,17 @@ from tests.support.bare_connects import (
     strangers,
 )
 from tests.support.certificates import folder_for
-from tests.support.doors import OPENS_S, Door
+from tests.support.doors import OPENS_S, ROUTER, TOOL, Door, joining
 from tests.support.rigs import free_ports
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
 MANY = 400
-KEY = "pincette/v1/demo/job"
+FAILED, FAILED_S = 20, 0.1
+"""Failed handshakes, and the time for which Zenoh sleeps after each."""
 BACK_S = 30.0
-MEGABYTES = 4
-LEASE_S = 0.5
+SETTLED_S = 5.0
+"""Time after which no burst of connections is open any more, while all strangers stay."""
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +60,17 @@ def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[Door]:
     made.router.close()
 
 
-@pytest.mark.parametrize("stay", [True, False])
 @pytest.mark.parametrize(
-    "words", [b"", b"G", b"GET / HTTP/1.1\r\n", TLS_HELLO_BEGUN, ZENOH_INIT_BEGUN]
+    ("words", "stay"),
+    [
+        (b"", True),
+        (b"G", True),
+        (b"GET / HTTP/1.1\r\n", True),
+        (TLS_HELLO_BEGUN, True),
+        (ZENOH_INIT_BEGUN, True),
+        (b"", False),
+        (ZENOH_INIT_BEGUN, False),
+    ],
 )
 def test_strangers_keep_nobody_out(
     door: Door, words: bytes, stay: bool, record_property: Callable[[str, object], None]
@@ -67,7 +79,10 @@ def test_strangers_keep_nobody_out(
     before = descriptors()
     with strangers([door.port], MANY, words=words, stay=stay):
         took_s = door.opened_s()
-        assert descriptors() < before + (MANY if stay else 0) + 2 * MOST_PENDING + 50
+        deadline = monotonic() + SETTLED_S
+        while descriptors() >= before + (MANY if stay else 0) + 2 * MOST_PENDING + 50:
+            assert monotonic() < deadline
+            sleep(0.01)
     record_property("link_ms", round(1e3 * took_s))
     assert took_s < OPENS_S
     deadline = monotonic() + BACK_S
@@ -114,7 +129,7 @@ def test_a_newcomer_needs_no_room_on_any_disk(
             patch.setattr(tempfile, "mkstemp", no_folder)
             patch.setattr(tempfile, "TemporaryDirectory", no_folder)
             assert door.opened_s() < OPENS_S
-        assert door.guard.count.refused == 0
+        assert door.router.refused.count == 0
         assert "refused" not in caplog.text
     finally:
         door.router.close()
@@ -124,14 +139,17 @@ def test_refusals_are_counted_and_logged_with_a_bound(
     door: Door, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING, "pincette"):
-        for _ in range(20):
-            with socket.create_connection(("127.0.0.1", door.port), 5.0) as line:
+        with ExitStack() as stack:
+            place = "127.0.0.1", door.port
+            lines = [stack.enter_context(socket.create_connection(place, 5.0)) for _ in range(20)]
+            for line in lines:
                 line.sendall(b"GET / HTTP/1.1\r\n\r\n")
+            for line in lines:
                 line.settimeout(10.0)
                 with suppress(ConnectionError):
                     line.recv(1)
         deadline = monotonic() + BACK_S
-        while door.guard.count.refused < 20:
+        while door.router.refused.count < 20:
             assert monotonic() < deadline
             sleep(0.01)
     lines = [one.getMessage() for one in caplog.records if "refused" in one.getMessage()]
@@ -198,7 +216,7 @@ def test_who_says_nothing_is_ended_in_time(door: Door) -> None:
         with pytest.raises(ConnectionResetError):
             stranger.recv(1)
         assert monotonic() - begun_s > HELLO_S - 0.1
-    assert door.guard.count.refused >= 1
+    assert door.router.refused.count >= 1
 
 
 def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,29 +240,25 @@ def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatc
         assert not behind.close_to_others()
 
 
-def test_a_slow_reader_is_waited_for_and_nothing_is_lost(echo: PrivatePort) -> None:
+def test_a_port_that_is_in_use_is_reported_with_the_remedy(door: Door) -> None:
+    with pytest.raises(BusError, match="in use"):
+        open_session(door.listens, "second router")
+
+
+def test_zenoh_alone_does_not_bear_failed_handshakes(folder: Folder) -> None:
+    """The reason for the guard with TLS (zenoh issue 2685); remove the guard once this fails."""
     port = free_ports(1)
-    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
-    guard.start()
-    sent = b"\x01\x00\x01" + secrets.token_bytes(MEGABYTES * 1_000_000)
-    assert len(sent) > 8 * MOST_WAITING
-    got = bytearray()
-    with socket.create_connection(("127.0.0.1", port)) as line:
-        line.settimeout(20.0)
-
-        def send() -> None:
-            line.sendall(sent)
-
-        sender = threading.Thread(target=send)
-        sender.start()
-        sleep(0.3)  # everything on the way is full
-        while len(got) < len(sent):
-            got += line.recv(20_000)
-        sender.join()
-    assert bytes(got) == sent
-    guard.close()
-
-
-def test_a_place_that_is_taken_is_told(door: Door) -> None:
-    with pytest.raises(OSError, match="in use"):
-        Guard([("127.0.0.1", door.port)], PrivatePort.chosen(), None, StallWatch(LEASE_S))
+    access = router_access([ROUTER, TOOL])
+    listens = secured(
+        router_session("127.0.0.1", port), TlsIdentity(folder.credentials(ROUTER), access)
+    )
+    tree = json.dumps(settings(listens, "router without a guard"))
+    ends = joining(port, folder)
+    with zenoh.open(zenoh.Config.from_json5(tree)):
+        with open_session(ends, "tool"):
+            pass
+        with strangers([port], FAILED, stay=False):
+            begun_s = monotonic()
+            with open_session(ends, "tool"):
+                took_s = monotonic() - begun_s
+    assert took_s > 0.5 * FAILED * FAILED_S

@@ -2,24 +2,30 @@
 
 import time
 from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pincette.instruments import icpdas_i7024, keyence_lkg, srs_dc205
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.line.serial_link import GRACE, Line
+from pincette.instruments.link import open_link
 from pincette.instruments.protocols import InstrumentError
 from pincette.sim.instruments import dc205
 from pincette.sim.instruments.dc205 import SimulatedDC205
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
-from pincette.sim.instruments.protocol import Instrument
+from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 from pincette.sim.wires.wire import serve
+from tests.contract.test_example_driver import open_sensor
 from tests.contract.test_late_answers import output_settings, sensor_settings
 from tests.support.delayed_answers import Delays, constant, drawn, single
+from tests.support.example_lds import SimulatedLDS
+
+pytestmark = pytest.mark.usefixtures("stalls")
 
 TIMEOUT_S = 0.02
 WRAP_S = 9.0
@@ -30,8 +36,10 @@ UNCERTAIN_S = 0.002
 class Delayed:
     """An instrument that answers each request after a delay, one request after the other."""
 
-    def __init__(self, instrument: Instrument, delays: Delays) -> None:
-        self.instrument, self.delays = instrument, delays
+    def __init__(
+        self, instrument: Instrument, delays: Delays, terminator: bytes = TERMINATOR
+    ) -> None:
+        self.instrument, self.delays, self.terminator = instrument, delays, terminator
         self.number = 0
 
     def idle(self) -> None:
@@ -45,7 +53,7 @@ class Delayed:
         if reply is None or not delays_s:
             return None
         time.sleep(delays_s[0])
-        return b"\r".join([reply] * len(delays_s))
+        return self.terminator.join([reply] * len(delays_s))
 
 
 def stated_s() -> float:
@@ -111,13 +119,70 @@ def source_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
 
     source = SimulatedDC205(put_out)
     source.answer(b"RNGE RANGE10;SOUT 1")
-    instrument = Delayed(source, constant(0.0))
+    instrument = Delayed(source, constant(0.0), dc205.TERMINATOR)
     with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
         settings = output_settings("srs_dc205", 0.5)
         output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
         shorten(vars(output)["_link"], TIMEOUT_S)
         yield from written(output.write_V, reached_s, instrument, delays)
         output.close()
+
+
+@contextmanager
+def source_read(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read a DC205 back, whose setting shows the time while it is asked for."""
+    source = SimulatedDC205(lambda _voltage_V: None)
+    source.answer(b"RNGE RANGE10;SOUT 1")
+
+    class Clocked(Delayed):
+        def answer(self, line: bytes) -> bytes | None:
+            if line.startswith(b"VOLT?"):
+                source.answer(b"VOLT %.6f" % stated_s())
+            return super().answer(line)
+
+    instrument = Clocked(source, constant(0.0), dc205.TERMINATOR)
+    with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
+        settings = output_settings("srs_dc205", 0.5)
+        output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
+        shorten(vars(output)["_link"], TIMEOUT_S)
+        instrument.delays = delays
+        yield output.read_V
+        output.close()
+
+
+@contextmanager
+def third_party(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read the sensor of the example of a driver."""
+    instrument = Delayed(SimulatedLDS(lambda: 100.0 * stated_s()), constant(0.0))
+    with serve(url, instrument) as wire:
+        settings = sensor_settings("example_lds", 0.5).model_copy(update={"url": wire.url})
+        sensor: Any = open_sensor(settings, None)
+        shorten(sensor.link, TIMEOUT_S)
+        instrument.delays = delays
+        yield lambda: sensor.read_um() / 100.0
+        sensor.close()
+
+
+class Plain:
+    """Answers each request with nothing but the time."""
+
+    def idle(self) -> None:
+        pass
+
+    def answer(self, line: bytes) -> bytes:
+        assert line
+        return b"%.4f" % stated_s()
+
+
+@contextmanager
+def third_party_without_patterns(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read through a line whose driver does not say how answers are told apart."""
+    instrument = Delayed(Plain(), delays)
+    with (
+        serve(url, instrument) as wire,
+        closing(open_link(wire.url, baud=115200, timeout_s=TIMEOUT_S)) as line,
+    ):
+        yield lambda: float(line.exchange(b"POS?"))
 
 
 def written(
@@ -165,6 +230,7 @@ def check_ages(use: Callable[[], float], for_s: float) -> tuple[int, int]:
 
 
 INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module, module_write, source_write])
+THIRD = pytest.mark.parametrize("offer", [source_read, third_party, third_party_without_patterns])
 PORTS = pytest.mark.parametrize("port", ["tcp", "pty"])
 Offer = Callable[[str, Delays], AbstractContextManager[Callable[[], float]]]
 
@@ -197,6 +263,24 @@ def test_answers_that_are_late_lost_or_doubled_by_chance(
     delays = drawn(1.5 * TIMEOUT_S, seed, lost=0.05, doubled=0.05)
     with offer(url_of(port, tmp_path), delays) as use:
         accepted, _ = check_ages(use, 0.5)
+    assert accepted
+
+
+@PORTS
+@THIRD
+def test_late_answers_to_a_read_back_and_to_drivers_of_others(
+    offer: Offer, port: str, tmp_path: Path
+) -> None:
+    """First all answers are late, then they are late, lost or doubled by chance."""
+    late = constant((1.3 + GRACE) * TIMEOUT_S)
+    with offer(url_of(port, tmp_path), late) as use:
+        _, refused = check_ages(use, 0.5)
+    assert refused
+    seed = 20261127
+    print(f"seed {seed}")
+    delays = drawn(1.5 * TIMEOUT_S, seed, lost=0.05, doubled=0.05)
+    with offer(url_of(port, tmp_path), delays) as use:
+        accepted, _ = check_ages(use, 3.0)
     assert accepted
 
 

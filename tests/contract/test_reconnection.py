@@ -14,8 +14,6 @@ from pincette.instruments.protocols import InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import serve
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 TIMEOUT_S = 0.1
 QUIET_S = 0.001
 
@@ -264,7 +262,7 @@ def test_an_instrument_that_comes_back_is_read_again(kind: str, tmp_path: Path) 
     link = open_link(
         url,
         baud=115200,
-        timeout_s=0.5,
+        timeout_s=5.0,
         answers=answers,
         on_open=lambda line: prepared.append(line.exchange(b"R0")),
         clock=lambda: now_s,

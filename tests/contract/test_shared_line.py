@@ -7,7 +7,7 @@ import pytest
 
 from pincette.config import Output, RigFile
 from pincette.core.messages import Applied, Sample
-from pincette.engine.instrument import Both, open_device
+from pincette.engine.instrument import open_device
 from pincette.instruments.icpdas_i7024 import open_output
 from pincette.instruments.line.shared_line import one_line_for_each_url
 from pincette.instruments.protocols import InstrumentError, VoltageOutput
@@ -111,7 +111,7 @@ def test_the_actuator_drives_both_arms_over_one_line() -> None:
     with bench.offer() as at:
         assert at["output"] == at["second_output"] != at["second_sensor"]
         device = open_device(ACTUATOR, rig)
-        assert isinstance(device, Both)
+        assert isinstance(device, tuple)
         first, second = cast(tuple[VoltageOutput, VoltageOutput], device)
         first.write_V(1.0)
         second.write_V(0.5)

@@ -16,10 +16,6 @@ import pytest
 import zenoh
 
 from pincette.bus import zenoh_bus
-from pincette.bus.guard import Guard
-from pincette.bus.local_sockets import named_to_programs
-from pincette.bus.own_sockets import StallWatch
-from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
 from pincette.bus.session import CLOSE_S, open_session
 from pincette.bus.stopping import trip_at
@@ -42,8 +38,6 @@ LEASE_S = 0.5
 SLACK_S = 5.0
 """What a busy machine may add; without the limits a stalled link lasts for ever."""
 CHUNK = bytes(60_000)
-HELLO = b"\x01\x00\x01"
-"""The beginning of a Zenoh session, with which a plain guard lets a connection in."""
 
 
 def until(done: Callable[[], object], within_s: float = SLACK_S) -> None:
@@ -58,13 +52,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
-@pytest.fixture(params=["plain", "secure", "local socket"])
+@pytest.fixture(params=["plain", "secure"])
 def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[tuple[Door, list[str]]]:
     """A router, and the arguments of a stalled reader that joins it."""
     secure = request.param == "secure"
     with ExitStack() as stack:
-        if request.param == "local socket":
-            stack.enter_context(named_to_programs())
         made = Door(folder if secure else None)
         stack.callback(made.router.close)
         yield made, [str(made.port), *([str(folder.path)] if secure else [])]
@@ -107,38 +99,6 @@ def test_a_link_to_which_nothing_can_be_written_for_a_lease_is_ended(
             sleep(0.001)
             assert monotonic() < begun_s + LEASE_S + SLACK_S, f"{sent} bytes"
         until(lambda: any("link down" in one for one in caplog.messages))
-
-
-def test_a_relay_ends_a_link_on_which_both_ends_wait_for_the_other_to_read(
-    echo: PrivatePort,
-) -> None:
-    port = free_ports(1)
-    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
-    guard.start()
-    with closing(guard), socket.create_connection(("127.0.0.1", port)) as line:
-        line.settimeout(2.0 * LEASE_S + SLACK_S)
-        with pytest.raises(ConnectionError):
-            line.sendall(HELLO + 2000 * CHUNK)
-
-
-def test_a_slow_reader_keeps_its_link(echo: PrivatePort) -> None:
-    """It reads a little in each lease."""
-    port = free_ports(1)
-    guard = Guard([("127.0.0.1", port)], echo, None, StallWatch(LEASE_S))
-    guard.start()
-    sent, got = HELLO + bytes(3_000_000), 0
-    with closing(guard), socket.create_connection(("127.0.0.1", port)) as line:
-        line.settimeout(20.0)
-        sender = threading.Thread(target=lambda: line.sendall(sent))
-        sender.start()
-        begun_s = monotonic()
-        while monotonic() < begun_s + 4.0 * LEASE_S:
-            got += len(line.recv(150_000))
-            sleep(0.2 * LEASE_S)
-        while got < len(sent):
-            got += len(line.recv(1_000_000))
-        sender.join()
-    assert got == len(sent)
 
 
 @contextmanager

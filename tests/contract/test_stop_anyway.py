@@ -28,6 +28,8 @@ from tests.support.rigs import demo_rig, rig_toml
 
 NOBODY = 54321
 """A user id without an entry in the list of accounts."""
+RATIO = 18.0
+"""Upper bound of the processor time of a stop, in multiples of that of an empty Python program."""
 Environment = dict[str, str]
 
 
@@ -117,7 +119,6 @@ def odd_environments(folder: Path) -> dict[str, dict[str, Any]]:
                 "PINCETTE_PKI": str(folder / "no-pki"),
                 "PINCETTE_AUTHORITY": str(folder / "no-authority"),
                 "PINCETTE_URL": "::::",
-                "PINCETTE_SOCKETS": str(closed),
                 "PINCETTE_LOG_FORMAT": "xml",
                 "USER": "x" * 500,
             }
@@ -254,6 +255,26 @@ def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
     # The time is counted from the start of the process, which the system states in ticks of 10 ms,
     # and not from the end of its imports.
     assert 0.4 * took_s < told["elapsed_ms"] / 1e3 < took_s + 0.02
+
+
+def processor_s(*words: str) -> float:
+    """Return the processor time of a process from its start to its end."""
+    process = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == Exit.DONE
+    return used.ru_utime + used.ru_stime
+
+
+def test_a_stop_takes_little_more_processor_time_than_python_itself(
+    actuator: tuple[RigFile, Path, list[Message]],
+) -> None:
+    """Both are measured in turn, so that load on the machine slows both."""
+    stop = ("-m", "pincette", "estop", "--rig", str(actuator[1]))
+    pairs = [(processor_s(*stop), processor_s("-c", "pass")) for _ in range(3)]
+    assert min(one for one, _ in pairs) < RATIO * min(other for _, other in pairs)
 
 
 def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(

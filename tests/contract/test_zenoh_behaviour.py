@@ -154,6 +154,29 @@ def test_a_queryable_that_never_finishes_ends_a_query_at_its_timeout_as_an_error
     declared.undeclare()
 
 
+def test_a_liveliness_token_with_wildcards_is_found_among_those_it_intersects(net: Net) -> None:
+    program, tool, asker = (net.join("client") for _ in range(3))
+    places = {"rig/live/arm", "rig/**", "**"}
+    tokens = [
+        session.liveliness().declare_token(place)
+        for session, place in ((program, "rig/live/arm"), (tool, "rig/**"), (tool, "**"))
+    ]
+
+    def found() -> set[str]:
+        replies = cast("Iterable[zenoh.Reply]", asker.liveliness().get("rig/live/*"))
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+    until(lambda: found() == places)
+    heard: set[str] = set()
+    subscriber = asker.liveliness().declare_subscriber(
+        "rig/live/*", lambda sample: heard.add(str(sample.key_expr)), history=True
+    )
+    until(lambda: heard == places)
+    subscriber.undeclare()
+    for token in tokens:
+        token.undeclare()
+
+
 def test_a_downsampling_rule_has_one_clock_for_all_keys_it_covers() -> None:
     """Of two topics that are published one after the other, the second one is dropped."""
 

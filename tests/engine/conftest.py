@@ -11,12 +11,12 @@ from tests.support.engine import engine
 from tests.support.engine_stalls import ContainerStalls
 from tests.support.reruns import RECORDER
 
-HERE = Path(__file__).parent
+PLACES = {Path(__file__).parent, Path(__file__).parents[2] / "contrib/tests/engine"}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if HERE in item.path.parents:
+        if PLACES & {*item.path.parents}:
             item.add_marker(pytest.mark.engine)
 
 

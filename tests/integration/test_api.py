@@ -3,7 +3,6 @@
 # The package leaves the types of its generic classes open.
 # pyright: reportUnknownVariableType=false
 
-import json
 from collections.abc import Generator
 from typing import Any, cast
 
@@ -20,15 +19,17 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from pincette_supervisor.access.access import Access
-from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.openapi import document
+from tests.support.api_document import openapi
+from tests.support.apps import create_app
 from tests.support.keys import ScopeKeys, key_of_each_scope
 from tests.support.rigs import demo_rig
 from tests.unit.supervisor.harness import Harness
 
 SEED = 20131
-EXAMPLES = 20
-WITH_KEYS = 8
+EXAMPLES, MANY = 8, 40
+"""Requests of each operation and mode: in `make test`, and in `make soak`."""
+WITH_KEYS = 5
+"""One for each key that may be shown."""
 NAMES = frozenset({"testserver"})
 """By which schemathesis asks."""
 PATIENCE_S = 0.05
@@ -44,7 +45,7 @@ ENDLESS = "/live"
 """Streams without a form that ends; ``test_live`` reads them."""
 OPERATIONS = [
     (method, path)
-    for path, methods in json.loads(document())["paths"].items()
+    for path, methods in openapi()["paths"].items()
     for method in methods
     if not path.endswith(ENDLESS)
 ]
@@ -65,12 +66,13 @@ def described(desk: Harness) -> Any:
 
 
 @pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Harness, ScopeKeys]]:
-    """A supervisor that wants keys."""
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Any, ScopeKeys]]:
+    """The description of a supervisor that demands keys, and its keys."""
     desk = Harness(demo_rig(time="lockstep"), tmp_path_factory.mktemp("guarded"))
     access = Access(names=NAMES)
     desk.app = create_app(desk.rigs, access)
-    yield desk, key_of_each_scope(desk.store, access.authenticator)
+    ring = key_of_each_scope(desk.store, access.authenticator)
+    yield schemathesis.openapi.from_asgi("/openapi.json", desk.app), ring
     desk.close()
 
 
@@ -120,16 +122,15 @@ def aim(case: Any, data: st.DataObject, known: Known) -> None:
                 body[name] = LONGEST_S
 
 
-@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
-@pytest.mark.parametrize(("method", "path"), OPERATIONS)
-def test_every_answer_is_documented(
-    described: Any, known: Known, method: str, path: str, mode: GenerationMode
+def sent(
+    described: Any, known: Known, method: str, path: str, mode: GenerationMode, examples: int
 ) -> None:
+    """Send generated requests of one operation, and check each answer against the document."""
     cases = described[path][method].as_strategy(generation_mode=mode)
 
     @seed(SEED)
     @settings(
-        max_examples=EXAMPLES,
+        max_examples=examples,
         deadline=None,
         database=None,
         phases=[Phase.generate],
@@ -151,13 +152,29 @@ def test_every_answer_is_documented(
         pytest.skip("nothing in this request can be wrong")
 
 
+@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
+@pytest.mark.parametrize(("method", "path"), OPERATIONS)
+def test_every_answer_is_documented(
+    described: Any, known: Known, method: str, path: str, mode: GenerationMode
+) -> None:
+    sent(described, known, method, path, mode, EXAMPLES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
+@pytest.mark.parametrize(("method", "path"), OPERATIONS)
+def test_the_answers_to_many_requests_are_documented(
+    described: Any, known: Known, method: str, path: str, mode: GenerationMode
+) -> None:
+    sent(described, known, method, path, mode, MANY)
+
+
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
 def test_every_answer_is_documented_where_keys_are_wanted(
-    guarded: tuple[Harness, ScopeKeys], method: str, path: str
+    guarded: tuple[Any, ScopeKeys], method: str, path: str
 ) -> None:
     """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""
-    desk, ring = guarded
-    described: Any = schemathesis.openapi.from_asgi("/openapi.json", desk.app)
+    described, ring = guarded
     cases = described[path][method].as_strategy(generation_mode=GenerationMode.POSITIVE)
     shown = st.sampled_from([None, "wrong", *ring.keys.values()])
 

@@ -5,10 +5,13 @@ from functools import partial
 
 import pytest
 
-from pincette.config import Calibration, derived, read_rig
+from pincette.config import Calibration, RigFile, derived, read_rig
 from pincette.config import calibrated as calibrated_rig
+from pincette.config.reading import laid_over
+from pincette.control.arm.shaping import shaping_interval_s
 from pincette.sim.bench import Bench
 from pincette_controller.config import configure
+from pincette_supervisor.results.archive import Record
 from tests.support.calibrating import Bystander, calibrated, opened_benches, result_of, value
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
@@ -37,6 +40,20 @@ def test_the_noise_is_that_of_the_sensor(bench: list[Bench]) -> None:
     figures = {figure.name: figure.value for figure in result_of(record).figures}
     # The display rounds multiples of the step to 0.01 µm.
     assert figures["step"] == pytest.approx(simulated.sensor_step_um, abs=0.0051)
+
+
+@pytest.mark.parametrize(("slope_um_per_s", "stated", "least"), [(0.02, 0.0, 1.2), (0.0, 3.0, 3.0)])
+def test_the_drift_at_rest_is_proposed_and_never_below_the_rig_file(
+    bench: list[Bench], slope_um_per_s: float, stated: float, least: float
+) -> None:
+    drifting: Tree = {
+        "simulation": {"bead": False, "drift": {"slope_um_per_s": slope_um_per_s}},
+        "sensor": {"drift_um_per_min": stated},
+    }
+    record, _ = calibrated(demo_rig(drifting, time="lockstep"), bench, "noise")
+    found = value(record, "sensor.drift_um_per_min")
+    assert found == pytest.approx(least, abs=0.08)
+    assert found >= least - 0.04
 
 
 def test_weights_hung_as_the_job_asks_give_the_compliance(bench: list[Bench]) -> None:
@@ -96,8 +113,9 @@ def test_a_press_finds_stiffness_and_place_of_the_contact(bench: list[Bench]) ->
     ]
 
 
-def test_a_sweep_through_the_buffers_of_the_fast_pair_finds_the_mode(bench: list[Bench]) -> None:
-    rig = at_own_ports(read_rig(DEMO.parent / "fast.toml"), {"rig": {"time": "lockstep"}, **AWAY})
+def swept(bench: list[Bench], changes: Tree) -> tuple[RigFile, Record]:
+    own = laid_over({"rig": {"time": "lockstep"}, **AWAY}, changes)
+    rig = at_own_ports(read_rig(DEMO.parent / "fast.toml"), own)
     assert rig.simulation is not None
     record, _ = calibrated(rig, bench, "frequency_response", duration_s=10.0)
     simulated = rig.simulation
@@ -105,6 +123,24 @@ def test_a_sweep_through_the_buffers_of_the_fast_pair_finds_the_mode(bench: list
     assert omega_n == pytest.approx(simulated.natural_frequency_rad_per_s, rel=0.002)
     zeta = value(record, "model.damping_ratio")
     assert zeta == pytest.approx(simulated.damping_ratio, rel=0.05)
+    return rig, record
+
+
+def test_a_sweep_through_the_buffers_of_the_fast_pair_finds_the_mode(bench: list[Bench]) -> None:
+    swept(bench, {})
+
+
+def test_a_sweep_finds_the_interval_of_steps_in_parts(bench: list[Bench]) -> None:
+    """The sweep itself has no parts."""
+    rig, record = swept(bench, {"output": {"shaping": True}})
+    omega_n = value(record, "model.natural_frequency_rad_per_s")
+    told = calibrated_rig(
+        rig, Calibration(values={"model.natural_frequency_rad_per_s": omega_n}, sources={})
+    )
+    ratio = rig.model.compliance_um_per_mN * rig.part.stiffness_mN_per_um
+    assert told.shaping_s == pytest.approx(shaping_interval_s(omega_n, ratio))
+    (shown,) = [one for one in result_of(record).figures if one.name == "shaping interval"]
+    assert 1e-3 * shown.value == pytest.approx(told.shaping_s)
 
 
 def test_bursts_at_1_khz_find_when_a_voltage_acts_and_the_mode(bench: list[Bench]) -> None:

@@ -1,16 +1,18 @@
 """Random rigs on an independent plant, brought up and used through the supervisor."""
 
 import os
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.support.campaign.__main__ import campaign
+from tests.support.campaign.__main__ import HEADING, campaign, write_section
 from tests.support.campaign.arm import Part
 from tests.support.campaign.drawing import draw
 from tests.support.campaign.hysteresis import CLASSES, Class, drawn, loop
-from tests.support.campaign.judgement import table, targets
-from tests.support.campaign.treatment import Treated
+from tests.support.campaign.judgement import run_page, table, targets
+from tests.support.campaign.treatment import Gripped, Treated
 
 FEW, FIRST = 6, 1001
 """Rigs of the full test, and the seed of the first."""
@@ -43,6 +45,29 @@ def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_gives_way() -> None
     arm.rest(1.0)
     assert arm.slips == 1
     assert pressed_mN - arm.force_mN == pytest.approx(3.0 * 2.0 / (1.0 + kappa), rel=0.05)
+
+
+def test_the_section_of_results_names_commit_seeds_and_misses(tmp_path: Path) -> None:
+    page = tmp_path / "campaign.md"
+    page.write_text(f"# Campaign\n\nWritten by hand.\n\n{HEADING}\nof an earlier run\n")
+    one, other = draw(FIRST), draw(FIRST + 1)
+    wish = replace(one.grips[0], force_mN=10.0)
+    grips = [
+        Gripped(FIRST, wish, "plain", "gripped", peak_mN=peak_mN, held_mN=10.1, true_mN=true_mN)
+        for peak_mN, true_mN in ((10.5, 10.0), (14.0, 10.0), (10.5, 10.4))
+    ]
+    grips = [replace(grip, uncertainty_mN=0.2) for grip in grips]
+    rows = [Treated(one, grips=grips), Treated(other, failed="free_response: failed")]
+    write_section(page, run_page(rows, "0123456789ab", 5))
+    text = page.read_text()
+    assert text.startswith("# Campaign\n\nWritten by hand.\n\n## Latest run\n")
+    assert "earlier run" not in text
+    assert f"Commit `0123456789ab`, seeds {FIRST} to {FIRST + 1}: 2 of 5 rigs." in text
+    misses = [line for line in text.splitlines() if line.startswith("| rig 1")]
+    assert len(misses) == 3
+    assert ["14.00" in line for line in misses] == [True, False, False]
+    assert ["WRONG" in line for line in misses] == [False, True, False]
+    assert ["free_response" in line for line in misses] == [False, False, True]
 
 
 @pytest.mark.full

@@ -17,6 +17,7 @@ from pincette.engine.node import Node
 from pincette.engine.process import loop_services
 from pincette.engine.scheduler import Scheduler
 from pincette.engine.simulated import simulated_devices
+from tests.support.fast_output import fast_rig
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.scripted import NEAR, PROGRAM
@@ -104,6 +105,11 @@ def test_the_same_bits_as_four_programs_at_1_khz() -> None:
     )
     program = replace(PROGRAM, segments=tuple(segments))
     check(Shared(FAST, ()), program, by_kind(ComposedLoop(FAST).play(program)))
+
+
+def test_the_same_bits_with_steps_in_parts() -> None:
+    rig = fast_rig("three writes", NEAR)
+    check(Shared(rig, ()), PROGRAM, by_kind(ComposedLoop(rig).play(PROGRAM)))
 
 
 @cache

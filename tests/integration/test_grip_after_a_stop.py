@@ -20,7 +20,7 @@ from pincette.core.topics import ACTION, GROUND_TRUTH, POSITION, RESET, Topic
 from pincette.engine.arming import arm
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig
 from tests.support.virtual_rig import VirtualRig

@@ -8,6 +8,7 @@ import pytest
 from pincette.config import read_rig
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import paths_of
 from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
 from pincette.core.topics import TELEMETRY, Topic
@@ -54,7 +55,7 @@ def test_a_grip_is_short_and_its_force_is_held(said: list[Message]) -> None:
 
 def test_a_path_of_10_hz_is_followed_in_position_and_force() -> None:
     program = tracking_plan(RIG, frequency_hz=10.0, cycles=6).program
-    path = next(one.path for one in program.segments if one.path is not None)
+    path = next(path for one in program.segments for path in paths_of(one))
     said = ComposedLoop(RIG).play(program)
     assert [one for one in said if isinstance(one, Telemetry)][-1].outcome == "tracked"
     found = errors(tracked(said, path, RIG.rig.period_s))

@@ -13,11 +13,10 @@ from pincette.core.messages import Load, Telemetry
 from pincette.core.topics import LOAD
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
-from pincette_supervisor.kinds.functions import Evaluation, Run
 from pincette_supervisor.kinds.track import TrackJobRequest, TrackResult
 from pincette_supervisor.kinds.track.functions import evaluate
-from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin import Evaluation, FaultyRequestError, Run
 from tests.support.rigs import demo_rig
 
 TRACK = TrackJobRequest(
@@ -104,6 +103,41 @@ def test_the_next_job_begins_with_what_was_learned() -> None:
     told = result_of(again).learned
     assert told is not None
     assert told.errors_um[: len(errors_um(first))] == pytest.approx(errors_um(first))
+
+
+def test_what_helps_is_kept_with_the_figures_of_cycles_that_it_was_not_learned_from() -> None:
+    told = result_of(learned()).learned
+    assert told is not None
+    assert told.kept
+    assert told.before_um == pytest.approx(errors_um(learned())[0])
+    assert told.after_um is not None
+    assert told.after_um < 0.5 * errors_um(learned())[0]
+
+
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_what_does_not_help_is_not_kept(cycles: int) -> None:
+    """By a law with the identified response a slow path is at the noise from its first cycle on."""
+    slow = {"frequency_hz": 0.5, "cycles": cycles, "set": None}
+    found = played(TRACK.model_copy(update=slow))
+    told = result_of(found).learned
+    assert told is not None
+    assert not told.kept
+    assert found.learned is None
+    assert (told.after_um is None) == (cycles == 1)
+
+
+def test_what_has_become_worse_is_not_kept_either() -> None:
+    """Corrections from another state of the arm, as after a repair, make each cycle worse."""
+    first = learned().learned
+    assert first is not None
+    turned = replace(first, values_um=tuple(-value for value in first.values_um), quiet=2)
+    found = played(TRACK.model_copy(update={"cycles": 3}), turned)
+    told = result_of(found).learned
+    assert told is not None
+    assert not told.kept
+    assert told.after_um is not None
+    assert told.before_um is not None
+    assert told.after_um > told.before_um
 
 
 def test_what_has_no_cycles_of_whole_periods_learns_nothing() -> None:

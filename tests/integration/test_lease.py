@@ -25,7 +25,7 @@ from pincette.core.topics import LEASE, LOOP, RESET, TOPICS, Topic
 from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.replay.service_alone import replay
-from pincette_supervisor.jobs.policies import lease_end
+from pincette_supervisor.jobs.lease import lease_end
 from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from pincette.config import RigFile, read_rig
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 
@@ -14,12 +15,12 @@ DEMO = Path(__file__).parents[2] / "deploy/rigs/demo.toml"
 FORCE_MN, HOLD_S = 20.0, 60.0
 PROGRAM = Program(
     segments=(
-        Segment("zero", "zero", 0.4),
-        Segment("approach", "free", 2.5, x_to_um=26.0),
-        Segment("approach", "zero", 0.4),
-        Segment("contact", "seek", 2.5, x_to_um=36.0),
-        Segment("load", "force", 2.0, force_to_mN=FORCE_MN),
-        Segment("hold", "force", HOLD_S, force_to_mN=FORCE_MN, move_s=0.3),
+        Rest("zero", 0.4),
+        Move("approach", 2.5, to_um=(26.0,)),
+        Rest("approach", 0.4),
+        Seek("contact", 2.5, to_um=(36.0,)),
+        Press("load", 2.0, to_mN=FORCE_MN),
+        Press("hold", HOLD_S, to_mN=FORCE_MN, move_s=0.3),
     ),
     guards=Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0),
     contact_stiffness_mN_per_um=2.17,

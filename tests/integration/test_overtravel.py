@@ -10,13 +10,13 @@ from pydantic import TypeAdapter
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import paths_of
 from pincette_study.open_loop import Motion, drive, peak_to_peak
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
 from pincette_supervisor.kinds.calibrate.free_response.functions import moves_less
-from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned, Run
 from tests.support.twenty_rigs import unknown_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
@@ -34,8 +34,8 @@ def voltages(program: Program, period_s: float) -> list[float]:
     found = [0.0]
     for segment in program.segments:
         ticks = range(1, round((segment.duration_s or 0.0) / period_s) + 1)
-        path, last_V = segment.path, found[-1]
-        found += [last_V if path is None else path.at(tick * period_s) for tick in ticks]
+        paths, last_V = paths_of(segment), found[-1]
+        found += [paths[0].at(tick * period_s) if paths else last_V for tick in ticks]
     return found
 
 
@@ -71,8 +71,8 @@ def test_the_next_try_keeps_within_the_limits_of_position(seed: int) -> None:
     assert rig.limits.position_min_um < float(motion.true_x_um.min())
     assert float(motion.true_x_um.max()) < rig.limits.position_max_um
     cycles = next(one for one in again.planned.program.segments if one.phase == "cycles")
-    assert cycles.path is not None
-    assert cycles.path.amplitude == pytest.approx(1.0)
+    (path,) = paths_of(cycles)
+    assert path.amplitude == pytest.approx(1.0)
     assert peak_to_peak(motion.voltage_V) > 3.0
 
 

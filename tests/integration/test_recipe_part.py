@@ -13,9 +13,9 @@ from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.journal.recipes import RecipeRow
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.model.model_in_use import rig_file_alone
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.recipes import plan_with_recipe
+from pincette_supervisor.planning.job_plans import plan, resolve
+from pincette_supervisor.plugin import Planned
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from tests.support.rigs import demo_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
@@ -43,7 +43,7 @@ def planned(file: RigFile, part: dict[str, float]) -> Planned:
     }
     row = RecipeRow("object", 1, values, "", "2026-03-01T12:00:00.000Z")
     request = REQUEST.validate_python({"kind": "grip", "recipe": "object"})
-    return plan_with_recipe(request, rig_file_alone(file), None, lambda _reference: row)
+    return plan(resolve(request, rig_file_alone(file), None, lambda _reference: row))
 
 
 def played(file: RigFile, planned: Planned, calibration: str) -> list[Message]:

@@ -29,7 +29,7 @@ from pincette_supervisor.kinds.hold import HoldJobRequest
 from pincette_supervisor.kinds.move import MoveJobRequest
 from pincette_supervisor.kinds.release import ReleaseJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 from pincette_supervisor.results.archive import Take, gather
 from tests.support.rigs import demo_rig
 

@@ -16,15 +16,14 @@ from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import Columns, columns
 from pincette.sim.bench import Bench
 from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
-from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of, kind_of
 from pincette_supervisor.kinds.track import TrackJobRequest
-from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
-from pincette_supervisor.model.residuals import QUANTITY, armed_with, merged, table_for
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played
-from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.recorded_jobs import motion_of
+from pincette_supervisor.plugin import RESIDUALS, Evaluation, ModelInUse, Planned, Present, Run
+from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
+from pincette_supervisor.plugin.residuals import armed_with, merged, table_for
 from tests.support.calibrating import opened_benches
 from tests.support.rigs import demo_rig
 
@@ -83,6 +82,7 @@ def residual_plan(desk: Desk, planned: Planned, table: Columns) -> Planned:
         program=planned.values["program"],
         period_s=rig.rig.period_s,
         compliance_um_per_mN=rig.model.compliance_um_per_mN,
+        pressed_from_mN=2.0 * rig.grip.contact_force_mN,
     )
     return plan_job(AWAY, rig_file_alone(rig), Present(recorded=motion))
 
@@ -135,7 +135,7 @@ def test_the_table_holds_for_its_own_motion_and_free_response_alone() -> None:
     other = plan_job(TRACK.model_copy(update={"cycles": 3}), planned.model)
     assert "residual" not in other.values
     assert other.armed.rig.model.residuals == ()
-    assert QUANTITY not in other.armed.calibration.sources
+    assert RESIDUALS not in other.armed.calibration.sources
     free = rig.model.free_response
     assert free is not None
     changed = free.model_copy(update={"curvature_um_per_V2": 0.01})
@@ -167,6 +167,56 @@ def test_a_table_of_the_ring_of_the_free_arm_is_not_kept() -> None:
     print(found.fault)
     assert found.fault
     assert found.result.model_dump()["values"] == []
+
+
+LAGLESS = {"limits": {"slew_V_per_s": 40.0}, "simulation": {"output_lag_s": 0.0}}
+SKEWED = {"simulation": {"hysteresis": {"asymmetry": 0.1}}}
+DRIFT = {"simulation": {"drift": {"slope_um_per_s": 0.016}}}
+NOISE = {"simulation": {"sensor_noise_um": 0.15}, "sensor": {"noise_um": 0.15}}
+
+
+def cover(table: Columns) -> float:
+    """Share of the samples along the path whose true force lies within F ± U."""
+    names = ("phase", "force_mN", "true_force_mN", "force_uncertainty_mN")
+    rows = zip(*(table[name] for name in names), strict=True)
+    within = [abs(F - true) <= u for phase, F, true, u in rows if phase == "track"]
+    return sum(within) / len(within)
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 2.0])
+@pytest.mark.parametrize(
+    "arm",
+    [
+        pytest.param({}, id="as taught"),
+        pytest.param(LAGLESS, id="no lag"),
+        pytest.param(SKEWED, id="skewed"),
+        pytest.param(laid_over(SKEWED, LAGLESS), id="skewed, no lag"),
+        pytest.param(DRIFT, id="drift"),
+        pytest.param(NOISE, id="noise"),
+    ],
+)
+def test_a_table_helps_and_u_covers_as_before_or_none_is_kept(
+    arm: dict[str, dict[str, object]], frequency_hz: float
+) -> None:
+    """Nobody has stated here when a voltage acts, so that U has no term for the ring."""
+    desk = Desk(demo_rig(laid_over({"limits": {"slew_V_per_s": 40.0}}, arm), time="lockstep"))
+    track = TRACK.model_copy(update={"frequency_hz": frequency_hz, "cycles": 3})
+    first = plan_job(track, desk.rig)
+    desk.play(first)
+    recorded = desk.play(first)
+    desk.bench.rig.remove_part()
+    away = residual_plan(desk, first, recorded)
+    found = evaluated(desk, away, desk.play(away))
+    values = {item["quantity"]: item["value"] for item in found.result.model_dump()["values"]}
+    print(force_error_mN(recorded), cover(recorded), found.fault)
+    if not values:
+        assert found.fault
+        return
+    desk.bench.rig.place_part()
+    later = desk.play(plan_job(track, known(desk.rig, values)))
+    print(force_error_mN(later), cover(later))
+    assert force_error_mN(later) < force_error_mN(recorded)
+    assert cover(later) > min(0.9, cover(recorded)) - 0.05
 
 
 def test_a_part_that_is_still_there_ends_it_and_nothing_is_kept() -> None:

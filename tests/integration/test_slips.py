@@ -3,7 +3,7 @@
 import pytest
 
 from pincette.records.columns import columns
-from pincette_supervisor.results.position_step import position_step_of
+from pincette_supervisor.plugin.position_step import position_step_of, with_ring
 from tests.support.rigs import Tree
 from tests.support.slips import Played, played, retrying
 
@@ -87,9 +87,11 @@ def test_a_step_in_a_hold_freezes_the_voltage(
     assert min(later[3:]) == pytest.approx(true_mN, abs=0.5)
     assert max(later[3:]) == pytest.approx(true_mN, abs=0.5)
     assert stays_within_the_plan(job)
-    found = position_step_of(columns(job.messages, 0.02))
+    table = columns(job.messages, 0.02)
+    found = position_step_of(table)
     assert found is not None
     assert found.cause == cause
+    assert with_ring(found, table, job.rig).rang is (cause == "slip")
     readings = [found.force_if_slip_mN, found.force_if_sensor_mN]
     assert any(reading == pytest.approx(true_mN, abs=0.7) for reading in readings)
     assert job.truths[max(job.truths)].force_mN == 0.0

@@ -16,21 +16,21 @@ IDLE_MN = 1.0
 
 
 @pytest.mark.parametrize(
-    ("pair", "relays", "phases"),
+    ("pair", "relays", "phases", "most_mN"),
     [
-        ("fast", False, ("load", "hold", "unload")),
-        ("slow", False, ("load", "hold", "unload")),
-        ("slow", True, ("hold", "unload")),
+        ("fast", False, ("load", "hold", "unload"), 1.5),
+        ("slow", False, ("load", "hold", "unload"), 1.5),
+        ("slow", True, ("hold", "unload"), 2.0),
     ],
 )
 def test_a_calibrated_rig_holds_within_what_it_states(
-    pair: str, phases: tuple[str, ...], *, relays: bool
+    pair: str, phases: tuple[str, ...], most_mN: float, *, relays: bool
 ) -> None:
     stated = {each.phase: each for each in gripped(known_rig(pair, 2, relays=relays), 20.0, 4.0)}
     print(pair, relays, *stated.values(), sep="\n")
     for phase in phases:
         assert stated[phase].coverage >= LEAST
-    assert stated["hold"].uncertainty_mN < 1.5
+    assert stated["hold"].uncertainty_mN < most_mN
 
 
 @pytest.mark.slow

@@ -22,9 +22,9 @@ from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import Columns, columns
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.kinds.functions import Run, functions_of
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present, Run
+from pincette_supervisor.plugin.functions import functions_of
 from tests.support.two_arms import TWO_ARMS
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

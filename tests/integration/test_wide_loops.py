@@ -13,15 +13,21 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.config.simulation import Relays
 from pincette.core.messages import GroundTruth, Telemetry
+from pincette.core.topics import TELEMETRY
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.integration.test_touches import with_part
 from tests.support.calibrating import REQUEST
+from tests.support.campaign.arm import Part
+from tests.support.campaign.drawing import draw
+from tests.support.campaign.laboratory import bench_of
 from tests.support.drawn.random_rigs import with_gain, with_loop
 from tests.support.twenty_rigs import unknown_rig
 
 MOST_MN = 6.0
 PLACES_UM = (4.0, 40.0)
+NOISE_UM = 0.03
+"""Of the sensor of arms of plays; that of the other classes is as low."""
 DRAWN_BY = 0x4611
 REQUESTED = {"kind": "calibrate", "calibration": "free_response", "most_V": 2.6}
 
@@ -93,3 +99,43 @@ def test_twelve_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bo
 def test_sixty_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bool) -> None:
     require_found(seed, relays=relays)
     require_free(seed, relays=relays)
+
+
+def play_arm(seed: int, contact_um: float | None) -> tuple[str, float]:
+    """Play the course on an arm of plays; return its outcome and the peak force, in mN."""
+    arm = draw(seed)
+    assert arm.kind == "plays"
+    arm.arm.noise_um, arm.arm.drift_um_per_s = NOISE_UM, 0.0
+    sensor = arm.rig.sensor.model_copy(update={"noise_um": NOISE_UM, "drift_um_per_min": 0.0})
+    rig = arm.rig.model_copy(update={"sensor": sensor})
+    arm.arm.part = None if contact_um is None else Part(contact_um, arm.stiffness_mN_per_um)
+    program = plan_job(REQUEST.validate_python(REQUESTED), rig).program
+    ends = [segment.phase for segment in program.segments].index("before presses")
+    loop = ComposedLoop(rig, lambda _publish: bench_of(arm))
+    forces_mN: list[float] = []
+    loop.bus.subscribe(TELEMETRY, lambda _topic, _message: forces_mN.append(arm.arm.force_mN))
+    published = loop.play(replace(program, segments=program.segments[:ends]))
+    seen = [message for message in published if isinstance(message, Telemetry)][-1]
+    return seen.outcome, max(forces_mN)
+
+
+def require_arm_of_plays(seed: int) -> None:
+    """Find a part in the way of an arm of plays, and let it go its whole way without one."""
+    place_um = float(np.random.default_rng((DRAWN_BY, seed)).uniform(*PLACES_UM))
+    outcome, most_mN = play_arm(seed, place_um)
+    print(seed, f"{place_um:.1f} µm", outcome, f"{most_mN:.2f} mN")
+    assert most_mN < MOST_MN
+    assert outcome == "contact" or (outcome == "overtravel" and most_mN == 0.0)
+    outcome, most_mN = play_arm(seed, None)
+    assert most_mN == 0.0
+    assert outcome in {"moved", "overtravel"}
+
+
+def test_an_arm_of_plays_finds_a_part_and_goes_a_free_way() -> None:
+    require_arm_of_plays(50_002)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [50_005 + 3 * number for number in range(20)])
+def test_twenty_arms_of_plays_find_a_part_and_go_a_free_way(seed: int) -> None:
+    require_arm_of_plays(seed)

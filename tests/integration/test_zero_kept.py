@@ -18,8 +18,9 @@ LARGEST_MN = 1.1 * 15.0
 class Rig(Bench):
     """A virtual rig that has gripped once, so that its force has had a good zero."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, drift_um_per_min: float = 0.0) -> None:
         scripted = laid_over(SHORT, {"simulation": {"scripts": True}})
+        scripted = laid_over(scripted, {"sensor": {"drift_um_per_min": drift_um_per_min}})
         super().__init__(demo_rig(scripted, time="lockstep"), data)
         self.estimates: list[Estimate] = []
         self.virtual.bus.subscribe(ESTIMATE, self._note)
@@ -39,9 +40,14 @@ class Rig(Bench):
         return max(truth.force_mN for truth in self.truth)
 
 
-@pytest.mark.parametrize("contact_um", [-2.5, -4.0, -9.8])
-def test_a_part_that_presses_at_rest_stops_every_grip(tmp_path: Path, contact_um: float) -> None:
-    rig = Rig(tmp_path)
+@pytest.mark.parametrize(
+    ("contact_um", "drift_um_per_min"),
+    [(-2.5, 0.0), (-4.0, 0.0), (-9.8, 0.0), (-4.0, 0.1), (-9.8, 1.0)],
+)
+def test_a_part_that_presses_at_rest_stops_every_grip(
+    tmp_path: Path, contact_um: float, drift_um_per_min: float
+) -> None:
+    rig = Rig(tmp_path, drift_um_per_min)
     rig.virtual.order("part", "place", contact_um, None)
     pressed_mN: list[float] = []
     for _ in range(4):
@@ -51,6 +57,22 @@ def test_a_part_that_presses_at_rest_stops_every_grip(tmp_path: Path, contact_um
         assert rig.estimates[-1].zero_age_s is None
     # The law holds the arm where it stands, so that it presses no harder with each try.
     assert max(pressed_mN) < pressed_mN[0] + 1.0
+
+
+@pytest.mark.parametrize("contact_um", [-0.3, -1.0, -1.5])
+def test_a_part_that_presses_less_than_a_touch_is_met_on_the_way(
+    tmp_path: Path, contact_um: float
+) -> None:
+    rig = Rig(tmp_path)
+    rig.virtual.order("part", "place", contact_um, None)
+    for _ in range(3):
+        assert rig.grip() in REFUSED
+        assert rig.largest_mN() < 0.6 * 15.0
+    rig.virtual.order("part", "remove", None, None)
+    assert rig.grip() == "no_contact"
+    stated = [estimate for estimate in rig.estimates if estimate.zero_age_s is not None]
+    assert stated
+    assert all(estimate.force_mN > -2.0 for estimate in stated)
 
 
 def test_once_the_part_is_gone_the_next_grip_is_a_good_one(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ import pytest
 from pincette.api.results import ZeroReturn
 from pincette.records.columns import columns
 from pincette_supervisor.kinds.grip import KIND
-from pincette_supervisor.results.report import verdict
-from pincette_supervisor.results.zero_return import zero_return_of
+from pincette_supervisor.results.archive import zero_return_of
+from pincette_supervisor.results.documents import verdict
 from tests.support.slips import Played, played
 
 

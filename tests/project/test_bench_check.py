@@ -1,11 +1,10 @@
-"""Ratios that are counted keep within what is expected; what is worse is found."""
+"""`make bench-check` finds ratios that are worse than expected."""
 
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
-from tests.bench.check.__main__ import counted
 from tests.bench.check.expected import Expected, Judged, expected, judged
 
 RATE = Expected(value=0.8, noise=0.1, better="higher")
@@ -45,9 +44,3 @@ def test_an_expectation_that_could_not_fail_is_refused(tmp_path: Path, line: str
     path.write_text(f'[timed]\nrate = {{ {line}, better = "higher" }}\n[counted]\n')
     with pytest.raises(ValidationError):
         expected("timed", path)
-
-
-def test_a_tick_takes_no_more_calls_memory_and_bytes_than_expected() -> None:
-    found = list(judged(expected("counted"), counted()))
-    assert len(found) == 20
-    assert [one for one in found if not one.holds] == []

@@ -72,11 +72,11 @@ def test_it_is_short(root: Path) -> None:
 
 def test_it_is_listed_as_the_page_says(page: str, place: Path) -> None:
     (shown,) = re.findall(r"^```\n(position sensors.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    done = pincette("drivers", path=place)
+    done = pincette("doctor", "--drivers", path=place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(shown)
     assert "keyence_lkg" in done.stdout
-    assert "example_lds" not in pincette("drivers").stdout
+    assert "example_lds" not in pincette("doctor", "--drivers").stdout
 
 
 def test_a_rig_file_that_names_it_opens_it(place: Path, tmp_path: Path) -> None:
@@ -100,5 +100,5 @@ def test_a_rig_file_that_names_it_where_it_is_not_installed_says_so(tmp_path: Pa
     done = pincette("run", "sensor", "--rig", file)
     assert done.returncode != 0
     assert "no position sensor 'example_lds' is installed; there are keyence_lkg" in done.stderr
-    assert "`pincette drivers` lists them" in done.stderr
+    assert "`pincette doctor --drivers` lists them" in done.stderr
     assert "Traceback" not in done.stderr

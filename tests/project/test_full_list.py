@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.conftest import rank, ranks
+from tests.support.selection import rank, ranks
 
 
 def test_every_line_names_a_test_once(root: Path) -> None:

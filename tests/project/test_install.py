@@ -19,11 +19,11 @@ def install(root: Path) -> dict[str, Any]:
 
 def checkout(place: Path) -> Path:
     (place / "requirements").mkdir(parents=True)
-    for name in ("dev", "run", "tools"):
+    for name in ("contrib", "dev", "run", "tools"):
         (place / f"requirements/{name}.txt").write_text("a==1\n")
-    (place / "shared").mkdir()
-    for name in ("pyproject.toml", "shared/pyproject.toml"):
-        (place / name).write_text("[project]\n")
+    for folder in (".", "shared", "contrib/nidaqmx"):
+        (place / folder).mkdir(parents=True, exist_ok=True)
+        (place / folder / "pyproject.toml").write_text("[project]\n")
     return place
 
 

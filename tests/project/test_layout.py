@@ -1,5 +1,6 @@
 """The list of packages, the entry points and the folders agree."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SERVICES = sorted(path.name for path in (ROOT / "services").iterdir() if path.is_dir())
-OUTSIDE_THE_LOOP = ("foxglove", "recorder", "rig", "sila", "supervisor")
-SHARED = ("pincette", "pincette_nidaqmx", "pincette_study")
+OUTSIDE_THE_LOOP = ("recorder", "rig", "supervisor")
+SHARED = ("pincette",)
+CONTRIB = sorted((ROOT / "contrib").glob("*/pyproject.toml"))
 BUILT_ON_THE_LIBRARY = [
     *(f"pincette_{name}" for name in SERVICES),
     *(name for name in SHARED if name != "pincette"),
@@ -57,12 +59,29 @@ def test_every_service_has_its_entry_point(pyproject: dict[str, Any]) -> None:
     assert programs.items() <= points["pincette.programs"].items()
 
 
-@pytest.mark.parametrize("name", SERVICES)
-def test_service_folders_are_alike(name: str) -> None:
-    package = f"pincette_{name}"
-    main = "program.py" if name in OUTSIDE_THE_LOOP else "step.py"
-    config = [] if name in OUTSIDE_THE_LOOP else ["config.py"]
-    modules = ["__init__.py", *config, main]
-    wanted = ["README.md", *(f"{package}/{file}" for file in modules)]
-    missing = [file for file in wanted if not (ROOT / "services" / name / file).is_file()]
-    assert not missing
+def test_packages_of_contrib_have_the_version_of_pincette(pyproject: dict[str, Any]) -> None:
+    version = pyproject["project"]["version"]
+    assert CONTRIB
+    for path in CONTRIB:
+        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        assert (project["name"], project["version"]) == (f"pincette-{path.parent.name}", version)
+        own = [one for one in project["dependencies"] if re.match(r"pincette(-client)?\b", one)]
+        assert own in ([f"pincette=={version}"], [f"pincette-client=={version}"])
+
+
+def test_the_core_imports_no_package_of_contrib(pyproject: dict[str, Any]) -> None:
+    contracts = {item["name"]: item for item in pyproject["tool"]["importlinter"]["contracts"]}
+    (core,) = (one for name, one in contracts.items() if name.startswith("Nothing of the core"))
+    kept_out = {f"pincette_{path.parent.name}" for path in CONTRIB}
+    assert kept_out <= set(core["forbidden_modules"])
+
+
+@pytest.mark.parametrize("path", CONTRIB, ids=lambda path: path.parent.name)
+def test_an_extra_installs_the_package_of_contrib(path: Path, pyproject: dict[str, Any]) -> None:
+    client = tomllib.loads((ROOT / "shared/pyproject.toml").read_text(encoding="utf-8"))
+    project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+    name, wanted = path.parent.name, [f"{project['name']}=={project['version']}"]
+    found = [one["project"]["optional-dependencies"].get(name) for one in (pyproject, client)]
+    # An extra of the client is for what needs nothing else of pincette.
+    alone = any(one.startswith("pincette-client") for one in project["dependencies"])
+    assert found == [None if name == "madsci" else wanted, wanted if alone else None]

@@ -8,6 +8,8 @@ QUERIES = {"declare_querier"}
 ONE = "shared/pincette/bus/query.py"
 EXAMPLE = "docs/examples/latest.py"
 """Shows readers who do not use pincette the same call."""
+MATCHING = "shared/pincette/bus/zenoh_bus.py"
+"""Declares a querier to see whether a queryable is there; sends no query by it."""
 ARGUMENTS = {"target", "consolidation", "attachment", "timeout"}
 
 
@@ -38,7 +40,10 @@ def test_one_function_queries_the_bus_and_asks_all(root: Path) -> None:
         path for part in ("shared", "services", "docs") for path in root.glob(f"{part}/**/*.py")
     ]
     found = {str(path.relative_to(root)): made for path in places if (made := queries(path))}
-    assert set(found) == {ONE, EXAMPLE}
+    assert set(found) == {ONE, EXAMPLE, MATCHING}
+    (querier,) = found.pop(MATCHING)
+    assert [word.arg for word in querier.keywords] == []
+    assert "querier.get(" not in (root / MATCHING).read_text(encoding="utf-8")
     for calls in found.values():
         (call,) = calls
         named = {word.arg: ast.unparse(word.value) for word in call.keywords}

@@ -1,4 +1,4 @@
-"""requirements/dev.txt pins every dependency with hashes and says nothing of where from."""
+"""Pinned requirements: every dependency once, with hashes, and no index."""
 
 import re
 from pathlib import Path
@@ -12,11 +12,11 @@ PIN = re.compile(r"^(?P<pin>[a-z0-9._-]+==[^\s;]+(?: ; [^\\]+?)?) \\$")
 HASH = re.compile(r"^    --hash=sha256:[0-9a-f]{64}(?: \\)?$")
 
 
-def pinned(root: Path) -> tuple[dict[str, list[Requirement]], list[str]]:
+def pinned(root: Path, name: str = "dev") -> tuple[dict[str, list[Requirement]], list[str]]:
     """The pins by name, and the lines that are neither a pin nor a hash."""
     pins: dict[str, list[Requirement]] = {}
     odd: list[str] = []
-    lines = (root / "requirements/dev.txt").read_text(encoding="utf-8").splitlines()
+    lines = (root / f"requirements/{name}.txt").read_text(encoding="utf-8").splitlines()
     for line, after in zip(lines, [*lines[1:], ""], strict=True):
         found = PIN.match(line)
         if found and HASH.match(after):
@@ -27,8 +27,9 @@ def pinned(root: Path) -> tuple[dict[str, list[Requirement]], list[str]]:
     return pins, odd
 
 
-def test_there_is_nothing_but_pins_with_hashes(root: Path) -> None:
-    pins, odd = pinned(root)
+@pytest.mark.parametrize("name", ["contrib", "dev"])
+def test_there_is_nothing_but_pins_with_hashes(root: Path, name: str) -> None:
+    pins, odd = pinned(root, name)
     assert len(pins) > 20
     assert odd == []
 

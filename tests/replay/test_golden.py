@@ -2,8 +2,8 @@
 
 import pytest
 
-from pincette.cli.records import epoch_of, opened_record, rig_of
 from pincette.core import plugins
+from pincette.engine.replay.recorded import read_record, recorded_epoch, recorded_rig
 from pincette.engine.replay.service_alone import replay
 from pincette.engine.replay.steps import STEPS
 from tests.replay.golden import FOLDER
@@ -14,8 +14,8 @@ LAST_BITS = 1e-9
 
 @pytest.mark.parametrize("name", STEPS)
 def test_a_record_of_an_earlier_version_is_repeated(name: str) -> None:
-    recording = opened_record(FOLDER)
-    rig, messages = rig_of(recording, FOLDER), epoch_of(recording)
+    recording = read_record(FOLDER)
+    rig, messages = recorded_rig(recording, FOLDER), recorded_epoch(recording)
     found = replay(plugins.load(plugins.SERVICES, name), rig, messages)
     assert found.stopped == ""
     assert found.steps > 300

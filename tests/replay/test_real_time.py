@@ -5,7 +5,6 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from pincette.cli.records import epoch_of
 from pincette.core import plugins
 from pincette.core.messages import (
     Applied,
@@ -20,6 +19,7 @@ from pincette.core.messages import (
 )
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.node import Node
+from pincette.engine.replay.recorded import recorded_epoch
 from pincette.engine.replay.service_alone import Tape, replay
 from pincette.engine.replay.steps import STEPS
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -107,7 +107,7 @@ def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> 
     said = messages()
     degraded = {item.seq for item in said if isinstance(item, Estimate) and item.degraded}
     assert degraded == NO_PARTNER
-    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
     found = {name: replay(plugins.load(plugins.SERVICES, name), RIG, again) for name in STEPS}
     for one in found.values():
         assert (one.different, one.first, one.stopped) == (0, None, "")
@@ -122,7 +122,7 @@ def test_every_step_is_repeated_with_the_samples_that_it_had(tmp_path: Path) -> 
 
 def test_where_all_of_a_sample_is_lost_nothing_can_follow(tmp_path: Path) -> None:
     said = [item for item in messages() if getattr(item, "seq", -1) not in range(100, 110)]
-    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
     for name in STEPS:
         found = replay(plugins.load(plugins.SERVICES, name), RIG, again)
         assert found.stopped == "position 100 is not in the record"
@@ -132,7 +132,7 @@ def test_where_all_of_a_sample_is_lost_nothing_can_follow(tmp_path: Path) -> Non
 
 def test_an_estimate_that_is_lost_was_made_all_the_same(tmp_path: Path) -> None:
     said = [item for item in messages() if not (isinstance(item, Estimate) and item.seq == 100)]
-    again = epoch_of(recorded(tmp_path, RIG, said, 1))
+    again = recorded_epoch(recorded(tmp_path, RIG, said, 1))
     found = replay(plugins.load(plugins.SERVICES, "estimator"), RIG, again)
     assert found.same
     assert found.steps == found.identical + 1

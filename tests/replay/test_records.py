@@ -7,20 +7,20 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.api.requests import JobRequest
-from pincette.cli.records import epoch_of, rig_of
 from pincette.config import Calibration
 from pincette.control.planning.program import Program
 from pincette.control.quantities import Document
 from pincette.core import plugins
 from pincette.core.messages import Estimate, Message, Position, RequestLog, Telemetry
 from pincette.engine.replay.comparison import Difference, Findings
+from pincette.engine.replay.recorded import recorded_epoch, recorded_rig
 from pincette.engine.replay.service_alone import replay
 from pincette.engine.replay.steps import STEPS
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.move import MoveJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 from tests.replay.desk import Desk, Watch, at, nobody, recorded
 from tests.support.rigs import demo_rig
 
@@ -81,8 +81,8 @@ def played() -> dict[str, tuple[Message, ...]]:
 def repeated(folder: Path, name: str) -> list[Findings]:
     epoch = 1 + list(played()).index(name)
     recording = recorded(folder / name, RIG, list(played()[name]), epoch)
-    messages = epoch_of(recording)
-    rig = rig_of(recording, folder)
+    messages = recorded_epoch(recording)
+    rig = recorded_rig(recording, folder)
     return [replay(plugins.load(plugins.SERVICES, one), rig, messages) for one in STEPS]
 
 
@@ -124,7 +124,7 @@ def test_a_record_without_its_arming_says_so(tmp_path: Path) -> None:
     ]
     recording = recorded(tmp_path, RIG, messages, 1)
     for name in STEPS:
-        found = replay(plugins.load(plugins.SERVICES, name), RIG, epoch_of(recording))
+        found = replay(plugins.load(plugins.SERVICES, name), RIG, recorded_epoch(recording))
         assert (found.steps, found.same) == (0, False)
         assert "its arming is not in the record" in found.stopped
 

@@ -11,11 +11,15 @@ from pincette.core.topics import LOOP
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.alone import recording, service_alone
+from tests.support.fast_output import fast_rig
 from tests.support.rigs import KILOHERTZ, demo_rig
 
 DEMO, FAST = demo_rig(time="lockstep"), read_rig(KILOHERTZ)
+PARTS = fast_rig("three writes")
+HELD = GripJobRequest(kind="grip", hold_s=4.0, load_s=1.0)
 PROGRAMS = {
-    "demo": (DEMO, plan_job(GripJobRequest(kind="grip", hold_s=4.0, load_s=1.0), DEMO).program),
+    "demo": (DEMO, plan_job(HELD, DEMO).program),
+    "in parts": (PARTS, plan_job(HELD, PARTS).program),
     "1 kHz": (FAST, plan_job(GripJobRequest(kind="grip", hold_s=0.02), FAST).program),
 }
 

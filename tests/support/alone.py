@@ -39,6 +39,9 @@ class Tape:
     def write_V(self, voltage_V: float) -> None:
         """Accept anything."""
 
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
+        """Accept anything."""
+
     def close(self) -> None:
         """Nothing to give back."""
 

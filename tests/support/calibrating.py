@@ -19,7 +19,7 @@ from pincette_study.desk import REST_S, Desk
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.results.archive import Record, Take, gather
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

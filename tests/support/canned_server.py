@@ -20,9 +20,9 @@ from pincette.security.identity import SUPERVISOR, program
 from pincette_supervisor.access.access import Access, TokenBuckets
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.key_sync import KeySync
-from pincette_supervisor.journal.access_rows import KeyRepository
-from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.rest.tls import server_context
+from tests.support.apps import create_app
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
@@ -50,10 +50,10 @@ def serve(data: Path, pki: str, *, keys: bool) -> None:
     access = Access(buckets=TokenBuckets())
     shown = {"honest": "", "hostile": ""}
     if keys:
-        repository = KeyRepository(harness.store)
+        file = KeyFile(harness.store.folder)
         for name in shown:
             shown[name] = new_key()
-            repository.add(name, digest_of(shown[name]), "operate")
+            file.add(name, digest_of(shown[name]), "operate")
     tls = server_context(Folder(Path(pki)).credentials(program(SUPERVISOR, ""))) if pki else None
     with (
         closing(harness),

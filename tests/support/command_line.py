@@ -7,6 +7,7 @@ from typer import Exit
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
+from pincette.cli.job import JobKinds
 from pincette.cli.main import LazyGroup, application, load
 from pincette.cli.options import given_fields
 
@@ -17,6 +18,8 @@ def command_of(words: Sequence[str]) -> tuple[TyperCommand, list[str]]:
     rest = list(words)
     while isinstance(found, TyperGroup):
         name = rest.pop(0)
+        if isinstance(found, JobKinds) and name not in found.commands:
+            found.complete()
         assert name in found.commands, f"no command {name!r}; there are {', '.join(found.commands)}"
         found = load(name) if isinstance(found, LazyGroup) else found.commands[name]
     return found, rest

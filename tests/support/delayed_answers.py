@@ -97,7 +97,9 @@ class DelayedPort:
 def virtual_ports(ports: dict[str, DelayedPort], clock: Clock) -> Generator[None]:
     """Let ``open_link`` find these ports at their urls, and go by this clock."""
 
-    def open_port(url: str, _baud: int, _timeout_s: float, within_s: float) -> DelayedPort:
+    def open_port(
+        url: str, _baud: int, _timeout_s: float, _where: object, within_s: float
+    ) -> DelayedPort:
         if url not in ports:
             raise InstrumentError(f"{url}: no such port", "cannot_open")
         return ports[url].open(within_s)

@@ -13,6 +13,8 @@ from time import monotonic, sleep
 import pytest
 
 START_S = 20.0
+LISTENING = ("0A", "07")
+"""State of a TCP socket that listens, and of a UDP socket without a peer."""
 PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin"])
 
 
@@ -22,10 +24,12 @@ class DeviceServer:
 
     port: int
     process: subprocess.Popen[bytes]
+    host: str = "127.0.0.1"
 
     @property
     def url(self) -> str:
-        return f"socket://127.0.0.1:{self.port}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"socket://{host}:{self.port}"
 
     def kill(self) -> None:
         """End it as a power cut does."""
@@ -48,21 +52,24 @@ def ser2net(
     *,
     accepter: str = "tcp(nodelay=true)",
     options: str = "",
+    more: str = "",
     baud: int = 115200,
+    host: str = "127.0.0.1",
     port: int = 0,
 ) -> Generator[DeviceServer]:
-    """Start ser2net; ``options`` are lines of its connection's options, as YAML."""
+    """Start ser2net; ``options`` and ``more`` are lines of its connection's YAML."""
     port = port or free_port()
     lines = "".join(f"    {line}\n" for line in options.splitlines())
     (folder / "ser2net.yaml").write_text(
         "%YAML 1.1\n---\nconnection: &instrument\n"
-        f"  accepter: {accepter},127.0.0.1,{port}\n"
+        f"  accepter: {accepter},{host},{port}\n"
         f"  connector: serialdev,{device},{baud}n81,local\n"
-        + (f"  options:\n{lines}" if lines else ""),
+        + (f"  options:\n{lines}" if lines else "")
+        + "".join(f"  {line}\n" for line in more.splitlines()),
         encoding="utf-8",
     )
     command = [program("ser2net"), "-n", "-c", "ser2net.yaml", "-P", "ser2net.pid"]
-    with _running(command, folder, port) as server:
+    with _running(command, folder, port, host) as server:
         yield server
 
 
@@ -88,12 +95,14 @@ def free_port() -> int:
 
 
 @contextmanager
-def _running(command: list[str], folder: Path, port: int) -> Generator[DeviceServer]:
+def _running(
+    command: list[str], folder: Path, port: int, host: str = "127.0.0.1"
+) -> Generator[DeviceServer]:
     with (folder / "server.log").open("ab") as log:
         process = subprocess.Popen(command, cwd=folder, stdout=log, stderr=log)
     try:
         _await_listening(process, port)
-        yield DeviceServer(port, process)
+        yield DeviceServer(port, process, host)
     finally:
         process.terminate()
         process.wait()
@@ -103,8 +112,9 @@ def _await_listening(process: subprocess.Popen[bytes], port: int) -> None:
     """Wait for the listening socket without connecting, which would use up socat's one client."""
     local, until_s = f":{port:04X}", monotonic() + START_S
     while True:
-        rows = [row.split() for row in Path("/proc/net/tcp").read_text("ascii").splitlines()[1:]]
-        if any(row[1].endswith(local) and row[3] == "0A" for row in rows):
+        tables = [Path("/proc/net", name).read_text("ascii") for name in ("tcp", "tcp6", "udp")]
+        rows = [row.split() for table in tables for row in table.splitlines()[1:]]
+        if any(row[1].endswith(local) and row[3] in LISTENING for row in rows):
             return
         assert process.poll() is None
         assert monotonic() < until_s

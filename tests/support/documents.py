@@ -1,4 +1,4 @@
-"""The fenced blocks of the documents, and what the register says of each."""
+"""Fenced blocks of the documents, and how a test types those that the register names."""
 
 import re
 from collections.abc import Iterator
@@ -44,18 +44,10 @@ class Typed:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """A block that no test types here, and why."""
-
-    first: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
 class Sitting:
-    """The blocks of sh and python of one page, in their order, and the rig that is up meanwhile."""
+    """Blocks of one page that a test types, in the page's order, and the rig they need."""
 
-    blocks: tuple[Typed | Told, ...]
+    blocks: tuple[Typed, ...]
     up: str = ""
     """The rig file that `pincette up` is given before the first block; empty: no rig is up."""
     slow: bool = False
@@ -78,3 +70,12 @@ def blocks_of(path: Path) -> Iterator[Block]:
 def typed_blocks(page: str) -> list[Block]:
     """Those of a page that somebody types or runs."""
     return [block for block in blocks_of(ROOT / page) if block.language in TYPED]
+
+
+def named(page: str, sitting: Sitting) -> Iterator[tuple[Block, Typed]]:
+    """Find the blocks that the register names, in the page's order; fail where one is missing."""
+    blocks = iter(typed_blocks(page))
+    for typed in sitting.blocks:
+        block = next((one for one in blocks if one.text.startswith(typed.first)), None)
+        assert block is not None, f"{page} has no block that begins with {typed.first!r}"
+        yield block, typed

@@ -10,10 +10,11 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType, JobState
 from pincette.config.reading import laid_over
-from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.job_monitor import deadline_s
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.release import ReleaseJobRequest
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
+from pincette_supervisor.plugin.functions import kind_of
 from pincette_supervisor.problems import ProblemError
 from tests.support.grips import SHORT
 from tests.support.office import Office
@@ -81,11 +82,11 @@ class Explored(RuleBasedStateMachine):
         live = self.office.manager.active
         if live is None:
             return
-        policy = policies.on_stop(live.request)
-        limit_s = policies.deadline_s(live.state, live.planned, self.rig.rig, policy)
-        if limit_s is not None and live.state != "running":
+        policy = kind_of(live.request).stop_of(live.request)
+        limit_s = deadline_s(live.status.state, live.planned, self.rig.rig, policy)
+        if limit_s is not None and live.status.state != "running":
             slack_s = SLACK_TICKS * self.rig.rig.rig.period_s
-            assert self.rig.now_s - live.entered_at <= limit_s + slack_s, live.state
+            assert self.rig.now_s - live.status.entered_at <= limit_s + slack_s, live.status.state
 
     def teardown(self) -> None:
         try:
@@ -106,19 +107,19 @@ class Explored(RuleBasedStateMachine):
             self.rig.order(target, "heal", None, None)
         self.office.manager.control_queue("clear", "test")
         live = self.office.manager.active
-        if live is not None and not live.terminal:
+        if live is not None and not live.status.terminal:
             self.ask(self.row(live.id), "stop")
             self.pass_until_it_ends(live.id)
         assert {row.state for row in self.rows()} <= ENDS
         if live is not None and not live.done.wait(ENDING_S):
-            assert live.held
+            assert live.status.held
             self.ask(self.row(live.id), "release")
             assert live.done.wait(ENDING_S)
         if self.rig.applied and self.rig.applied[-1].part_held:
             # Of a job whose supervisor was killed: only another one can let go.
             self.tried(lambda: self.office.manager.create(RELEASE))
             live = self.office.manager.active
-            assert live is None or live.done.wait(ENDING_S), live.state
+            assert live is None or live.done.wait(ENDING_S), live.status.state
         assert self._falls_silent(), self.rig.applied[-1]
 
     def _falls_silent(self) -> bool:
@@ -141,9 +142,9 @@ class Explored(RuleBasedStateMachine):
 
     def _longest_s(self, request: JobRequest, planned: Planned | None) -> float:
         """How long a stop may take, with an abort that comes of it."""
-        policy = policies.on_stop(request)
+        policy = kind_of(request).stop_of(request)
         limits_s = [
-            policies.deadline_s(state, planned, self.rig.rig, policy) or 0.0
+            deadline_s(state, planned, self.rig.rig, policy) or 0.0
             for state in ("stopping", "aborting")
         ]
         return sum(limits_s) + SLACK_TICKS * self.rig.rig.rig.period_s
@@ -184,4 +185,4 @@ class Explored(RuleBasedStateMachine):
     def state(self) -> JobState | None:
         """Of the job that has the rig."""
         live = self.office.manager.active
-        return None if live is None else live.state
+        return None if live is None else live.status.state

@@ -11,8 +11,9 @@ from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
-from pincette_supervisor.jobs import policies
+from pincette_supervisor.jobs.lease import lease_end
 from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.plugin.functions import kind_of
 from tests.support.explored import Explored
 
 BODY: TypeAdapter[JobRequest] = TypeAdapter(Body)
@@ -110,7 +111,7 @@ class Explorer(Explored):
         """Ask for a stop; nothing may begin to move but what ``on_stop`` says."""
         office, live = self.office, self.office.manager.active
         assert live is not None
-        job, held, policy = live.id, live.held, policies.on_stop(live.request)
+        job, held, policy = live.id, live.status.held, kind_of(live.request).stop_of(live.request)
         before, line = self.rig.telemetry[-1], office.line
         asked, said = len(line.asked), len(self.rig.telemetry)
         applied = len(self.rig.applied)
@@ -119,7 +120,7 @@ class Explorer(Explored):
         if self.office is not office:  # killed meanwhile
             return
         acts = [request for request in line.asked[asked:] if isinstance(request, Action)]
-        stop = Action(ActionCode(policies.lease_end(live.request)))
+        stop = Action(ActionCode(lease_end(live.request)))
         assert acts in ([], [stop])
         if self.row(job).state != "stopped":  # a fault has come before it, or in its course
             return

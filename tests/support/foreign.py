@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from time import sleep
 from typing import Any
 
 import zenoh
@@ -21,6 +22,8 @@ EVERYTHING = "pincette/**"
 OLD = encode(Ack(1_000_000))
 """A valid reply to a request, as a tool could have kept it."""
 MANY = 300
+SETTLED_S = 0.5
+"""Time after which a router has computed its routes to a session that has come."""
 
 
 @dataclass
@@ -107,3 +110,12 @@ def outsider(
     tree = settings(ends, "outsider") | {"timestamping": {"enabled": stamps}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(tree))) as session:
         yield session
+
+
+def settle() -> None:
+    """Wait until the router has taken in a session that has just come.
+
+    A router of Zenoh 1.10.2 that states in its admin space what is declared, while that changes,
+    may wait for itself for ever. No call tells when it has taken a change in.
+    """
+    sleep(SETTLED_S)

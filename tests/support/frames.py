@@ -27,7 +27,9 @@ Chance = random.Random
 BY_NAME = {kind.__name__: kind for kind in sorted(KINDS, key=lambda kind: kind.__name__)}
 EPOCH, OWNER = 7, 1
 """Of the arming that frames belong to, mostly."""
-NOT_NEGATIVE = ("duration_s", "move_s", "contact_stiffness_mN_per_um")
+NOT_NEGATIVE = ("duration_s", "move_s", "run_up_s", "contact_stiffness_mN_per_um")
+BY_ARM = ("to_um", "sides", "courses")
+"""Tuples with one item for each arm."""
 WORDS = ("", "a", "stop", "estop", "no command", "µm", "hold", "free", "part", "remove", "off")
 SELF_CHECKED: dict[type, tuple[Any, ...]] = {
     Sweep: (Sweep(5.0, 400.0, 1.0, 0.05, 4000.0), Sweep(1.0, 2.0, 0.6, 1.0, 9.0, 0.1)),
@@ -48,7 +50,7 @@ def sound(kind: type, chance: Chance) -> Any:
         return chance.choice(SELF_CHECKED[kind])
     while True:
         try:
-            return kind(*[_value(hint, name, chance) for name, hint in _hints(kind)])
+            return kind(**{name: _value(hint, name, chance) for name, hint in _hints(kind)})
         except ValueError:  # a record that refuses itself
             continue
 
@@ -78,12 +80,16 @@ def _value(hint: Any, name: str, chance: Chance) -> Any:
         return sound(hint, chance)
     if get_origin(hint) in (Union, types.UnionType):
         choices = [item for item in get_args(hint) if item not in (type(None), UnsetType)]
+        found = _value(chance.choice(choices), name, chance)
+        if len(choices) == len(get_args(hint)):
+            return found
         absent = UNSET if UnsetType in get_args(hint) else None
-        return absent if chance.random() < 0.6 else _value(choices[0], name, chance)
+        return absent if chance.random() < 0.6 else found
     if get_origin(hint) is Literal:
         return chance.choice(get_args(hint))
     inner = get_args(hint)[0]
-    return tuple(_value(inner, name, chance) for _ in range(chance.randrange(4)))
+    count = chance.randrange(1, 3) if name in BY_ARM else chance.randrange(4)
+    return tuple(_value(inner, name, chance) for _ in range(count))
 
 
 def _deep(levels: int, leaf: bytes) -> bytes:

@@ -5,8 +5,8 @@ from typing import get_args
 
 from pincette.api.access import Scope
 from pincette_supervisor.access.authentication import Authenticator, digest_of, new_key
-from pincette_supervisor.journal.access_rows import KeyRepository
-from pincette_supervisor.journal.database import Database
+from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.store import Store
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,12 @@ def shown(key: str) -> dict[str, str]:
     return {"Authorization": f"Bearer {key}"}
 
 
-def key_of_each_scope(store: Database, gate: Authenticator | None = None) -> ScopeKeys:
+def key_of_each_scope(store: Store, gate: Authenticator | None = None) -> ScopeKeys:
     """Keys ``an-observe``, ``an-operate`` and ``an-admin``, in force from here on."""
     keys: dict[Scope, str] = {scope: new_key() for scope in get_args(Scope)}
-    book = KeyRepository(store)
+    file = KeyFile(store.folder)
     for scope, key in keys.items():
-        book.add(f"an-{scope}", digest_of(key), scope)
+        file.add(f"an-{scope}", digest_of(key), scope)
     if gate is not None:
-        gate.refresh(book)
+        gate.refresh(store)
     return ScopeKeys(keys)

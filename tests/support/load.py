@@ -6,8 +6,13 @@ and dry runs; two pages hold their own streams. All share one address and show n
 table for each number of jobs, writes ``load.json`` to the folder in ``PINCETTE_FIGURES``, and fails
 where a grip was disturbed.
 
+Each client sends its requests at a fixed rate, and never two of one kind at once: a client that
+waits for an answer sends its next request of that kind later. So the demand of a client has an
+upper bound: 5 requests of live values, 0.5 lists and 0.1 dry runs a second.
+
 Clients and rig share the processors, so the times include those of the clients. The row
-``event loop of the clients`` says how late their own timers were.
+``event loop of the clients`` says how late their own timers were, and the table of processor time
+how much of the two processors each took.
 """
 
 import argparse
@@ -19,10 +24,10 @@ import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import quantiles
-from time import perf_counter
+from time import perf_counter, process_time
 
 import httpx
 from sqlalchemy import insert
@@ -30,6 +35,7 @@ from sqlalchemy import insert
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import JOBS
+from tests.bench.loop.machine import cpu_s
 from tests.support.footprint import footprint
 from tests.support.grips import make_ready
 from tests.support.rigs import demo_rig
@@ -48,32 +54,27 @@ FILLED_AT_ONCE = 500
 """Jobs added to the journal in one transaction, so that the supervisor can write meanwhile."""
 
 
-class Load:
-    """Clients of one supervisor, and the times of their requests."""
+@dataclass
+class Measured:
+    """Times and failures of the requests of all clients."""
 
-    def __init__(self, url: str, rig: str, until_s: float) -> None:
-        self._http = httpx.AsyncClient(
-            base_url=url, timeout=60.0, trust_env=False, limits=httpx.Limits(max_connections=None)
-        )
-        self._rig, self._until_s = rig, until_s
-        self.times_s: dict[str, list[float]] = defaultdict(list)
-        self.failures: Counter[str] = Counter()
+    times_s: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    failures: Counter[str] = field(default_factory=Counter[str])
 
-    async def run(self, clients: int) -> None:
-        """Ask until the time is over."""
-        tasks = [self._client(number) for number in range(clients)]
-        tasks += [*(self._page() for _ in range(PAGES)), self._clock()]
-        async with self._http:
-            await asyncio.gather(*tasks)
 
-    async def _clock(self) -> None:
-        while perf_counter() < self._until_s:
-            begun_s = perf_counter()
-            await asyncio.sleep(CLOCK_S)
-            late_s = perf_counter() - begun_s - CLOCK_S
-            self.times_s["event loop of the clients"].append(late_s)
+class Client:
+    """One client: it has connections of its own, as a program of its own would have.
 
-    async def _client(self, number: int) -> None:
+    httpx goes through all connections of a client for each request, so that 50 clients with one
+    pool would take four times the processor time.
+    """
+
+    def __init__(self, url: str, rig: str, until_s: float, measured: Measured) -> None:
+        self._http = httpx.AsyncClient(base_url=url, timeout=60.0, trust_env=False)
+        self._rig, self._until_s, self._measured = rig, until_s, measured
+
+    async def run(self, number: int) -> None:
+        """Hold a stream of events and send requests until the time is over."""
         place = {"after": 0}
 
         async def live() -> None:
@@ -87,22 +88,26 @@ class Load:
             body = {"kind": "grip", "force_mN": 8.0 + 0.1 * (number % 5), "dry_run": True}
             await self._ask("dry run", "/jobs", None, body)
 
-        await asyncio.gather(
-            self._hold("events", "/events"),
-            self._each(LIVE_S, live, number),
-            self._each(LIST_S, jobs, number),
-            self._each(DRY_RUN_S, dry_run, number),
-        )
+        async with self._http:
+            await asyncio.gather(
+                self._hold("events", "/events"),
+                self._each(LIVE_S, live, number),
+                self._each(LIST_S, jobs, number),
+                self._each(DRY_RUN_S, dry_run, number),
+            )
 
-    async def _page(self) -> None:
+    async def run_as_page(self) -> None:
+        """Hold the two streams of a page, and request the state of the rig, until the end."""
+
         async def state() -> None:
             await self._ask("state of the rig", f"/rigs/{self._rig}")
 
-        await asyncio.gather(
-            self._hold("events", f"/rigs/{self._rig}/events"),
-            self._hold("live", f"/rigs/{self._rig}/live"),
-            self._each(PAGE_S, state, 0),
-        )
+        async with self._http:
+            await asyncio.gather(
+                self._hold("events", f"/rigs/{self._rig}/events"),
+                self._hold("live", f"/rigs/{self._rig}/live"),
+                self._each(PAGE_S, state, 0),
+            )
 
     async def _each(self, every_s: float, ask: Callable[[], Awaitable[None]], number: int) -> None:
         await asyncio.sleep(every_s * (number % 10) / 10)
@@ -121,11 +126,11 @@ class Load:
             else:
                 answer = await self._http.post(path, json=body)
         except httpx.HTTPError as error:
-            self.failures[f"{name}: {type(error).__name__}"] += 1
+            self._measured.failures[f"{name}: {type(error).__name__}"] += 1
             return {}
-        self.times_s[name].append(perf_counter() - begun_s)
+        self._measured.times_s[name].append(perf_counter() - begun_s)
         if answer.status_code >= httpx.codes.BAD_REQUEST:
-            self.failures[f"{name}: {answer.status_code}"] += 1
+            self._measured.failures[f"{name}: {answer.status_code}"] += 1
             return {}
         return answer.json()
 
@@ -137,10 +142,28 @@ class Load:
                 async with asyncio.timeout(left_s):
                     async with self._http.stream("GET", path, headers=headers) as answer:
                         if answer.status_code >= httpx.codes.BAD_REQUEST:
-                            self.failures[f"stream of {name}: {answer.status_code}"] += 1
+                            self._measured.failures[f"stream of {name}: {answer.status_code}"] += 1
                             await asyncio.sleep(min(left_s, 5.0))
                         async for _ in answer.aiter_raw():
                             pass
+
+
+async def clock(until_s: float, late_s: list[float]) -> None:
+    """Measure how late timers of this event loop are."""
+    while perf_counter() < until_s:
+        begun_s = perf_counter()
+        await asyncio.sleep(CLOCK_S)
+        late_s.append(perf_counter() - begun_s - CLOCK_S)
+
+
+async def clients(url: str, rig: str, until_s: float, count: int) -> Measured:
+    """Run clients and pages until the time is over."""
+    measured = Measured()
+    many = [Client(url, rig, until_s, measured) for _ in range(count + PAGES)]
+    tasks = [one.run(number) for number, one in enumerate(many[:count])]
+    tasks += [one.run_as_page() for one in many[count:]]
+    await asyncio.gather(*tasks, clock(until_s, measured.times_s["event loop of the clients"]))
+    return measured
 
 
 async def grips(rig: RunningRig, count: int, until_s: float) -> list[Json]:
@@ -170,7 +193,7 @@ def fill(journal: Path, count: int) -> None:
 async def measure(rig: RunningRig, given: argparse.Namespace, jobs: int) -> Json:
     """Load a rig that is ready; returns the figures."""
     until_s = perf_counter() + given.seconds
-    load = Load(str(rig.client.base_url), rig.rig.rig.name, until_s)
+    name = rig.rig.rig.name
     process = rig.fleet.members["supervisor"].process.pid
     memory_kB: list[int] = []
 
@@ -179,19 +202,25 @@ async def measure(rig: RunningRig, given: argparse.Namespace, jobs: int) -> Json
             memory_kB.append(footprint(process)["memory_kB"])
             await asyncio.sleep(min(5.0, given.seconds / 20.0))
 
-    before = rig.get(f"/rigs/{rig.rig.rig.name}/timing")["programs"]
-    _, _, ended = await asyncio.gather(
-        load.run(given.clients), watch(), grips(rig, given.grips, until_s)
+    before = rig.get(f"/rigs/{name}/timing")["programs"]
+    begun_s, used_s = perf_counter(), processor_times_s(rig)
+    measured, _, ended = await asyncio.gather(
+        clients(str(rig.client.base_url), name, until_s, given.clients),
+        watch(),
+        grips(rig, given.grips, until_s),
     )
-    after = rig.get(f"/rigs/{rig.rig.rig.name}/timing")["programs"]
-    requests = {name: spread(values) for name, values in sorted(load.times_s.items())}
+    took_s = perf_counter() - begun_s
+    shares = {who: (end_s - used_s[who]) / took_s for who, end_s in processor_times_s(rig).items()}
+    after = rig.get(f"/rigs/{name}/timing")["programs"]
+    requests = {asked: spread(values) for asked, values in sorted(measured.times_s.items())}
     return {
         "clients": given.clients,
         "seconds": given.seconds,
         "jobs_in_journal": jobs,
         "processors": os.cpu_count(),
         "requests": requests,
-        "failures": dict(load.failures),
+        "failures": dict(measured.failures),
+        "processors_used": shares,
         "grips": dict(Counter(str(job["state"]) for job in ended)),
         "missed_ticks": sum(job["result"]["missed_ticks"] for job in ended if job["result"]),
         "missed": {one["program"]: one["missed"] for one in after},
@@ -202,6 +231,24 @@ async def measure(rig: RunningRig, given: argparse.Namespace, jobs: int) -> Json
             "end": memory_kB[-1] / 1e3,
         },
     }
+
+
+def processor_times_s(rig: RunningRig) -> dict[str, float]:
+    """Return the processor time so far of supervisor, its processes, other programs and clients."""
+    programs = {name: member.process.pid for name, member in rig.fleet.members.items()}
+    supervisor = programs.pop("supervisor")
+    return {
+        "supervisor": cpu_s(supervisor),
+        "processes of the supervisor": sum(map(cpu_s, children(supervisor))),
+        "other programs of the rig": sum(map(cpu_s, programs.values())),
+        "clients": process_time(),
+    }
+
+
+def children(process: int) -> list[int]:
+    """Return the processes that threads of a process have started."""
+    lists = Path(f"/proc/{process}/task").glob("*/children")
+    return [int(word) for one in lists for word in one.read_text(encoding="ascii").split()]
 
 
 def spread(values: Sequence[float]) -> Json:
@@ -226,6 +273,7 @@ def table(found: Json) -> str:
     memory = found["supervisor_MB"]
     rows += [
         "",
+        *(f"{who}: {share:.2f} processors" for who, share in found["processors_used"].items()),
         f"grips: {found['grips']}, missed ticks in them: {found['missed_ticks']}",
         f"resident memory of the supervisor: {memory['begin']:.0f} MB at the begin, "
         f"{memory['settled']:.0f} MB settled, {memory['end']:.0f} MB at the end",

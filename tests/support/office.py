@@ -21,8 +21,8 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
-from pincette_supervisor.results.drawing import Picture
 from pincette_supervisor.rigs import latch
 from pincette_supervisor.rigs.health import PROGRAMS, Health
 from pincette_supervisor.rigs.observer import Observer
@@ -185,6 +185,8 @@ class Office:
             except BaseException as error:  # noqa: BLE001  whatever it is, the test looks at it
                 if not self.steps.killed:
                     self.faults.append(error)
+            finally:
+                self.steps.ended()
 
         thread = threading.Thread(target=until_killed, **given)
         self.steps.threads.add(thread)

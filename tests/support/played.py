@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 
-from pincette.bus.session import serve_router
+from pincette.bus.session import AskRouter, serve_router
 from pincette.bus.topology import client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus
 from tests.support.rigs import free_ports
@@ -38,7 +38,7 @@ def played_rig() -> Generator[Played]:
     port = free_ports(1)
     end, up, told = threading.Event(), threading.Event(), threading.Event()
 
-    def route() -> None:
+    def route(_ask: AskRouter) -> None:
         up.set()
         end.wait()
 

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path as FilePath
 
 from pincette.control.planning.paths import Knot, Path
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Track
 from pincette.control.planning.sweep import Sweep
 from pincette.core.faults import Cause, Mode, Outcome
 from pincette.core.messages import (
@@ -131,9 +132,9 @@ def notice(state: str = "running") -> JobNotice:
 def asked() -> RequestLog:
     """What the controller was given to play, with a path whose names are much alike."""
     path = Path("force", "sinusoid", mean=10.0, amplitude=-0.0, cycle_s=0.5, cycles=2)
-    held = Segment("hold", "path", path.duration_s, path=path)
+    held = Track("hold", path.duration_s, force=path)
     knots = (Knot(0.0, 1.0, 0.0), Knot(1.0, 0.1 + 0.2, 0.0))
-    moved = Segment("move", "path", 1.0, path=Path("position", "waypoints", knots=knots))
+    moved = Track("move", 1.0, force=Path("position", "waypoints", knots=knots))
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
     laws = (law_settings().spec(), law_settings("dsmifc").spec())
     load = Load(Program((held, moved), guards, 2.17, laws))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from time import monotonic, sleep
 
-from pincette.bus.session import serve_router
+from pincette.bus.session import AskRouter, serve_router
 from pincette.bus.topology import SessionConfig, client_session, router_session
 from tests.support.rigs import free_ports
 
@@ -18,7 +18,7 @@ def router(rig: str) -> Generator[SessionConfig]:
     port = free_ports(1)
     end, up = threading.Event(), threading.Event()
 
-    def wait() -> None:
+    def wait(_ask: AskRouter) -> None:
         up.set()
         end.wait()
 

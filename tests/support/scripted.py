@@ -7,7 +7,8 @@ from unittest.mock import patch
 
 from pincette.config import RigFile
 from pincette.config.reading import laid_over
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.core.messages import (
     Applied,
     Estimate,
@@ -33,14 +34,14 @@ NEAR: Tree = {
 }
 PROGRAM = Program(
     segments=(
-        Segment("zero", "zero", 0.3),
-        Segment("approach", "free", 0.6, x_to_um=4.0),
-        Segment("approach", "zero", 0.3),
-        Segment("contact", "seek", 0.8, x_to_um=10.0),
-        Segment("load", "force", 0.5, force_to_mN=8.0),
-        Segment("hold", "force", 1.0, force_to_mN=8.0, move_s=0.3),
-        Segment("unload", "force", 0.5, force_to_mN=0.0),
-        Segment("retreat", "free", 0.5, x_to_um=0.0),
+        Rest("zero", 0.3),
+        Move("approach", 0.6, to_um=(4.0,)),
+        Rest("approach", 0.3),
+        Seek("contact", 0.8, to_um=(10.0,)),
+        Press("load", 0.5, to_mN=8.0),
+        Press("hold", 1.0, to_mN=8.0, move_s=0.3),
+        Press("unload", 0.5, to_mN=0.0),
+        Move("retreat", 0.5, to_um=(0.0,)),
     ),
     guards=Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0),
     contact_stiffness_mN_per_um=2.17,

@@ -10,7 +10,7 @@ from pincette.core.messages import Applied, Command, Estimate, GroundTruth, Mess
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 from tests.support.rigs import Tree, demo_rig
 
 REQUEST = TypeAdapter(Body)

@@ -7,13 +7,13 @@ lets time pass, and acts in between.
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any, TypeVar
 
 from pincette_supervisor.jobs.job import LiveJob
 from tests.support.virtual_rig import VirtualRig
 
-GUARD_S, LOOK_S = 30.0, 0.001
+GUARD_S, LOOK_S = 30.0, 0.01
 """By the clock on the wall: a thread that does not come to rest has hung."""
 
 
@@ -50,6 +50,7 @@ class Steps:
             return
         with self._turn:
             self._resting.add(thread.ident or 0)
+            self._turn.notify_all()
             looks = self._looks
             while self._looks == looks and not self.killed and not self.free:
                 self._turn.wait(LOOK_S)
@@ -69,9 +70,16 @@ class Steps:
     def settle(self) -> None:
         """Wait until all threads rest or have ended."""
         begun_at = monotonic()
-        while any(t.is_alive() and t.ident not in self._resting for t in tuple(self.threads)):
-            assert monotonic() - begun_at < self.guard_s, "a job's thread hangs"
-            sleep(LOOK_S / 10)
+        with self._turn:
+            while any(t.is_alive() and t.ident not in self._resting for t in tuple(self.threads)):
+                assert monotonic() - begun_at < self.guard_s, "a job's thread hangs"
+                self._turn.wait(LOOK_S)
+
+    def ended(self) -> None:
+        """Wake the settling thread because the calling thread of a job is about to end."""
+        with self._turn:
+            self._resting.add(threading.get_ident())
+            self._turn.notify_all()
 
     def pass_(self, ticks: int = 1) -> None:
         """Let time pass, and the supervisor look at each tick of it."""

@@ -1,6 +1,7 @@
 """Random rigs, drawn by seed, calibrated and gripped with over REST, and compared with the truth.
 
-``python -m tests.support.twenty_rigs FILE`` writes the table of both pairs of instruments.
+``PYTHONPATH=contrib/study python -m tests.support.twenty_rigs FILE`` writes the table of both pairs
+of instruments.
 """
 
 import sys
@@ -213,7 +214,7 @@ def _line(cells: Sequence[str]) -> str:
 
 TEXT = """# Twenty rigs with unknown parameters
 
-Written by `python -m tests.support.twenty_rigs FILE`, which takes some minutes.
+Written by `PYTHONPATH=contrib/study python -m tests.support.twenty_rigs FILE`, in some minutes.
 
 Each rig has random values, drawn from its seed: mode, damping, compliance, gain, a hysteresis loop
 of 10 to 23 % with asymmetry and curvature, creep, contact, noise, drift and passive arm. Its rig

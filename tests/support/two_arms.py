@@ -13,7 +13,7 @@ from pincette.engine.composed import ComposedLoop
 from pincette.engine.simulated import simulated_bench
 from pincette.sim.bench import Bench
 from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
-from pincette_supervisor.planning.pair_plans import chosen_law
+from pincette_supervisor.plugin.pair_plans import chosen_law
 from tests.support.rigs import DEMO, Tree
 
 TWO_ARMS = DEMO.with_name("two-arms.toml")

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from pincette.config import RigFile, parse_rig
 from pincette.config.reading import laid_over
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Press, Segment
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action, Telemetry
 from pincette.core.service import member_services
@@ -100,15 +101,14 @@ def program_at(period_s: float) -> Program:
     """The short grip, which is quicker at a short period."""
     if period_s == T:
         return PROGRAM
-    quicker = tuple(
-        replace(
-            one,
-            duration_s=QUICKER * (one.duration_s or 0.0),
-            move_s=None if one.move_s is None else QUICKER * one.move_s,
-        )
-        for one in PROGRAM.segments
-    )
-    return replace(PROGRAM, segments=quicker)
+    return replace(PROGRAM, segments=tuple(map(_quicker, PROGRAM.segments)))
+
+
+def _quicker(segment: Segment) -> Segment:
+    quicker = replace(segment, duration_s=QUICKER * (segment.duration_s or 0.0))
+    if not isinstance(quicker, Press) or quicker.move_s is None:
+        return quicker
+    return replace(quicker, move_s=QUICKER * quicker.move_s)
 
 
 def view_of(loop: VirtualLoop) -> Telemetry | None:

@@ -8,7 +8,6 @@ from typing import Any
 from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.messages import SimCommand
-from pincette.engine.instrument import Both
 from pincette.instruments.icpdas_i7024 import timing as output_timing
 from pincette.instruments.keyence_lkg import timing as sensor_timing
 from pincette.instruments.line.memory_link import MemoryLink
@@ -68,23 +67,23 @@ class VirtualPairBench:
         self._put: list[Callable[[float], None]] = []
         self._linked: dict[str, Instrument] = {}
 
-    def sensor(self) -> Both:
+    def sensor(self) -> tuple[Any, Any]:
         """Open both sensors' drivers on their lines."""
         opener = plugins.load(plugins.POSITION_SENSORS, self._rig_file.sensor.driver)
         one, two = (
             opener(arm.sensor, MemoryLink(partial(self.answer_sensor, number), TERMINATOR))
             for number, arm in enumerate(self._rig_file.arms)
         )
-        return Both(one, two)
+        return one, two
 
-    def output(self) -> Both:
+    def output(self) -> tuple[Any, Any]:
         """Open both outputs' drivers on their lines."""
         opener = plugins.load(plugins.VOLTAGE_OUTPUTS, self._rig_file.output.driver)
         one, two = (
             opener(arm.output, MemoryLink(partial(self.answer_output, number), TERMINATOR))
             for number, arm in enumerate(self._rig_file.arms)
         )
-        return Both(one, two)
+        return one, two
 
     def answer_sensor(self, arm: int, line: bytes) -> bytes | None:
         reply = self._linked.get(NAMES[arm][0], self.lasers[arm]).answer(line)

@@ -87,13 +87,6 @@ def test_a_second_rig_on_the_same_file_is_refused(rig: RunningRig, tmp_path: Pat
     assert rig.view()["can_start"]
 
 
-def test_sockets_beside_certificates_are_refused(tmp_path: Path) -> None:
-    done = pincette_here("up", "--sockets", "--secure", "--data", tmp_path / "data")
-    assert done.returncode == 1
-    assert "every link stays on TLS; leave out --sockets, or --secure" in done.stderr
-    assert not (tmp_path / "data").exists()
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -43,7 +43,7 @@ def test_it_is_listed_and_grips_from_the_command_line(rig: RunningRig) -> None:
     make_ready(rig, LONG_S)
     url = f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"
     answers: list[str] = []
-    for words in (["drivers", "--json"], ["job", "grip", "--url", url, "--json"]):
+    for words in (["doctor", "--drivers", "--json"], ["job", "grip", "--url", url, "--json"]):
         line = [sys.executable, "-m", "pincette", *words]
         done = subprocess.run(line, capture_output=True, text=True, timeout=LONG_S, check=False)
         assert done.returncode == 0, done.stdout + done.stderr

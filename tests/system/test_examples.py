@@ -1,12 +1,15 @@
 """The examples of the documents, each run as a reader runs it: in a process of its own."""
 
 import csv
+import json
 import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Generator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from math import isnan
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, cast
@@ -35,6 +38,8 @@ OF_THEIR_OWN = {"orchestrator", "ros2_bridge"}
 FOREIGN = {"matplotlib", "msgpack", "zenoh"}
 LONGEST = 80
 PATIENCE_S = 30.0
+UNKNOWN_V = 55.5
+"""Voltage of messages that say that the output has not confirmed it."""
 COLOURED = 0.3
 """By how much the channels of a curve differ, which in grey they do not."""
 
@@ -150,41 +155,54 @@ def test_csv_ends_with_ctrl_c(played: Played, tmp_path: Path) -> None:
     assert_is_what_was_played(rows[: -int(ended[2]) or None], played)
 
 
+@contextmanager
+def publishing() -> Generator[tuple[ZenohBus, str]]:
+    """Offer a bus that publishes as a rig's programs, and the address of its router."""
+    with router(RIG) as ends:
+        bus = ZenohBus(ends, RIG, "played")
+        yield bus, ends.connect[0]
+        bus.close()
+
+
+def publish_until_ended(bus: ZenohBus, process: "subprocess.Popen[str]") -> None:
+    """Publish arming after arming, since it is not known when the process has subscribed.
+
+    Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost.
+    """
+    position, estimate, applied = (
+        message
+        for message in samples.grip(1)[0].messages()
+        if isinstance(message, Position | Estimate | Applied)
+    )
+    end, epoch = monotonic() + PATIENCE_S, 1
+    while process.poll() is None and monotonic() < end:
+        for seq in range(80):
+            for message in (position, estimate, applied):
+                if seq == 4 and message is estimate:
+                    continue
+                changes: dict[str, Any] = {"epoch": epoch, "seq": seq}
+                if message is applied:
+                    changes |= {"unconfirmed": seq == 3, "voltage_V": UNKNOWN_V if seq == 3 else 1}
+                else:
+                    changes["valid"] = seq != 2
+                bus.publish(cast(Any, replace)(message, **changes))
+        epoch += 1
+        sleep(0.05)
+
+
 def test_csv_leaves_empty_what_is_not_valid_and_keeps_samples_with_a_lost_message(
     tmp_path: Path,
 ) -> None:
-    """Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost."""
-    last = 80
-    with router(RIG) as ends:
-        bus = ZenohBus(ends, RIG, "played")
-        words = command("csv_export", "--router", ends.connect[0], "--rig", RIG, "--count", "9")
+    with publishing() as (bus, place):
+        words = command("csv_export", "--router", place, "--rig", RIG, "--count", "9")
         process = subprocess.Popen(
             [*words, "--file", str(tmp_path / "rig.csv")],
             env=environment(),
             stderr=subprocess.PIPE,
             text=True,
         )
-        (position, estimate, applied) = (
-            message
-            for message in samples.grip(1)[0].messages()
-            if isinstance(message, Position | Estimate | Applied)
-        )
-        end, epoch = monotonic() + PATIENCE_S, 1
-        while process.poll() is None and monotonic() < end:  # until it has subscribed
-            for seq in range(last):
-                for message in (position, estimate, applied):
-                    if seq == 4 and message is estimate:
-                        continue
-                    changes: dict[str, Any] = {"epoch": epoch, "seq": seq}
-                    if message is applied:
-                        changes["unconfirmed"] = seq == 3
-                    else:
-                        changes["valid"] = seq != 2
-                    bus.publish(cast(Any, replace)(message, **changes))
-            epoch += 1
-            sleep(0.05)
+        publish_until_ended(bus, process)
         _, said = process.communicate(timeout=PATIENCE_S)
-        bus.close()
     rows = {int(row["seq"]): row for row in rows_of(tmp_path / "rig.csv")}
     measured = ("x_um", "force_mN", "voltage_V")
     filled = {seq: [bool(row[name]) for name in measured] for seq, row in rows.items()}
@@ -192,6 +210,58 @@ def test_csv_leaves_empty_what_is_not_valid_and_keeps_samples_with_a_lost_messag
     assert {seq: filled[seq] for seq in wanted} == wanted
     assert all(all(cells) for seq, cells in filled.items() if seq not in wanted)
     assert said == "9 rows, 1 of them incomplete\n"
+
+
+def test_subscribe_prints_no_voltage_that_the_output_has_not_confirmed(tmp_path: Path) -> None:
+    with publishing() as (bus, place):
+        text = (EXAMPLES / "subscribe.py").read_text(encoding="utf-8")
+        assert "tcp/127.0.0.1:7447" in text
+        script = tmp_path / "subscribe.py"
+        changed = text.replace("tcp/127.0.0.1:7447", place).replace("/demo/", f"/{RIG}/")
+        script.write_text(changed, encoding="utf-8")
+        process = subprocess.Popen(
+            [sys.executable, str(script)], env=environment(), stdout=subprocess.PIPE, text=True
+        )
+        publisher = threading.Thread(target=publish_until_ended, args=(bus, process))
+        publisher.start()
+        assert process.stdout is not None
+        said = [process.stdout.readline() for _ in range(400)]
+        process.terminate()
+        publisher.join()
+        process.communicate(timeout=PATIENCE_S)
+    assert not [line for line in said if f"{UNKNOWN_V:.4f} V" in line]
+    assert sum("not confirmed" in line for line in said) >= 2
+    assert sum("not valid" in line for line in said) >= 2
+    assert sum(line.endswith("1.0000 V\n") for line in said) > 100
+
+
+def test_a_plot_has_a_gap_where_the_voltage_is_not_confirmed_or_a_sample_is_lost(
+    tmp_path: Path,
+) -> None:
+    """The script draws once into a file; its curves are read there, before it ends."""
+    with publishing() as (bus, place):
+        script, curves = tmp_path / "live_plot.py", tmp_path / "curves.json"
+        text = (EXAMPLES / "live_plot.py").read_text(encoding="utf-8")
+        script.write_text(
+            text
+            + "import json\n"
+            + "found = {name: [list(map(float, xy)) for xy in curve.get_data()]"
+            + " for name, curve in curves.items()}\n"
+            + f"open({str(curves)!r}, 'w').write(json.dumps(found))\n",
+            encoding="utf-8",
+        )
+        words = ["--router", place, "--rig", RIG, "--png", str(tmp_path / "rig.png")]
+        process = subprocess.Popen(
+            [sys.executable, str(script), *words, "--seconds", "2"], env=environment(), text=True
+        )
+        publish_until_ended(bus, process)
+        assert process.wait(PATIENCE_S) == 0
+    found: dict[str, tuple[list[float], list[float]]] = json.loads(curves.read_text())
+    voltages_V = found["voltage_V"][1]
+    assert UNKNOWN_V not in voltages_V
+    assert 1.0 in voltages_V
+    assert sum(map(isnan, voltages_V)) >= 1
+    assert sum(map(isnan, found["x_um"][1])) >= 1
 
 
 def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:

@@ -3,21 +3,34 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
+import json
 from collections import Counter
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from time import monotonic, sleep
 
+import httpx
 import pytest
 
 from pincette.bus.endpoints import tool_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config.reading import laid_over
 from pincette.core.messages import GroundTruth, Position, Telemetry
-from pincette.core.topics import GROUND_TRUTH, LOOP, POSITION, TELEMETRY, TOPICS, While, keys_of
+from pincette.core.topics import (
+    GROUND_TRUTH,
+    LOOP,
+    POSITION,
+    TELEMETRY,
+    TOPICS,
+    While,
+    keys_of,
+    live_key,
+)
+from tests.support.commands import pincette
 from tests.support.foreign import KINDS, declared, outsider
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import demo_rig
+from tests.support.routed import until
 from tests.support.running import RunningRig, running_rig
 
 STOP_S = 1.5
@@ -29,6 +42,7 @@ LOOKED_S = 2.5
 """Time for which the published topics are counted: timing is published once a second."""
 LEASED = laid_over(SHORT, {"safety": {"lease_s": LEASE_S}})
 SILENT_S = 0.5
+GHOSTS = tuple(f"ghost-{number}" for number in range(100))
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +85,73 @@ def test_a_hold_lasts_as_long_as_asked_beside_one(rig: RunningRig, kind: str) ->
     with beside(rig, (kind,), "peer"):
         job = rig.ended(rig.start_grip(hold_s=HELD_S))
         assert job["state"] == "succeeded", job["cause"]
+
+
+class TestTokensOfOtherRigs:
+    """Liveliness tokens of rigs that do not exist, or whose actuator does not answer."""
+
+    @contextmanager
+    def present(self, rig: RunningRig, hanging: tuple[str, ...] = ()) -> Generator[None]:
+        place = f"tcp/{rig.rig.bus.host}:{rig.rig.bus.port}"
+        with ExitStack() as stack:
+            tool = stack.enter_context(outsider("client", place))
+            for name in hanging:
+                stack.enter_context(declared(tool, "silent", f"pincette/v1/{name}/call/**"))
+            tokens = [
+                tool.liveliness().declare_token(live_key(name, program))
+                for name in (*GHOSTS, *hanging)
+                for program in LOOP
+            ]
+            listed = {*GHOSTS, *hanging}
+            until(lambda: listed <= unserved(rig))
+            yield
+            for token in tokens:
+                token.undeclare()
+
+    def test_tokens_alone_leave_every_stop_confirmed(self, rig: RunningRig) -> None:
+        make_ready(rig)
+        with self.present(rig):
+            begun_s = monotonic()
+            answer = rig.post("/estop")
+            assert monotonic() - begun_s < STOP_S
+            assert answer.status_code == 200, answer.text
+            assert [one["rig"] for one in answer.json()["rigs"]] == ["demo"]
+            found = pincette("estop", "--rig", rig.path, "--json")
+            assert found.returncode == 0, found.stdout + found.stderr
+            assert json.loads(found.stdout)["unconfirmed"] == []
+
+    def test_the_served_rig_is_stopped_beside_one_that_hangs(self, rig: RunningRig) -> None:
+        make_ready(rig)
+        with self.present(rig, ("hung-a", "hung-b")):
+            for path, missed in (("/estop", ["hung-a", "hung-b"]), ("/rigs/demo/estop", None)):
+                make_ready(rig)
+                begun_s = monotonic()
+                answer = rig.post(path)
+                assert monotonic() - begun_s < 2.0 * STOP_S
+                assert rig.view()["latch"]["cause"] == "estop"
+                if missed is None:
+                    assert answer.status_code == 200, answer.text
+                else:
+                    assert answer.status_code == 503
+                    assert answer.json()["stopped"] == ["demo"]
+                    assert sorted(answer.json()["unconfirmed"]) == missed, answer.text[-300:]
+
+            def stopped_from_the_command_line() -> bool:  # within 3 s, which a busy machine exceeds
+                found = pincette("estop", "--rig", rig.path, "--json")
+                said = json.loads(found.stdout)
+                assert found.returncode in (1, 3)
+                assert (
+                    {"hung-a", "hung-b"} <= {*said["unconfirmed"]} <= {"hung-a", "hung-b", "demo"}
+                )
+                return "demo" in said["stopped"]
+
+            until(stopped_from_the_command_line, 60.0)
+
+
+def unserved(rig: RunningRig) -> set[str]:
+    """Return the names of rigs that the supervisor has found and does not serve."""
+    reasons = httpx.get(f"{rig.rig.supervisor.url}/readyz").json()["reasons"]
+    return {reason.partition(":")[0] for reason in reasons}
 
 
 class TestWhatIsPublished:

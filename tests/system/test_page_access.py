@@ -13,7 +13,8 @@ from pincette.api import access as access_models
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.key_store import KeyStore
-from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
+from pincette_supervisor.journal.access_rows import AuditRepository
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.api import create_app
 from tests.support.browser import DESK, Visit, visit
@@ -36,9 +37,9 @@ class Bench:
 
     def key(self, name: str, scope: access_models.Scope) -> str:
         """Make a key that is in force at once."""
-        key, book = new_key(), KeyRepository(self.desk.store)
-        book.add(name, digest_of(key), scope)
-        self.access.authenticator.refresh(book)
+        key = new_key()
+        KeyFile(self.desk.store.folder).add(name, digest_of(key), scope)
+        self.access.authenticator.refresh(self.desk.store)
         return key
 
 
@@ -180,9 +181,9 @@ def test_a_person_signs_in_by_password_and_claims_the_rig(
     bench: Bench, context: BrowserContext
 ) -> None:
     seen = visit(context, bench.address)
-    book = KeyRepository(bench.desk.store)
-    KeyStore(book).add_user("ann", "operate", "of ten and more")
-    bench.access.authenticator.refresh(book)
+    store = bench.desk.store
+    KeyStore(KeyFile(store.folder), store).add_user("ann", "operate", "of ten and more")
+    bench.access.authenticator.refresh(store)
     seen.until("#sign-in", "This supervisor wants a key")
     seen.page.fill("#sign-in-user", "ann")
     sign_in(seen, "of ten and less")

@@ -30,7 +30,7 @@ RIG = f"{API}/rigs/demo"
 
 SAYS = {
     "pincette doctor": "in use by this very rig",
-    "job grip --dry-run": "feasible",
+    "plan grip": "feasible",
     "job grip --force-mN 15": "outcome gripped",
     "dry_run=true": '"feasible":true',
     '$API/rigs/demo"': '"can_start":true',
@@ -81,8 +81,8 @@ def test_make_demo(folder: Path) -> None:
     phases = ("zero", "approach", "contact", "load", "hold", "unload", "retreat")
     for wanted in (
         r"outcome +gripped",
-        r"contact position +\d+\.\d+ µm",
-        r"contact stiffness +\d\.\d+ mN/µm",
+        r"contact position, mean over the load +\d+\.\d+ µm",
+        r"contact stiffness, mean over the load +\d\.\d+ mN/µm",
         r"force held +\d+\.\d+ mN ± \d+\.\d+ mN",
         r"force asked for +20\.00 mN",
         r"force error +-?\d+\.\d+ mN",
@@ -138,10 +138,11 @@ def test_another_tool_subscribes(folder: Path) -> None:
         # In lockstep time passes while a job runs, and there is nothing to be heard before.
         client.post(f"{API}/jobs", json={"kind": "grip", "autostart": True}).raise_for_status()
         said = await_text(log, " V\n", process, 20.0)
-    assert re.match(r" *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN +-?\d+\.\d{4} V\n", said)
+    assert re.search(r"^ *-?\d+\.\d{3} µm +-?\d+\.\d{3} mN\n", said, re.MULTILINE)
+    assert re.search(r"^ *-?\d+\.\d{4} V\n", said, re.MULTILINE)
 
 
 def test_the_subscriber_needs_nothing_of_pincette() -> None:
     text = (ROOT / "docs/examples/subscribe.py").read_text(encoding="utf-8")
     assert re.findall(r"^(?:import|from) (\w+)", text, re.MULTILINE) == ["msgpack", "zenoh"]
-    assert len(text.splitlines()) <= 15
+    assert len(text.splitlines()) <= 16

@@ -77,7 +77,7 @@ def typed(*words: str) -> subprocess.CompletedProcess[str]:
 def replayed(rig: RunningRig, *jobs: str) -> None:
     """Every service repeats the records, one after another, to the last bit."""
     folders = [str(rig.data / "jobs" / job) for job in jobs]
-    told = typed("replay", "--json", *folders)
+    told = typed("records", "replay", "--json", *folders)
     assert told.returncode == 0, told.stdout + told.stderr
     for found in json.loads(told.stdout):
         for one in found["services"]:
@@ -169,7 +169,7 @@ def test_the_same_by_the_command_line(rig: RunningRig) -> None:
     assert told.returncode == 0, told.stderr
     assert "force error by the free response" in told.stdout
     assert typed("rig", "part", "remove", "--rig", str(rig.path)).returncode == 0
-    told = typed("calibrate", "residual", "--no-confirm", *url)
+    told = typed("job", "calibrate", "residual", "--no-confirm", *url)
     assert told.returncode == 0, told.stdout + told.stderr
     assert typed("rig", "part", "place", "--rig", str(rig.path)).returncode == 0
     assert typed("model", "accept", "last", *url).returncode == 0

@@ -63,7 +63,7 @@ def test_every_job_is_repeated_from_its_own_record(rig: RunningRig) -> None:
     assert rig.ended(stopped)["state"] == "stopped"
     act(rig, stopped, "release")
     folders = [record(rig, job) for job in (first, second, stopped)]
-    command = [sys.executable, "-m", "pincette", "replay", "--json", *map(str, folders)]
+    command = [sys.executable, "-m", "pincette", "records", "replay", "--json", *map(str, folders)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     for found in json.loads(done.stdout):

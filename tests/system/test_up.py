@@ -4,6 +4,7 @@ import os
 import re
 import signal
 from pathlib import Path
+from time import monotonic, sleep
 
 import pytest
 
@@ -53,27 +54,6 @@ def test_a_rig_that_was_only_up_and_ended_asks_nobody_when_it_is_up_again(tmp_pa
                 assert desk.start("grip", hold_s=0.1).wait(60.0).state == "succeeded"
 
 
-def test_programs_meet_at_sockets_of_their_own_where_they_shall(tmp_path: Path) -> None:
-    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
-    path.write_text(rig_toml(rig), encoding="utf-8")
-    data = tmp_path / "data"
-    command = [*PINCETTE, "up", "--sockets", "--rig", str(path), "--data", str(data)]
-    with until_interrupted(command, tmp_path, log) as process:
-        said = await_text(log, "is up at", process, 60.0)
-        named = re.search(r"^local sockets in (\S+);.*PINCETTE_SOCKETS=\1$", said, re.MULTILINE)
-        assert named is not None
-        folder = Path(named[1])
-        ports = {f"{rig.bus.port + offset}.sock" for offset in range(1 + len(LOOP))}
-        assert {one.name for one in folder.glob("*.sock")} == ports
-        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
-        with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
-            job = supervisor.rig("demo").start("grip", hold_s=0.1)
-            assert job.wait(60.0).state == "succeeded"
-        links = (data / "logs" / "actuator.log").read_text(encoding="utf-8")
-        assert re.search(rf"link up: .* at unixsock-stream/{folder}", links)
-    assert not folder.exists()
-
-
 def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
     tmp_path: Path,
 ) -> None:
@@ -102,3 +82,38 @@ def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
         assert {int(pids[name]) for name in PROGRAMS - {"supervisor"}} <= now.keys()
         text = log.read_text(encoding="utf-8")
         assert len(re.findall(r"^● supervisor .* serves at", text, re.MULTILINE)) == 3
+
+
+def test_a_router_that_was_killed_is_started_again_and_the_part_stays_held(tmp_path: Path) -> None:
+    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
+    path.write_text(rig_toml(rig), encoding="utf-8")
+    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
+    with until_interrupted(command, tmp_path, log) as process:
+        said = await_text(log, "is up at", process, 60.0)
+        pids = dict(re.findall(r"^● (\w+) +(\d+) ", said, re.MULTILINE))
+        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
+        with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
+            desk = supervisor.rig("demo")
+            job = desk.start("grip", until_released=True)
+            while "release" not in job.refresh(0.2).allowed_actions:
+                assert not job.ended
+            os.kill(int(pids["router"]), signal.SIGKILL)
+            until_s = monotonic() + 60.0
+            while len(served(log, "router")) < 2 or any(
+                one.trouble for one in desk.state().programs
+            ):
+                assert monotonic() < until_s
+                sleep(0.1)
+            view = desk.state()
+            assert (view.part, str(view.latch.state)) == ("held", "armed")
+            assert job.refresh().state == "running"
+            job.release()
+            assert job.wait(30.0).state == "succeeded"
+        now = processes_of(path)
+        assert {int(pids[name]) for name in PROGRAMS - {"router"}} <= now.keys()
+
+
+def served(log: Path, program: str) -> list[str]:
+    """Return the lines which state that a program serves."""
+    text = log.read_text(encoding="utf-8")
+    return re.findall(rf"^● {program} .* (?:routes|serves) at", text, re.MULTILINE)

@@ -30,10 +30,11 @@ config = zenoh.Config.from_json5(
     )
 )
 with zenoh.open(config) as session:
-    estimates = session.declare_subscriber(f"pincette/v1/{given.rig}/estimate")
-    for sample in estimates:
-        e = msgpack.unpackb(sample.payload.to_bytes())
-        if not e["valid"]:
-            print("not valid:", e["fault"], flush=True)
-            continue
-        print(f"{e['x_um']:8.3f} µm {e['force_mN']:8.3f} mN {e['applied_V']:8.4f} V", flush=True)
+    messages = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
+    for sample in messages:
+        topic, m = str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())
+        if topic.endswith("/estimate"):
+            found = f"{m['x_um']:8.3f} µm {m['force_mN']:8.3f} mN"
+            print(found if m["valid"] else f"not valid: {m['fault']}", flush=True)
+        elif topic.endswith("/applied"):
+            print("not confirmed" if m["unconfirmed"] else f"{m['voltage_V']:8.4f} V", flush=True)

@@ -4,8 +4,8 @@ from importlib import import_module
 from math import floor, pi
 
 from pincette.config import ConfigError, RigFile
+from pincette.control.safety.arm import ArmLimits
 from pincette.control.safety.freshness import AgeLimits
-from pincette.control.safety.second import SecondLimits
 from pincette.control.safety.state import SafetyLimits
 
 GRACE_PERIODS = 50.0
@@ -22,12 +22,14 @@ def configure(rig: RigFile) -> SafetyLimits:
     """Take the actuator's part of a rig file; raises ConfigError."""
     # A sweep is begun within a tick, which is too short for loading what reckons with arrays.
     import_module("pincette.control.planning.swept_voltages")
-    limits, safety, period_s = rig.limits, rig.safety, rig.rig.period_s
-    if not limits.voltage_min_V <= safety.safe_V <= limits.voltage_max_V:
-        raise ConfigError(
-            f"[safety] safe_V = {safety.safe_V} V is outside "
-            f"{limits.voltage_min_V}..{limits.voltage_max_V} V"
-        )
+    safety, period_s = rig.safety, rig.rig.period_s
+    for arm, where in zip(rig.arms, ("", " of [second.limits]"), strict=False):
+        limits = arm.limits
+        if not limits.voltage_min_V <= safety.safe_V <= limits.voltage_max_V:
+            raise ConfigError(
+                f"[safety] safe_V = {safety.safe_V} V is outside "
+                f"{limits.voltage_min_V}..{limits.voltage_max_V} V{where}"
+            )
     return SafetyLimits(
         period_s=period_s,
         lockstep=rig.lockstep,
@@ -38,26 +40,12 @@ def configure(rig: RigFile) -> SafetyLimits:
             wake_s=wake_s(period_s, rig.model.natural_frequency_rad_per_s),
             excused_s=EXCUSED_PERIODS * period_s,
         ),
-        voltage=rig.voltage_limits,
-        monitors=rig.monitors,
+        arms=tuple(ArmLimits(arm.voltage_limits, arm.monitors) for arm in rig.arms),
         ramp_s=safety.ramp_s,
         freeze_s=safety.freeze_s,
         safe_V=safety.safe_V,
-        second=_second(rig),
+        shaping_s=rig.shaping_s,
     )
-
-
-def _second(rig: RigFile) -> SecondLimits | None:
-    if rig.second is None:
-        return None
-    limits, safe_V = rig.second.limits, rig.safety.safe_V
-    if not limits.voltage_min_V <= safe_V <= limits.voltage_max_V:
-        raise ConfigError(
-            f"[safety] safe_V = {safe_V} V is outside {limits.voltage_min_V}.."
-            f"{limits.voltage_max_V} V of [second.limits]"
-        )
-    arm = rig.arms[1]
-    return SecondLimits(arm.voltage_limits, arm.monitors)
 
 
 def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:

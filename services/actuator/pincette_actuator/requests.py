@@ -14,7 +14,7 @@ from pincette.control.safety.latch import (
 )
 from pincette.control.safety.state import SafetyLimits
 from pincette.core.messages import Ack, Arm, Message, Reset, Trip
-from pincette.core.service import DeviceCommand, RefusedError
+from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
 from pincette_actuator.state import State, applied_of, voltages_of
 
 Answer = tuple[State, Message, tuple[Message | DeviceCommand, ...]]
@@ -60,6 +60,8 @@ def _answer(limits: SafetyLimits, before: State, state: State) -> Answer:
     seq = newest_seq(state.arrivals)
     applied = applied_of(state, seq)
     echo = (applied,) if applied.final or not limits.lockstep else ()
-    order = voltages_of(state)
-    moved = limits.lockstep and applied.final and order != voltages_of(before)
+    order = SetVoltage(voltages_of(state))
+    if state.interrupted:
+        return replace(state, interrupted=False), Ack(seq), (order, *echo)
+    moved = limits.lockstep and applied.final and voltages_of(state) != voltages_of(before)
     return state, Ack(seq), (order, *echo) if moved else echo

@@ -3,14 +3,15 @@
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from pincette.control.arm.shaping import ShapedStep
 from pincette.control.planning.sweep import Sweep
 from pincette.control.safety.admission import CommandFacts
+from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.causes import Mode
-from pincette.control.safety.second import SecondArm, SecondFacts
-from pincette.control.safety.state import SafetyState
+from pincette.control.safety.state import SafetyLimits, SafetyState
 from pincette.core.messages import Applied, Command
-from pincette.core.messages.second import SecondApplied, SecondCommand
-from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave
+from pincette.core.messages.second import SecondApplied
+from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave, WriteParts
 
 
 class State(SafetyState, frozen=True):
@@ -20,7 +21,7 @@ class State(SafetyState, frozen=True):
     """A command that has overtaken its sample."""
     answered_seq: int = -1
     sweep: Sweep | None = None
-    """What the instrument plays about ``voltage_V``."""
+    """Sweep that the instrument plays about the voltage of the first arm."""
 
     def settled(self) -> "State":
         """Outside an arming nothing plays; what waits is judged when its sample comes, since in
@@ -36,34 +37,36 @@ def facts_of(command: Command) -> CommandFacts:
         epoch=command.epoch,
         owner=command.owner,
         seq=command.seq,
-        voltage_V=command.voltage_V,
+        arms=_arms_of(command),
         part_held=command.part_held,
         final=command.final,
         valid=command.valid,
         fault=command.fault,
-        force_mN=command.force_mN,
-        x_d_um=command.x_d_um,
         sweep_V=None if command.sweep is None else command.sweep.amplitude_V,
-        second=None if command.second is UNSET else _second_facts(command.second),
     )
 
 
-def _second_facts(command: SecondCommand) -> SecondFacts:
-    return SecondFacts(command.voltage_V, command.force_mN, command.x_d_um)
+def _arms_of(command: Command) -> tuple[ArmFacts, ...]:
+    first = ArmFacts(command.voltage_V, command.force_mN, command.x_d_um)
+    second = command.second
+    if second is UNSET:
+        return (first,)
+    return first, ArmFacts(second.voltage_V, second.force_mN, second.x_d_um)
 
 
 def applied_of(
     state: State, seq: int, command: Command | None = None, age_s: float = 0.0
 ) -> Applied:
     """What became of tick ``seq``; ``command`` is the one that was taken for it, at that age."""
+    first, *others = state.arms
     return Applied(
         epoch=state.epoch,
         seq=seq,
-        voltage_V=state.voltage_V,
+        voltage_V=first.voltage_V,
         state=state.mode,
         cause=state.cause,
         faults=state.faults,
-        limits_active=state.limits_active,
+        limits_active=first.limits_active,
         part_held=state.part_held,
         zero=command is not None and command.zero,
         final=state.mode in (Mode.IDLE, Mode.LATCHED),
@@ -74,26 +77,27 @@ def applied_of(
         segment=None if command is None else command.segment,
         segment_tick=0 if command is None else command.segment_tick,
         slewing_s=None if command is None else state.slewing_s,
-        second=UNSET if state.second is None else _second_applied(state.second),
+        second=SecondApplied(others[0].voltage_V, others[0].limits_active) if others else UNSET,
     )
 
 
-def _second_applied(second: SecondArm) -> SecondApplied:
-    return SecondApplied(second.voltage_V, second.limits_active)
+def voltages_of(state: State) -> tuple[float, ...]:
+    """Return the voltage of each arm, in V."""
+    return tuple([arm.voltage_V for arm in state.arms])
 
 
-def voltages_of(state: State) -> SetVoltage:
-    """Command to the instruments to put out what the state has, of each arm there is."""
-    return SetVoltage(state.voltage_V, None if state.second is None else state.second.voltage_V)
+def step_of(limits: SafetyLimits, step: ShapedStep) -> DeviceCommand:
+    """Return the order to put out a step in parts."""
+    return WriteParts(step.parts_V(limits.arms[0].voltage.step_V), limits.shaping_s or 0.0)
 
 
 def order_of(state: State, before: State) -> DeviceCommand:
     """Command to the instrument: a voltage ends a sweep, a sweep that it plays goes on."""
     if state.sweep is None:
-        return voltages_of(state)
+        return SetVoltage(voltages_of(state))
     if state.sweep == before.sweep:
         return CheckWave()
     # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.
     from pincette.control.planning.swept_voltages import SweptVoltages
 
-    return Wave(SweptVoltages(state.sweep, state.voltage_V), state.sweep.rate_hz)
+    return Wave(SweptVoltages(state.sweep, state.arms[0].voltage_V), state.sweep.rate_hz)

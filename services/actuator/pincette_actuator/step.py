@@ -3,6 +3,7 @@ of the tick out."""
 
 from typing import NamedTuple
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -15,6 +16,7 @@ from pincette.control.safety.admission import (
     turned_away,
     unheard,
 )
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.confirmation import (
     begun,
@@ -35,7 +37,6 @@ from pincette.control.safety.latch import (
     shutdown,
     trip,
 )
-from pincette.control.safety.second import SecondArm
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.messages import Command, Message, Position
@@ -43,7 +44,7 @@ from pincette.core.service import Busy, DeviceCommand, Input, PutOut, ReadBack, 
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
-from pincette_actuator.state import State, applied_of, facts_of, order_of, voltages_of
+from pincette_actuator.state import State, applied_of, facts_of, order_of, step_of, voltages_of
 
 ANSWER_PERIODS = 0.75
 """A tick without a command by then is answered with the voltage that is kept."""
@@ -61,16 +62,13 @@ class Inputs(NamedTuple):
 
 
 def start(limits: SafetyLimits) -> State:
-    """Boot latched, at the safe voltage."""
-    second = None if limits.second is None else SecondArm(limits.safe_V)
-    return State(voltage_V=limits.safe_V, second=second)
+    """Boot latched, with each arm at the safe voltage."""
+    return State(arms=tuple(ArmOutput(limits.safe_V) for _ in limits.arms))
 
 
-def initialize_from_output(
-    limits: SafetyLimits, state: State, found_V: float, second_V: float | None = None
-) -> State:
-    """Begin from what is put out, after a restart or a reset."""
-    return begun(limits, state, found_V, second_V)
+def initialize_from_output(limits: SafetyLimits, state: State, found_V: tuple[float, ...]) -> State:
+    """Begin from the voltages that are put out, after a restart or a reset."""
+    return begun(limits, state, found_V)
 
 
 def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
@@ -83,10 +81,8 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         return _device_said(limits, state, said, now)
     skipped = -1
     if (position := inputs.position) is not None and position.epoch == state.epoch:
-        x_um = position.x_um if position.valid else None
-        second_um = position.second.x_um if position.second and position.second.valid else None
         skipped = skipped_seq(state.arrivals, position.seq)
-        state = sampled(limits, state, position.seq, x_um, now, second_um).settled()
+        state = sampled(limits, state, position.seq, _measured(position), now).settled()
         if position.fault is not None:
             state = explained(state, position.fault)
     command, facts = state.pending, None
@@ -110,6 +106,13 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     return state, (*outputs, applied_of(state, skipped))
 
 
+def _measured(position: Position) -> tuple[float | None, ...]:
+    first, second = position.x_um if position.valid else None, position.second
+    if second is UNSET:
+        return (first,)
+    return first, second.x_um if second.valid else None
+
+
 def _device_said(
     limits: SafetyLimits, state: State, said: Fault | PutOut | Slept, now: float
 ) -> tuple[State, Outputs]:
@@ -118,12 +121,11 @@ def _device_said(
         state = suspended(limits, state, said.slept_s, now)
         return _answer_tick(limits, state, now)
     if isinstance(said, PutOut):
-        state = found(limits, state, said.voltage_V, now, said.second_V).settled()
+        state = found(limits, state, said.voltages_V, now).settled()
         return state, (applied_of(state, newest_seq(state.arrivals)),)
     if waits_for_read_back(limits, state) and said.code is FaultCode.INSTRUMENT_INVALID:
         # It answers, but cannot say what it puts out: it stands where it was told last.
-        told = voltages_of(state)
-        return _device_said(limits, state, PutOut(told.voltage_V, told.second_V), now)
+        return _device_said(limits, state, PutOut(voltages_of(state)), now)
     state = _unconfirmed(state, said)
     state = trip(limits, state, Cause.DEVICE, now, faults=(said,))
     state, outputs = _answer_tick(limits, failed(state), now)
@@ -161,9 +163,13 @@ def _judge(
         taken = replace(
             after, sweep=command.sweep, answered_seq=command.seq, unconfirmed=False
         ).settled()
+        if state.sweep is not None:
+            # The voltage within a sweep is not known: the step that ends it has one part.
+            taken = replace(taken, shaped=None)
+        parts_s = 0.0 if taken.shaped is None else limits.parts_s
         return taken, (
-            order_of(taken, state),
-            applied_of(taken, command.seq, command, now - taken.fresh_s),
+            order_of(taken, state) if taken.shaped is None else step_of(limits, taken.shaped),
+            applied_of(taken, command.seq, command, now - taken.fresh_s + parts_s),
         )
     unasked = command.seq > state.answered_seq and not command.valid
     if limits.lockstep or unasked:
@@ -176,9 +182,7 @@ def _let_pass(
 ) -> tuple[State, Outputs]:
     """In real time: the age limit, the ramp, and ticks without a command."""
     later = pass_time(limits, state, now)
-    moved = later.voltage_V != before.voltage_V
-    if later.second is not before.second:
-        moved = voltages_of(later) != voltages_of(before)
+    moved = later.arms is not before.arms and voltages_of(later) != voltages_of(before)
     if moved or later.mode != before.mode:
         return _answer_tick(limits, later, now)
     if read_back_due(limits, later, now):
@@ -200,7 +204,14 @@ def _answer_tick(limits: SafetyLimits, state: State, now: float) -> tuple[State,
         state = replace(state, answered_seq=seq, asked_s=now if asks else state.asked_s)
         return state, (ReadBack(), echo) if asks else (echo,)
     if limits.lockstep or not stands(state):
-        state = replace(state, answered_seq=seq, unconfirmed=False, located=False)
+        state = replace(
+            state,
+            answered_seq=seq,
+            unconfirmed=False,
+            located=False,
+            shaped=None,
+            interrupted=False,
+        )
         return state, (order_of(state, state), echo)
     return replace(state, answered_seq=seq), (echo,)
 
@@ -230,7 +241,7 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     initialize_from_output=initialize_from_output,
     booted=booted,
     ending=ending,
-    state_snapshot=("voltage_V", "second", "part_held", "refused"),
+    state_snapshot=("arms", "part_held", "refused"),
     shutdown=_shutdown,
     may_kick_watchdog=may_kick_watchdog,
 )

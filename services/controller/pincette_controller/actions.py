@@ -10,12 +10,22 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Move, Press, Seek
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Acted, ActionCode, FaultCode, Outcome, Phase, fault
 from pincette.core.messages import Action, Lease
 from pincette_controller.guarding import STOP_S
-from pincette_controller.player_state import Player, enter, follow, has_phase, jump
+from pincette_controller.player_state import (
+    NO_PAUSE,
+    Pause,
+    Player,
+    enter,
+    follow,
+    has_phase,
+    jump,
+    with_watch,
+)
 
 ON_ITS_WAY = (Outcome.NONE, Outcome.GRIPPED, Outcome.TRACKED, Outcome.MOVED)
 """Outcomes of a program that goes as planned so far."""
@@ -31,41 +41,42 @@ class RunningLease(FrozenRecord, frozen=True):
 def stop(player: Player) -> Player:
     """Hold a part at the present F_r; without one, bring x_r to rest and end."""
     # Out of a pause nothing moves, and neither does it where nothing is known of the contact.
-    resting, open_loop = player.paused, player.segment.open_loop
-    law, speed = player.segment.law, 0.0 if resting else player.speed_um_per_s
+    resting, open_loop = player.pause.active, player.segment.open_loop
+    law, speed = player.segment.law, 0.0 if resting else player.ref.speed_um_per_s
     player = replace(
         player,
         outcome=Outcome.STOPPED,
-        pausing=False,
-        paused=False,
-        speed_um_per_s=speed,
+        pause=NO_PAUSE,
+        ref=player.ref._replace(speed_um_per_s=speed),
         ends_after="",
     )
     if player.held:
-        if player.contact_x_um is None or (resting and open_loop):
-            return enter(player, -1, Segment(Phase.HOLD, "voltage", None))
-        force_mN = None if resting else player.force_r_mN
-        rest = Segment(Phase.HOLD, "force", None, force_to_mN=force_mN, move_s=STOP_S, law=law)
-        return enter(player, -1, rest)
-    x_to_um, stop_s = _rest(player, speed)
-    rest = Segment(Phase.STOPPING, "free", stop_s, x_to_um=x_to_um, law=law)
-    return enter(replace(player, zeroing=False), -1, rest)
+        if not player.contact_known or (resting and open_loop):
+            return enter(player, -1, Drive(Phase.HOLD, None))
+        force_mN = None if resting else player.ref.force_mN
+        return enter(player, -1, Press(Phase.HOLD, None, law, to_mN=force_mN, move_s=STOP_S))
+    to_um, stop_s = _rest(player, speed)
+    player = with_watch(player, zeroing=False)
+    return enter(player, -1, Move(Phase.STOPPING, stop_s, law, to_um=to_um))
 
 
-def _rest(player: Player, speed_um_per_s: float) -> tuple[float, float]:
+def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ...], float]:
     """Where a free arm comes to rest that is stopped, and in what time: never nearer to a part.
 
-    It slows down over v·t/2, but not beyond where its segment leads. A seek may touch at any
+    It slows down over v·t/2, but not beyond the goal of its segment. A seek may touch at any
     sample: its arm goes back to where the seek began, where it was free.
     """
-    x_um, to_um = player.x_r_um, player.segment.x_to_um
-    if player.segment.kind == "seek":
-        return player.from_x_um, STOP_S
+    if player.pair is not None:
+        return (None, None), STOP_S
+    segment, x_um = player.segment, player.ref.x_um
+    if isinstance(segment, Seek):
+        return (player.entry.ref.x_um,), STOP_S
     way_um = 0.5 * STOP_S * speed_um_per_s
+    to_um = segment.to_um[0] if isinstance(segment, Move) else None
     left_um = 0.0 if to_um is None else to_um - x_um
-    if player.segment.kind != "free" or way_um * left_um <= 0.0 or abs(way_um) <= abs(left_um):
-        return x_um + way_um, STOP_S
-    return x_um + left_um, 2.0 * left_um / speed_um_per_s
+    if way_um * left_um <= 0.0 or abs(way_um) <= abs(left_um):
+        return (x_um + way_um,), STOP_S
+    return (x_um + left_um,), 2.0 * left_um / speed_um_per_s
 
 
 def let_go(program: Program, player: Player) -> Player:
@@ -81,52 +92,54 @@ def retract(program: Program, player: Player) -> Player:
         return release(program, replace(player, outcome=Outcome.STOPPED, ends_after=""))
     if not has_phase(program, Phase.RETREAT):
         return stop(player)
-    speed = 0.0 if player.paused else player.speed_um_per_s
-    player = replace(player, outcome=Outcome.STOPPED, zeroing=False, speed_um_per_s=speed)
-    return jump(program, player, Phase.RETREAT, player.x_r_um)
+    ref = player.ref._replace(speed_um_per_s=0.0) if player.pause.active else player.ref
+    player = replace(with_watch(player, zeroing=False), outcome=Outcome.STOPPED, ref=ref)
+    return jump(program, player, Phase.RETREAT, ref.x_um)
 
 
 def release(program: Program, player: Player) -> Player:
     """Go on with the unload, from wherever a part is held."""
-    return jump(program, player, Phase.UNLOAD, player.x_r_um)
+    return jump(program, player, Phase.UNLOAD, player.ref.x_um)
 
 
 def keep(player: Player) -> Player:
     """End with the part held; the voltage stays as it is applied."""
-    return replace(player, outcome=player.outcome or Outcome.STOPPED, ended=True, paused=False)
+    return replace(player, outcome=player.outcome or Outcome.STOPPED, ended=True, pause=NO_PAUSE)
 
 
 def may_keep(player: Player) -> bool:
     """Whether a part is held, and nothing moves."""
-    return player.held and (player.paused or player.segment.phase == Phase.HOLD)
+    return player.held and (player.pause.active or player.segment.phase == Phase.HOLD)
 
 
 def waits(player: Player) -> bool:
     """Whether the program waits for the action ``continue``; one that holds waits for another."""
-    endless = player.segment.kind == "voltage" and player.segment.duration_s is None
-    return endless and not player.held and not player.paused
+    endless = isinstance(player.segment, Drive) and player.segment.duration_s is None
+    return endless and not player.held and not player.pause.active
 
 
 def pause(player: Player) -> Player:
     """Request a pause; one that has begun goes on."""
-    return player if player.paused else replace(player, pausing=True)
+    if player.pause.active:
+        return player
+    return replace(player, pause=replace(player.pause, requested=True))
 
 
 def resume(player: Player) -> Player:
     """Go on with the segment's time where it stood, or withdraw the request."""
-    return replace(player, pausing=False, paused=False, resumed=player.paused)
+    return replace(player, pause=Pause(over=player.pause.active))
 
 
 def action_objection(pending: Sequence[Action], player: Player | None, action: ActionCode) -> str:
     """Why a program that plays does not take an action, beside those pending; empty: it does."""
     held = player is not None and player.held
-    paused = player is not None and player.paused
+    paused = player is not None and player.pause.active
     outcome = Outcome.NONE if player is None else player.outcome
     if action == ActionCode.PAUSE and outcome not in ON_ITS_WAY:
         return f"the program is not on its way any more ({outcome}): pause has nothing to act on"
     if action == ActionCode.RESUME:
         asked = any(other.action == ActionCode.PAUSE for other in pending)
-        pausing = player is not None and player.pausing
+        pausing = player is not None and player.pause.requested
         if not (asked or pausing or paused):
             return "the program is not paused: resume has nothing to go on with"
     if action == ActionCode.RELEASE and not held:
@@ -186,7 +199,7 @@ def _done(
 
 def acted_in_tick(acted: Sequence[Acted], before: Player, after: Player) -> tuple[Acted, ...]:
     """What telemetry reports as having acted; ``before`` is the player at the start of the tick."""
-    begun = after.paused and (not before.paused or Acted.RESUME in acted)
+    begun = after.pause.active and (not before.pause.active or Acted.RESUME in acted)
     return (*acted, Acted.PAUSE) if begun else tuple(acted)
 
 

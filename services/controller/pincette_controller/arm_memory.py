@@ -9,8 +9,6 @@ from msgspec.structs import replace
 
 from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
-from pincette.control.response.hysteresis import HysteresisState
-from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Estimate
 
@@ -65,9 +63,3 @@ class ArmMemory(FrozenRecord, frozen=True):
         same = model == self.model
         response = self.response if same else self.past.replayed(model)
         return ArmMemory(response, model, self.past)
-
-    @property
-    def for_law(self) -> HysteresisState | None:
-        """What a law of the identified set works with; None where nothing is identified."""
-        response = self.response
-        return response.memory if isinstance(response, IdentifiedResponse) else None

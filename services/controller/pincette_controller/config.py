@@ -12,15 +12,15 @@ from pincette.control.arm.plant import ArmParameters, OutputTiming
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.laws import two_arms
 from pincette.control.laws.definition import LawDefinition, LawSettings
-from pincette.control.laws.law import Law, build
+from pincette.control.laws.law import build
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
-from pincette.control.laws.two_arms import TwoArmParameters
 from pincette.control.planning.program import Program
 from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
+from pincette_controller.control_laws import ControlLaw, OneArmLaw, TwoArmsLaw
 from pincette_controller.learning import check_cycle
 
 
@@ -48,21 +48,43 @@ class ControllerConfig:
     second: "ControllerConfig | None" = None
     """Of the second arm."""
 
-    def laws(self, program: Program) -> tuple[Law, ...]:
-        """Laws of a program, in its order; raises ValueError where one cannot be made."""
+    def laws(self, program: Program) -> tuple[ControlLaw, ...]:
+        """Return the laws of a program, in its order; raises ValueError where one is impossible."""
+        if self.second is not None:
+            return self._two_arm_laws(self.second, program)
         chosen = [self._settings(spec) for spec in program.laws] or [self.law]
         identified = self.response
         hysteresis = identified.model if isinstance(identified, IdentifiedResponse) else None
         return tuple(
-            build(
-                settings,
-                self.arm,
-                self.period_s,
-                self.force_filter_s,
-                hysteresis,
-                self.output,
+            OneArmLaw(
+                build(
+                    settings,
+                    self.arm,
+                    self.period_s,
+                    self.force_filter_s,
+                    hysteresis,
+                    self.output,
+                )
             )
             for settings in chosen
+        )
+
+    def _two_arm_laws(self, second: "ControllerConfig", program: Program) -> tuple[ControlLaw, ...]:
+        arms, period_s = (self.arm, second.arm), self.period_s
+        um_per_V = self.arm.d / self.arm.k, second.arm.d / second.arm.k
+        return tuple(
+            TwoArmsLaw(
+                two_arms.build(
+                    arms,
+                    TWO_ARMS.gains(spec, arms, period_s),
+                    period_s,
+                    self.part_um_per_mN,
+                    self.output,
+                ),
+                um_per_V,
+                period_s,
+            )
+            for spec in program.laws or (LawSpec(TWO_ARMS.name),)
         )
 
     def _settings(self, spec: LawSpec) -> LawSettings:
@@ -72,40 +94,6 @@ class ControllerConfig:
         return self.installed[spec.scheme].resolve(spec)
 
 
-def pair_laws(
-    config: ControllerConfig, second: ControllerConfig, program: Program
-) -> tuple[TwoArmParameters, ...]:
-    """Laws of a program of two arms; raises ValueError where one cannot be made."""
-    arms = config.arm, second.arm
-    return tuple(
-        two_arms.build(
-            arms,
-            TWO_ARMS.gains(spec, arms, config.period_s),
-            config.period_s,
-            config.part_um_per_mN,
-            config.output,
-        )
-        for spec in program.laws or (LawSpec(TWO_ARMS.name),)
-    )
-
-
-def check_pair_program(
-    config: ControllerConfig, second: ControllerConfig, program: Program
-) -> None:
-    """Raise ValueError for a program that cannot be played by two arms."""
-    try:
-        made = pair_laws(config, second, program)
-    except ValueError as error:
-        raise ValueError(f"a law of the program: {error}") from error
-    for segment in program.segments:
-        if segment.kind == "sweep":
-            raise ValueError(f"{segment.phase} is a sweep, which two arms do not play")
-        if segment.both is None and not segment.open_loop:
-            raise ValueError(f"{segment.phase} is for one arm, and this rig has two")
-        if not 0 <= segment.law < len(made):
-            raise ValueError(f"{segment.phase} names law {segment.law}, there are {len(made)}")
-
-
 def check_program(config: ControllerConfig, program: Program) -> None:
     """Raise ValueError for a program that cannot be played.
 
@@ -113,13 +101,10 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     """
     if not program.segments:
         raise ValueError("the program has no segments")
-    if config.second is not None:
-        check_pair_program(config, config.second, program)
-        return
-    if any(segment.both is not None for segment in program.segments):
+    if config.second is None and any(segment.arms == 2 for segment in program.segments):
         raise ValueError("the program is for two arms, and this rig has one")
     made = program.laws
-    if not isinstance(config.response, IdentifiedResponse):
+    if config.second is None and not isinstance(config.response, IdentifiedResponse):
         made = tuple(spec for spec in made if spec.set != "identified")
     try:
         if made or not program.laws:
@@ -129,6 +114,8 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     check_cycle(program, config.period_s)
     count = max(1, len(program.laws))
     for segment in program.segments:
+        if config.second is not None and segment.arms == 1:
+            raise ValueError(f"{segment.phase} is for one arm, and this rig has two")
         if not 0 <= segment.law < count:
             raise ValueError(f"{segment.phase} names law {segment.law}, there are {count}")
 
@@ -150,7 +137,7 @@ def _of_arm(rig: RigFile) -> ControllerConfig:
         law=rig.law_settings,
         installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
-        output=rig.model.output(rig.rig.period_s),
+        output=rig.output_timing,
         monitors=rig.monitors,
         voltage=rig.voltage_limits,
         steps=derived.step_limits(rig),

@@ -5,6 +5,7 @@ from msgspec.structs import replace
 from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
 from pincette.control.planning.repetition import CycleLearner, cycle_ticks
+from pincette.control.planning.segments import Segment, Track
 from pincette.control.record import FrozenRecord
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import Player
@@ -29,7 +30,8 @@ def check_cycle(program: Program, period_s: float) -> None:
     known = program.corrections
     if known is None:
         return
-    cycles = [s.path.cycle_s for s in program.segments if _cyclic(s.path) and s.path is not None]
+    paths = [_cyclic_path(segment) for segment in program.segments]
+    cycles = [path.cycle_s for path in paths if path is not None]
     if not cycles:
         raise ValueError("the program learns, and none of its paths has cycles")
     for cycle_s in cycles:
@@ -40,29 +42,31 @@ def check_cycle(program: Program, period_s: float) -> None:
 
 def learn(learning: Learning, before: Player, estimate: Estimate, period_s: float) -> Learning:
     """Take in x - x_r of the newest sample, whose references the tick before has set."""
-    path = before.segment.path
-    if learning.learner is None or path is None or not _cyclic(path):
+    path = _cyclic_path(before.segment)
+    if learning.learner is None or path is None:
         return learning
     t_s, slack_s = before.ticks * period_s, 0.5 * period_s
     if not path.full_from_s - slack_s <= t_s < path.full_to_s - slack_s:
         return learning
     learner = learning.learner.follow(
         before.ticks,
-        estimate.x_um - before.x_r_um,
-        limited=bool(estimate.limits_active) or before.paused,
+        estimate.x_um - before.ref.x_um,
+        limited=bool(estimate.limits_active) or before.pause.active,
     )
     return replace(learning, learner=learner)
 
 
 def correct(learning: Learning, player: Player, period_s: float) -> Learning:
     """Find what is added to x_r of the sample to come; it blends in and out as the path does."""
-    path = player.segment.path
-    if learning.learner is None or path is None or not _cyclic(path) or player.ended:
+    path = _cyclic_path(player.segment)
+    if learning.learner is None or path is None or player.ended:
         return replace(learning, correction_um=0.0) if learning.correction_um else learning
     share = path.share(player.ticks * period_s)
     value_um = share * learning.learner.corrections.at(player.ticks)
     return replace(learning, correction_um=value_um)
 
 
-def _cyclic(path: Path | None) -> bool:
-    return path is not None and not path.knots and path.quantity != "voltage"
+def _cyclic_path(segment: Segment) -> Path | None:
+    """Return the path of the force where it has cycles; None otherwise."""
+    path = segment.force if isinstance(segment, Track) else None
+    return None if path is None or path.knots else path

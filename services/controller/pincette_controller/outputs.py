@@ -11,26 +11,28 @@ from operator import attrgetter
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
-from pincette.control.laws.law import LawState
-from pincette.control.laws.sliding import LawOutput
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import PlayedSweep
 from pincette.control.safety.admission import nonsense
 from pincette.control.safety.monitors import Watches, finding, watch_command, watch_position
 from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
-from pincette.core.messages.second import SecondCommand
+from pincette.core.messages.second import SecondCommand, SecondTelemetry
 from pincette_controller.config import ControllerConfig
-from pincette_controller.guarding import sure_force_mN
+from pincette_controller.control_laws import Wanted
+from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
 
-NUMBERS = largest_floats(Telemetry)
-"""Of telemetry, each with the largest magnitude that a decoder takes."""
+NUMBERS, SECOND_NUMBERS = largest_floats(Telemetry), largest_floats(SecondTelemetry)
+"""Numbers of telemetry, and of its second arm, with the largest magnitude that a decoder takes."""
 NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
+SECOND_NUMBERS_OF = attrgetter(*[name for name, _ in SECOND_NUMBERS])
 
 
 def known_force_mN(estimate: Estimate, player: Player | None) -> float | None:
     """The force that the hard limit is held against, as the guards take it; None within a sweep."""
-    if not estimate.valid or (player is not None and player.segment.kind == "sweep"):
+    if not estimate.valid or (player is not None and isinstance(player.segment, PlayedSweep)):
         return None
     return sure_force_mN(estimate)
 
@@ -78,17 +80,46 @@ def _no_command_of_second(estimate: Estimate) -> SecondCommand | UnsetType:
     return SecondCommand(view.applied_V, force_mN=known_force_mN(view, None))
 
 
+def command_of(
+    program: Program,
+    player: Player,
+    estimate: Estimate,
+    owner: int,
+    voltage_V: float,
+    x_d_um: float | None,
+    second: SecondCommand | UnsetType = UNSET,
+) -> Command:
+    """Return a command with the state of the program, before it is checked."""
+    segment = player.segment
+    return Command(
+        epoch=estimate.epoch,
+        seq=estimate.seq,
+        owner=owner,
+        voltage_V=voltage_V,
+        part_held=player.held,
+        zero=player.zero,
+        final=player.ended,
+        valid=True,
+        sweep=segment.sweep if isinstance(segment, PlayedSweep) and not player.ended else None,
+        force_mN=known_force_mN(estimate, player),
+        segment=player.index if 0 <= player.index < len(program.segments) else None,
+        segment_tick=player.ticks,
+        x_d_um=x_d_um,
+        second=second,
+    )
+
+
 def telemetry_of(
     estimate: Estimate,
     before: Player,
-    memory: LawState,
     player: Player,
-    output: LawOutput,
+    wanted: Wanted,
     acted: tuple[Acted, ...],
     correction_um: float,
 ) -> Telemetry:
     """Telemetry of sample k: its references are those that the tick before set for it."""
-    seen = player.seen_step
+    seen, line, touch = player.slip.confirmed, player.entry.line, player.touch
+    output = wanted.output
     return Telemetry(
         epoch=estimate.epoch,
         seq=estimate.seq,
@@ -96,24 +127,24 @@ def telemetry_of(
         phase=player.segment.phase,
         segment=player.index,
         segment_tick=player.ticks,
-        x_r_um=before.x_r_um,
-        x_d_um=memory.x_d_um,
-        force_r_mN=before.force_r_mN,
+        x_r_um=before.ref.x_um,
+        x_d_um=wanted.x_d_um,
+        force_r_mN=before.ref.force_mN,
         sliding_um=output.sliding_um,
         band_um=output.band_um,
         perturbation_mN=output.perturbation_mN,
         perturbation_error_mN=output.perturbation_error_mN,
         residual_um=output.residual_um,
         outcome=player.outcome,
-        contact_x_um=player.contact_x_um,
-        contact_stiffness_mN_per_um=player.K_e_mN_per_um,
+        contact_x_um=None if line is None else line.x_e_um,
+        contact_stiffness_mN_per_um=None if line is None else line.K_e_mN_per_um,
         held=player.held,
         acted=acted,
-        paused=player.paused,
-        touch_x_um=player.touch_x_um,
-        touch_mN=player.touch_mN,
+        paused=player.pause.active,
+        touch_x_um=touch and touch.x_um,
+        touch_mN=touch and touch.force_mN,
         correction_um=correction_um,
-        slips=player.slips,
+        slips=player.slip.slips,
         step_um=seen and seen.step_um,
         step_x_um=seen and seen.step.before_x_um,
         step_mN=seen and seen.force_mN,
@@ -126,6 +157,13 @@ def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
     for (name, most), number in zip(NUMBERS, NUMBERS_OF(telemetry), strict=True):
         if number is not None and not -most <= number <= most:
             return fault(FaultCode.LAW_NUMBER, **{name: number})
+    if telemetry.second is UNSET:
+        return None
+    for (name, most), number in zip(
+        SECOND_NUMBERS, SECOND_NUMBERS_OF(telemetry.second), strict=True
+    ):
+        if not -most <= number <= most:
+            return fault(FaultCode.LAW_NUMBER, **{f"second.{name}": number})
     return None
 
 

@@ -5,14 +5,32 @@ A part counts as held from the moment that the sides which are looked for have t
 
 from msgspec.structs import replace
 
-from pincette.control.planning.program import BothArms, Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Drive, Move, Ramp, Seek
 from pincette.core.faults import Outcome, Phase
-from pincette_controller.guarding import BACK_UM, RETREAT_S, WATCHED
+from pincette_controller.guarding import (
+    BACK_UM,
+    CONFIRMED_PERIODS,
+    RETREAT_S,
+    WATCHED,
+    await_zero,
+    give_up,
+    least_place_um,
+    too_much,
+    watch_part,
+    watches_at_rest,
+)
 from pincette_controller.pair_stand import PairStand, Seen
-from pincette_controller.player_state import Player, enter, follow, has_phase, jump, leave
-
-CONFIRMED_PERIODS = 0.5
-"""Age, in periods, that a zero which answers the newest request stays below."""
+from pincette_controller.player_state import (
+    NO_PAUSE,
+    Player,
+    Touch,
+    enter,
+    has_phase,
+    jump,
+    opened,
+    with_watch,
+)
 
 
 def pair_guard(
@@ -20,24 +38,31 @@ def pair_guard(
 ) -> Player:
     """Judge the newest sample, which ``pair`` has followed."""
     segment = player.segment
-    if not segment.guarded and (player.clear or player.touching):
-        player = replace(player, clear=False, touching=0)
+    if not segment.guarded and (player.watch.clear or player.watch.touching):
+        player = with_watch(player, clear=False, touching=0)
     if segment.open_loop and _beyond(program.guards, now):
         if player.outcome != Outcome.OVERTRAVEL:
-            return _give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), now)
-    elif (
-        max(now.sure_mN) - player.begin_mN > program.guards.force_max_mN and segment.kind != "sweep"
-    ):
+            return give_up(program, replace(player, outcome=Outcome.OVERTRAVEL), now.place_um)
+    elif too_much(program, player, max(now.sure_mN)):
         if player.outcome != Outcome.OVERFORCE:
-            return _give_up(program, replace(player, outcome=Outcome.OVERFORCE), now)
-    elif player.zeroing:
-        return _await_zeros(program, player, now, period_s)
-    elif segment.kind == "seek":
-        return _seek(program, player, pair, now)
+            return give_up(program, replace(player, outcome=Outcome.OVERFORCE), now.place_um)
+    elif player.watch.zeroing:
+        newest_s = CONFIRMED_PERIODS * period_s
+        return await_zero(
+            program,
+            player,
+            now.place_um,
+            period_s,
+            confirmed=all(age_s is not None and age_s < newest_s for age_s in now.zero_ages_s),
+            refused=now.zero_refused,
+        )
+    elif isinstance(segment, Seek):
+        return _seek(program, player, segment, pair, now)
     elif segment.guarded and player.outcome != Outcome.CONTACT:
-        return _watch_way(program, player, pair, now)
-    elif segment.presses and (segment.phase in WATCHED or player.paused):
-        return _watch_part(program, player, now)
+        return _watch_way(program, player, now)
+    elif segment.presses and (segment.phase in WATCHED or player.pause.active):
+        # Both open where either arm has none of its force: neither lets go alone.
+        return watch_part(program, player, min(now.forces_mN), now.place_um)
     return player
 
 
@@ -48,127 +73,115 @@ def _beyond(guards: Guards, now: Seen) -> bool:
     )
 
 
-def _give_up(program: Program, player: Player, now: Seen) -> Player:
-    """Open both arms together, by the program's own way back where it has one."""
-    for phase in (Phase.RETREAT, Phase.UNLOAD):
-        if has_phase(program, phase):
-            return jump(program, player, phase, now.place_um)
-    back = Segment(Phase.RETREAT, "free", RETREAT_S, both=BothArms(0.0, 0.0))
-    player = replace(player, pausing=False, paused=False)
-    return enter(leave(player, back, now.place_um), len(program.segments), back)
-
-
-def _await_zeros(program: Program, player: Player, now: Seen, period_s: float) -> Player:
-    """Go on once both estimators have answered."""
-    guards = program.guards
-    newest_s = CONFIRMED_PERIODS * period_s
-    if all(age_s is not None and age_s < newest_s for age_s in now.zero_ages_s):
-        return follow(program, replace(player, zeroing=False), now.place_um)
-    waited = player.count + 1
-    if not now.zero_refused and waited * period_s <= guards.zero_wait_s:
-        return replace(player, count=waited)
-    player = replace(player, zeroing=False)
-    if not guards.zero_needed:
-        return follow(program, player, now.place_um)
-    refused = replace(player, outcome=Outcome.ZERO_REFUSED)
-    return jump(program, refused, Phase.RETREAT, now.place_um)
-
-
-def _seek(program: Program, player: Player, pair: PairStand, now: Seen) -> Player:
-    """Go on to the next segment once each side that is looked for has touched."""
-    both, guards = player.segment.both, program.guards
-    sides = "both" if both is None else both.sides
-    # An arm that looks alone shows its touch as a rise above what its model errs by.
-    first, second = (mN - drift for mN, drift in zip(pair.felt_mN, pair.drift_mN, strict=True))
-    felt = {"first": first, "second": second, "both": min(pair.felt_mN)}[sides]
-    if felt < guards.contact_force_mN:
+def _seek(program: Program, player: Player, seek: Seek, pair: PairStand, now: Seen) -> Player:
+    """Go on to the next segment once each arm that must touch has touched."""
+    if all(seek.sides):
+        felt_mN = min(pair.felt_mN)
+    else:
+        # The touch of an arm that moves alone is a rise above the error of its model.
+        side = seek.sides.index(True)
+        felt_mN = pair.felt_mN[side] - pair.drift_mN[side]
+    if felt_mN < program.guards.contact_force_mN:
         return player
-    first_um, second_um = pair.felt_um
-    if sides == "both":
+    early = _found_early(program, seek, pair, now)
+    if early is not None:
+        side, place_um = early
+        return _turn_back(program, player, now, side, (place_um, pair.felt_mN[side]))
+    if all(seek.sides):
         return _hold(program, player, pair, now)
-    pair = replace(
-        pair.left(),
-        found_first_um=first_um if sides == "first" else pair.found_first_um,
-        found_second_um=second_um if sides == "second" else pair.found_second_um,
+    found = tuple(
+        felt_um if touches else before_um
+        for touches, felt_um, before_um in zip(
+            seek.sides, pair.felt_um, player.entry.found_um, strict=True
+        )
     )
-    # The arm that has found the part stops there; both are led on from where they are.
-    touched = replace(player, x_r_um=now.place_um, speed_um_per_s=0.0, pair=pair)
+    # The arm that has found the part stops there. The references go on from the measured tips.
+    touched = replace(
+        player,
+        ref=opened(player)._replace(x_um=now.place_um, speed_um_per_s=0.0),
+        entry=player.entry._replace(found_um=found),
+    )
     return enter(touched, player.index + 1, program.segments[player.index + 1])
+
+
+def _found_early(
+    program: Program, seek: Seek, pair: PairStand, now: Seen
+) -> tuple[int, float] | None:
+    """Return the first arm that met the part before its planned place, and where; None if none did.
+
+    As for one arm: a part that pressed when the force was zeroed is met at once. The faces of both
+    sides yield alike, so that a tip is F/(2·K) beyond the place at which it touched.
+    """
+    for side, touches in enumerate(seek.sides):
+        yielded_um = 0.5 * pair.felt_mN[side] / program.contact_stiffness_mN_per_um
+        place_um = pair.felt_um[side] - yielded_um
+        doubted = touches and now.zeros_unconfirmed[side]
+        if doubted and place_um < least_place_um(program.guards, side):
+            return side, place_um
+    return None
 
 
 def _hold(program: Program, player: Player, pair: PairStand, now: Seen) -> Player:
-    first_um, second_um = pair.felt_um
+    force_mN = 0.5 * (now.forces_mN[0] + now.forces_mN[1])
     touched = replace(
         player,
         held=True,
-        force_r_mN=0.5 * (now.forces_mN[0] + now.forces_mN[1]),
-        speed_um_per_s=0.0,
-        contact_x_um=player.x_r_um,
-        pair=replace(pair, found_first_um=first_um, found_second_um=second_um),
+        ref=player.ref._replace(force_mN=force_mN, speed_um_per_s=0.0),
+        entry=player.entry._replace(found_um=pair.felt_um, held_at_um=player.ref.x_um),
     )
     return enter(touched, player.index + 1, program.segments[player.index + 1])
 
 
-def _watch_way(program: Program, player: Player, pair: PairStand, now: Seen) -> Player:
+def _watch_way(program: Program, player: Player, now: Seen) -> Player:
     """Turn back where either arm meets something; what it still left behind must be clear first."""
     guards = program.guards
     touches = [mN for _, mN in now.touches]
     if player.segment.phase == Phase.RETREAT:
         # Away from the part only what is behind an arm can be met.
         touches = [min(mN, 0.0) for mN in touches]
+    elif player.segment.zeroes:
+        # As for one arm: what pushed an arm at the zero before is gone.
+        touches = [max(mN, 0.0) for mN in touches]
+    else:
+        touches = [
+            mN if age_s is not None else max(mN, 0.0)
+            for mN, age_s in zip(touches, now.zero_ages_s, strict=True)
+        ]
     side = 0 if abs(touches[0]) >= abs(touches[1]) else 1
     if abs(touches[side]) < guards.contact_force_mN:
-        if player.clear and not player.touching:
+        if player.watch.clear and not player.watch.touching:
             return player
-        return replace(player, clear=True, touching=0)
-    if not player.clear:
+        return with_watch(player, clear=True, touching=0)
+    if not (player.watch.clear or watches_at_rest(player)):
         return player
-    if player.touching + 1 < guards.contact_samples:
-        return replace(player, touching=player.touching + 1)
-    return _turn_back(program, player, pair, now, side)
+    if player.watch.touching + 1 < guards.contact_samples:
+        return with_watch(player, touching=player.watch.touching + 1)
+    return _turn_back(program, player, now, side, now.touches[side])
 
 
-def _turn_back(program: Program, player: Player, pair: PairStand, now: Seen, side: int) -> Player:
-    touch_x_um, touch_mN = now.touches[side]
+def _turn_back(
+    program: Program, player: Player, now: Seen, side: int, touch: tuple[float | None, float]
+) -> Player:
+    """Go back to where the program began, or out of what is behind an arm."""
+    touch_x_um, touch_mN = touch
     behind = touch_mN < 0.0
     touched = replace(
         player,
         outcome=Outcome.CONTACT,
-        touch_x_um=touch_x_um,
-        touch_mN=touch_mN,
-        x_r_um=now.place_um,
-        speed_um_per_s=0.0,
-        pair=pair.left(),
-        pausing=False,
-        paused=False,
+        touch=Touch(touch_x_um, touch_mN),
+        ref=opened(player)._replace(x_um=now.place_um, speed_um_per_s=0.0),
+        pause=NO_PAUSE,
     )
     if player.segment.open_loop:
-        back = Segment(
-            Phase.STOPPING,
-            "voltage",
-            RETREAT_S,
-            voltage_to_V=min(player.begin_V, now.applied_V[0]),
-            both=BothArms(second_to_V=min(pair.begin_V, now.applied_V[1])),
+        ramps = tuple(
+            Ramp(min(begin_V, applied_V))
+            for begin_V, applied_V in zip(player.began.voltages_V, now.applied_V, strict=True)
         )
-        return enter(touched, -1, back)
+        return enter(touched, -1, Drive(Phase.STOPPING, RETREAT_S, courses=ramps))
     if has_phase(program, Phase.RETREAT) and not behind:
         return jump(program, touched, Phase.RETREAT, now.place_um)
     tips = now.tips_um
-    goals = [min(begin, tip) for begin, tip in zip(pair.begin_um, tips, strict=True)]
+    goals = [min(begin, tip) for begin, tip in zip(player.began.tips_um, tips, strict=True)]
     if behind:
         goals = [tip + BACK_UM if arm == side else tip for arm, tip in enumerate(tips)]
-    rest = Segment(Phase.STOPPING, "free", RETREAT_S, both=BothArms(goals[0], goals[1]))
-    return enter(touched, -1, rest)
-
-
-def _watch_part(program: Program, player: Player, now: Seen) -> Player:
-    """A part is lost where either arm has none of its force: both open, neither lets go alone."""
-    guards = program.guards
-    passing = player.segment.phase != Phase.HOLD or player.index < 0
-    light = passing and player.force_r_mN < 2.0 * guards.contact_force_mN
-    if light or min(now.forces_mN) >= guards.lost_fraction * player.force_r_mN:
-        return replace(player, count=0) if player.count else player
-    if player.count + 1 < guards.lost_samples:
-        return replace(player, count=player.count + 1)
-    lost = replace(player, outcome=Outcome.LOST)
-    return jump(program, lost, Phase.RETREAT, now.place_um)
+    return enter(touched, -1, Move(Phase.STOPPING, RETREAT_S, to_um=(goals[0], goals[1])))

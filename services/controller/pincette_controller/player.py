@@ -13,35 +13,40 @@ from msgspec.structs import replace
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning import conditioning
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Entry, Move, Reference, Seek, Track
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
-from pincette_controller.guarding import guard
-from pincette_controller.player_state import Foreseen, Player, at_tick, follow, jump
+from pincette_controller.guarding import guard, is_uncertain, with_planned_line
+from pincette_controller.player_state import (
+    Began,
+    Foreseen,
+    Pause,
+    Player,
+    at_tick,
+    follow,
+    jump,
+    with_line,
+    with_watch,
+)
 from pincette_controller.slipping import admissible, within_plan
 
-MOVING = ("seek", "sweep")
-"""Kinds of segment that are nowhere at rest, not even at their end."""
+CARRY = "move"
+"""Phase in which two arms carry a held part."""
 
 
-def begin(program: Program, x_um: float, applied_V: float = 0.0, force_mN: float = 0.0) -> Player:
-    """Stand at the first segment, with the arm where it is and the force that is read there."""
-    first = program.segments[0]
+def begin(program: Program, estimate: Estimate, period_s: float) -> Player:
+    """Return a player at the first segment, with the arm where it is and the force read there."""
+    x_um, applied_V = estimate.x_um, estimate.applied_V
+    ref = Reference(x_um, voltages_V=(applied_V,))
     return Player(
         0,
-        first,
+        program.segments[0],
         0,
-        x_um,
-        0.0,
-        0.0,
-        x_um,
-        0.0,
-        0.0,
+        Entry(ref, period_s),
+        ref,
+        Began((x_um,), (applied_V,), estimate.force_mN if program.begins_held else 0.0),
+        (applied_V,),
         held=program.begins_held,
-        from_V=applied_V,
-        voltage_V=applied_V,
-        begin_x_um=x_um,
-        begin_V=applied_V,
-        begin_mN=force_mN if program.begins_held else 0.0,
     )
 
 
@@ -59,67 +64,86 @@ def advance(
     waits for its confirmation, references and time rest.
     """
     known = foreseen.player if foreseen is not None and foreseen.of is player else None
-    led = player = replace(player, zero=False, bump=False, applied_V=estimate.applied_V)
+    led = player = replace(player, zero=False, bump=False, applied_V=(estimate.applied_V,))
     if player.ended:
         return player
     player = guard(program, player, estimate, period_s, limits)
-    if player.suspect is not None:
+    if player.slip.suspect is not None:
         return player
-    if player.resumed:
-        player = replace(player, resumed=False)
-    player = _pause_at_rest(player, period_s)
-    while not player.ended and not player.paused and is_over(player, period_s):
-        player = _pause_at_rest(_next(program, player, estimate), period_s)
-    if player.ended or player.paused:
+    player = move_on(program, player, estimate.x_um, period_s, estimate)
+    if player.ended or player.pause.active:
         return player
     if known is not None and player is led:
-        moved = replace(
-            player,
-            ticks=known.ticks,
-            x_r_um=known.x_r_um,
-            speed_um_per_s=known.speed_um_per_s,
-            force_r_mN=known.force_r_mN,
-            voltage_V=known.voltage_V,
-        )
-        return within_plan(program, moved, estimate.x_um) if moved.held else moved
-    moved = at_tick(player, player.ticks + 1, period_s)
+        moved = replace(player, ticks=known.ticks, ref=known.ref)
+    else:
+        moved = at_tick(player, player.ticks + 1)
     return within_plan(program, moved, estimate.x_um) if moved.held else moved
 
 
-def foresee(player: Player, period_s: float) -> Foreseen | None:
+def move_on(
+    program: Program,
+    player: Player,
+    x_um: float,
+    period_s: float,
+    estimate: Estimate | None = None,
+) -> Player:
+    """Leave the segments that have run their time, and begin a pause at a safe point.
+
+    Parameters
+    ----------
+    x_um
+        Measured position of the arm, or place of a part between two arms.
+    estimate
+        Newest sample of one arm, whose contact line is settled after a load; None: of two arms.
+    """
+    if player.pause.over:
+        player = replace(player, pause=replace(player.pause, over=False))
+    player = _pause_at_rest(player, period_s)
+    while not player.ended and not player.pause.active and is_over(player, period_s):
+        player = _pause_at_rest(_next(program, player, x_um, estimate), period_s)
+    return player
+
+
+def foresee(player: Player) -> Foreseen | None:
     """Work out the references of the next sample, if nothing but time moves the player on."""
-    if player.ended or player.paused:
+    if player.ended or player.pause.active:
         return None
-    return Foreseen(player, at_tick(player, player.ticks + 1, period_s))
+    return Foreseen(player, at_tick(player, player.ticks + 1))
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:
     """Begin the pause that is requested, where the references are at rest."""
-    if not player.pausing or player.ended or not _at_rest(player, period_s):
+    if not player.pause.requested or player.ended or not _at_rest(player, period_s):
         return player
-    return replace(player, pausing=False, paused=True)
+    return replace(player, pause=Pause(active=True))
 
 
 def is_over(player: Player, period_s: float) -> bool:
     """Whether the segment has run its time."""
     segment = player.segment
-    if segment.duration_s is None or player.zeroing:
+    if segment.duration_s is None or player.watch.zeroing:
         return False
     return player.ticks * period_s >= segment.duration_s - 0.5 * period_s
 
 
 def _at_rest(player: Player, period_s: float) -> bool:
     """Whether the references can stay at this sample without a jump of their speed."""
-    if player.zeroing or player.segment.kind in MOVING:
+    segment, entry = player.segment, player.entry
+    if player.watch.zeroing or segment.ends_moving:
         return False
     if is_over(player, period_s):
         return True
-    begins_moving = player.from_speed_um_per_s if player.segment.kind == "free" else 0.0
-    if player.ticks == 0 and (begins_moving != 0.0 or player.from_rate_mN_per_s != 0.0):
-        return False
+    alone = player.pair is None
+    if alone and player.ticks == 0:
+        begins_moving = isinstance(segment, Move) and entry.ref.speed_um_per_s != 0.0
+        if begins_moving or entry.ref.force_rate_mN_per_s != 0.0:
+            return False
+    # A force between two arms may rest at any time.
     before, here, after = (
-        (near.x_r_um, near.force_r_mN, near.voltage_V)
-        for near in (at_tick(player, player.ticks + step, period_s) for step in (-1, 0, 1))
+        (near.x_um, near.force_mN if alone else near.opening_um, *near.voltages_V)
+        for near in (
+            segment.reference((player.ticks + step) * period_s, entry) for step in (-1, 0, 1)
+        )
     )
     # At rest, or where a path turns between one sample and the next.
     return all(
@@ -128,34 +152,37 @@ def _at_rest(player: Player, period_s: float) -> bool:
     )
 
 
-def _next(program: Program, player: Player, estimate: Estimate) -> Player:
+def _next(program: Program, player: Player, x_um: float, estimate: Estimate | None) -> Player:
     """Leave a segment that has run its time."""
     segment = player.segment
-    if segment.stamps_zero:
+    if segment.zeroes:
         # Stamped with this tick's command; the estimate of the next sample answers it.
-        return replace(player, zero=True, zeroing=True, count=0)
-    if segment.kind == "seek":
+        return replace(with_watch(player, zeroing=True, count=0), zero=True)
+    if isinstance(segment, Seek):
         player = replace(player, outcome=Outcome.NO_CONTACT)
-        return jump(program, player, Phase.RETREAT, estimate.x_um)
-    if segment.phase == Phase.LOAD and program.contact_line == "identified":
+        return jump(program, player, Phase.RETREAT, x_um)
+    settles = segment.phase == Phase.LOAD and program.contact_line == "identified"
+    if settles and estimate is not None:
         player = _settle_contact(program, player, estimate)
         if player.outcome:
-            return jump(program, player, Phase.UNLOAD, estimate.x_um)
+            return jump(program, player, Phase.UNLOAD, x_um)
     if not player.outcome:
         player = replace(player, outcome=_outcome(program, player))
-    return follow(program, player, estimate.x_um)
+    return follow(program, player, x_um)
 
 
 def _outcome(program: Program, player: Player) -> Outcome:
     """What has been reached with the end of a segment."""
     segment = player.segment
     if program.begins_held:
-        return Outcome.RELEASED if segment.phase == Phase.UNLOAD else Outcome.NONE
+        if segment.phase == Phase.UNLOAD:
+            return Outcome.RELEASED
+        return Outcome.MOVED if segment.presses and segment.phase == CARRY else Outcome.NONE
     if segment.phase == Phase.HOLD:
         return Outcome.GRIPPED
-    if segment.kind == "path":
+    if isinstance(segment, Track):
         return Outcome.TRACKED
-    seeks = any(other.kind == "seek" for other in program.segments)
+    seeks = any(isinstance(other, Seek) for other in program.segments)
     strokes = segment.phase == conditioning.PHASE
     moves = (segment.open_loop and not strokes) or (segment.guarded and not seeks)
     return Outcome.MOVED if moves else Outcome.NONE
@@ -165,19 +192,19 @@ def _settle_contact(program: Program, player: Player, estimate: Estimate) -> Pla
     """Take the contact line as fitted over the load, so that x_r and F_r agree from here on.
 
     K_e is wrong where it is so for every force within F ± U: K_e errs by the same share. A fit that
-    no part can have leaves the planned K_e, through the newest sample, for the way back.
+    no part can have leaves the planned K_e, through the newest sample, for the way back. So does a
+    load whose highest force is not above U: the fit means nothing there.
     """
     fit, guards = player.line.fit(), program.guards
+    highest_mN = max(abs(estimate.force_mN), player.entry.ref.force_mN)
+    if is_uncertain(estimate, highest_mN):
+        player = replace(player, outcome=Outcome.UNCERTAIN_FORCE)
+        return with_planned_line(program, player, estimate)
     if fit is None or not admissible(program, fit.K_e_mN_per_um):
-        planned = program.contact_stiffness_mN_per_um
-        return replace(
-            player,
-            outcome=Outcome.WRONG_STIFFNESS,
-            contact_x_um=estimate.x_um - estimate.force_mN / planned,
-            K_e_mN_per_um=planned,
-        )
+        player = replace(player, outcome=Outcome.WRONG_STIFFNESS)
+        return with_planned_line(program, player, estimate)
     K_e = fit.K_e_mN_per_um
-    player = replace(player, contact_x_um=fit.x_e_um, K_e_mN_per_um=K_e)
+    player = with_line(player, fit.x_e_um, K_e)
     F, U = abs(estimate.force_mN), estimate.force_uncertainty_mN
     share = U / F if F > U else 1.0
     softest = guards.stiffness_min_mN_per_um / (1.0 + share)

@@ -2,13 +2,11 @@
 
 from msgspec.structs import replace
 
-from pincette.control.laws.law import Law
-from pincette.control.planning.program import Program
 from pincette.core.faults import FaultCode
 from pincette.core.messages import Ack, Action, Arm, Lease, Load, Message
 from pincette.core.service import RefusedError
 from pincette_controller.actions import RunningLease, action_objection, lease_objection
-from pincette_controller.config import ControllerConfig, check_program, pair_laws
+from pincette_controller.config import ControllerConfig, check_program
 from pincette_controller.state import SecondState, State
 
 
@@ -26,12 +24,12 @@ def handle(
         if state.loaded is None:
             raise RefusedError("the controller has no program: load one first")
         try:
-            laws, second = _armed_laws(config, state, state.loaded)
+            laws = config.laws(state.loaded)
         except ValueError as error:
             raise RefusedError(f"a law of the program: {error}") from error
         fresh = State(
             state.arm.armed(config.response),
-            second=second,
+            second=_armed_second(config, state),
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
@@ -48,14 +46,11 @@ def handle(
     raise RefusedError(f"the controller does not answer {type(request).__name__}")
 
 
-def _armed_laws(
-    config: ControllerConfig, state: State, program: Program
-) -> tuple[tuple[Law, ...], SecondState | None]:
-    """Laws of one arm, or of both with the second's memory."""
+def _armed_second(config: ControllerConfig, state: State) -> SecondState | None:
+    """Return what a rig of two arms has beside, at the begin of an epoch."""
     if config.second is None or state.second is None:
-        return config.laws(program), None
-    arm = state.second.arm.armed(config.second.response)
-    return (), SecondState(arm, pair_laws(config, config.second, program))
+        return None
+    return SecondState(state.second.arm.armed(config.second.response))
 
 
 def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:

@@ -21,10 +21,20 @@ from pincette.control.planning.load_line import (
     stiffness_bounds,
     stiffness_error,
 )
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Press, paths_of
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages import Estimate
-from pincette_controller.player_state import Player, SeenStep, enter, has_phase, jump
+from pincette_controller.player_state import (
+    NO_PAUSE,
+    Player,
+    SeenStep,
+    enter,
+    has_phase,
+    jump,
+    with_line,
+    with_slip,
+)
 
 CONFIRMING_SHARE = 0.3
 """Share of a step that the next sample must show to confirm it: the mode rings by the rest."""
@@ -68,23 +78,23 @@ def watch_steps(
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
     if limits is None or not _watched(program, player, estimate):
-        if player.suspect is None and not player.steps.x_um:
+        if player.slip.suspect is None and not player.slip.steps.x_um:
             return player
-        return replace(player, suspect=None, steps=StepWatch())
+        return with_slip(player, suspect=None, steps=StepWatch())
     x_um = estimate.x_um
     free_um = x_um + limits.compliance_um_per_mN * estimate.force_mN
-    limits = limits.with_noise(player.noise_um)
+    limits = limits.with_noise(player.slip.noise_um)
     kappa = _kappa(program, player, limits, x_um)
-    if player.suspect is not None:
+    if player.slip.suspect is not None:
         return _confirm(program, player, estimate, limits, free_um, kappa)
-    watch = player.steps.follow(limits, x_um, free_um)
-    player = replace(player, steps=watch)
-    seen = player.seen_step
+    watch = player.slip.steps.follow(limits, x_um, free_um)
+    player = replace(player, slip=replace(player.slip, steps=watch))
+    seen = player.slip.confirmed
     if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
         shown_um = unexplained_um(seen.step, x_um, free_um, kappa)
-        return replace(player, seen_step=seen.averaged(shown_um, estimate.force_mN))
-    step = watch.step(limits, kappa, along_path=player.segment.path is not None)
-    return player if step is None else replace(player, suspect=step)
+        return with_slip(player, confirmed=seen.averaged(shown_um, estimate.force_mN))
+    step = watch.step(limits, kappa, along_path=bool(paths_of(player.segment)))
+    return player if step is None else with_slip(player, suspect=step)
 
 
 def _watched(program: Program, player: Player, estimate: Estimate) -> bool:
@@ -97,14 +107,15 @@ def _watched(program: Program, player: Player, estimate: Estimate) -> bool:
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.pair is not None:
         return False
-    return segment.path is None or estimate.force_mN >= program.guards.contact_force_mN
+    on_path = bool(paths_of(segment))
+    return not on_path or estimate.force_mN >= program.guards.contact_force_mN
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:
     """Return s_p·K_e of the part; the least there may be in a load whose line is not known yet."""
     planned = program.contact_stiffness_mN_per_um
     if player.segment.phase != Phase.LOAD or program.contact_line != "identified":
-        return Kappa(limits.kappa(player.K_e_mN_per_um or planned))
+        return Kappa(limits.kappa(_stiffness(program, player)))
     fit, line = line_so_far(program, player, x_um, limits), player.line
     if fit is not None and line.count >= LINE_KNOWN:
         s_p = limits.compliance_um_per_mN
@@ -122,37 +133,37 @@ def _confirm(
     kappa: Kappa,
 ) -> Player:
     """Act on a step that the sample after it still shows; forget one that is gone."""
-    step = player.suspect
+    step = player.slip.suspect
     assert step is not None
     shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)
     watch = StepWatch().follow(limits, estimate.x_um, free_um)
-    player = replace(player, suspect=None, steps=watch)
+    player = with_slip(player, suspect=None, steps=watch)
     if shown_um * step.step_um <= 0.0 or abs(shown_um) < CONFIRMING_SHARE * abs(step.step_um):
         return player
     force_mN = estimate.force_mN + shown_um / limits.compliance_um_per_mN
     seen = SeenStep(step, shown_um, force_mN, estimate.force_mN)
-    if player.seen_step is not None:
-        seen = seen.after(player.seen_step)
-    player = replace(player, seen_step=seen)
+    if player.slip.confirmed is not None:
+        seen = seen.after(player.slip.confirmed)
+    player = with_slip(player, confirmed=seen)
     return _act(program, player, estimate, forwards=step.forwards)
 
 
 def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool) -> Player:
     """End, freeze or load again after a confirmed step."""
     segment, x_um = player.segment, estimate.x_um
-    if segment.open_loop and _rests(player):
+    if segment.open_loop and rests(player):
         # The voltage is kept as it is already.
         outcome = Outcome.POSITION_STEP if forwards else Outcome.SENSOR_JUMP
         return replace(player, outcome=outcome)
     if not forwards:
         player = replace(player, outcome=Outcome.SENSOR_JUMP)
-        return _frozen(player) if _rests(player) else _back(program, player, x_um)
-    if _rests(player):
+        return _frozen(player) if rests(player) else _back(program, player, x_um)
+    if rests(player):
         return _frozen(replace(player, outcome=Outcome.POSITION_STEP))
-    K_e = player.K_e_mN_per_um or program.contact_stiffness_mN_per_um
-    player = _moved_line(replace(player, slips=player.slips + 1), estimate, K_e)
-    again = segment.phase == Phase.LOAD and segment.kind == "force"
-    if again and player.slips <= program.slip_retries:
+    K_e = _stiffness(program, player)
+    player = _moved_line(with_slip(player, slips=player.slip.slips + 1), estimate, K_e)
+    again = segment.phase == Phase.LOAD and isinstance(segment, Press)
+    if again and player.slip.slips <= program.slip_retries:
         return enter(player, player.index, segment)
     return _back(program, replace(player, outcome=Outcome.SLIPPED), x_um)
 
@@ -166,51 +177,55 @@ def within_plan(program: Program, player: Player, x_um: float) -> Player:
     planned = program.planned_range
     if planned is None or not player.segment.presses or player.segment.phase in UNWATCHED:
         return player
-    most_mN = planned.force_max_mN
-    if most_mN is not None and player.force_r_mN > most_mN:
-        player = replace(player, force_r_mN=most_mN)
+    most_mN, ref = planned.force_max_mN, player.ref
+    if most_mN is not None and ref.force_mN > most_mN:
+        ref = ref._replace(force_mN=most_mN)
+        player = replace(player, ref=ref)
     low_um, high_um = planned.position_min_um, planned.position_max_um
-    if high_um is not None and player.x_r_um > high_um:
-        player = replace(player, x_r_um=high_um)
-    elif low_um is not None and player.x_r_um < low_um:
-        player = replace(player, x_r_um=low_um)
+    if high_um is not None and ref.x_um > high_um:
+        player = replace(player, ref=ref._replace(x_um=high_um))
+    elif low_um is not None and ref.x_um < low_um:
+        player = replace(player, ref=ref._replace(x_um=low_um))
     else:
         return player
     if player.outcome:
         return player
-    outcome = Outcome.SLIPPED if player.slips else Outcome.WRONG_STIFFNESS
+    outcome = Outcome.SLIPPED if player.slip.slips else Outcome.WRONG_STIFFNESS
     return _back(program, replace(player, outcome=outcome), x_um)
 
 
-def _rests(player: Player) -> bool:
+def rests(player: Player) -> bool:
     """Whether a part is kept at rest, so that freezing the voltage is enough."""
     segment = player.segment
-    if segment.kind == "voltage":
-        return segment.path is None and segment.voltage_to_V is None and not segment.voltages_V
-    return segment.phase == Phase.HOLD or player.paused
+    if isinstance(segment, Drive):
+        return segment.stays
+    return segment.phase == Phase.HOLD or player.pause.active
 
 
 def _moved_line(player: Player, estimate: Estimate, K_e: float) -> Player:
     """Put the line through the newest sample, with the stiffness there was: x_e = x - F/K_e."""
-    return replace(
-        player,
-        line=ContactLine(),
-        contact_x_um=estimate.x_um - estimate.force_mN / K_e,
-        K_e_mN_per_um=K_e,
-        x_r_um=estimate.x_um,
-        speed_um_per_s=0.0,
-        force_r_mN=estimate.force_mN,
-        bump=True,
-    )
+    ref = player.ref._replace(x_um=estimate.x_um, speed_um_per_s=0.0, force_mN=estimate.force_mN)
+    player = replace(player, line=ContactLine(), ref=ref, bump=True)
+    return with_line(player, estimate.x_um - estimate.force_mN / K_e, K_e)
+
+
+def _stiffness(program: Program, player: Player) -> float:
+    """Return the contact stiffness that the references follow, or the planned one."""
+    line = player.entry.line
+    known = None if line is None else line.K_e_mN_per_um
+    return known or program.contact_stiffness_mN_per_um
 
 
 def _frozen(player: Player) -> Player:
     """Keep the voltage for the rest of the hold; out of a pause, until the part is released."""
-    if player.paused:
-        return enter(replace(player, paused=False), -1, Segment(Phase.HOLD, "voltage", None))
+    if player.pause.active:
+        return enter(replace(player, pause=NO_PAUSE), -1, Drive(Phase.HOLD, None))
     held = player.segment
-    frozen = Segment(held.phase, "voltage", held.duration_s, law=held.law)
-    return replace(player, segment=frozen, voltage_V=player.applied_V, pausing=False)
+    frozen = Drive(held.phase, held.duration_s, held.law)
+    ref = player.ref._replace(voltages_V=player.applied_V)
+    entry = player.entry._replace(ref=ref)
+    pause = replace(player.pause, requested=False)
+    return replace(player, segment=frozen, entry=entry, ref=ref, pause=pause)
 
 
 def _back(program: Program, player: Player, x_um: float) -> Player:

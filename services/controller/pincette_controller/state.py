@@ -1,17 +1,19 @@
 """What the controller gets, and what it remembers from one sample to the next."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from pincette.control.laws.law import Law, LawState
-from pincette.control.laws.two_arms import TwoArmParameters, TwoArmState
+from msgspec.structs import replace
+
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
 from pincette.control.safety.monitors import UNSEEN, Watches
 from pincette.core.faults import Fault
-from pincette.core.messages import Action, Estimate
+from pincette.core.messages import Action, Command, Estimate, Telemetry
 from pincette_controller.actions import RunningLease
 from pincette_controller.arm_memory import ArmMemory
+from pincette_controller.control_laws import ControlLaw
 from pincette_controller.learning import Learning
+from pincette_controller.outputs import invalid_command, number_out_of_bounds
 from pincette_controller.player_state import Foreseen, Player
 
 
@@ -22,14 +24,11 @@ class Inputs(NamedTuple):
 
 
 class SecondState(FrozenRecord, frozen=True):
-    """What a rig of two arms has beside: the second arm's memory, and the law of both."""
+    """State of the second arm of a rig of two arms."""
 
     arm: ArmMemory
-    laws: tuple[TwoArmParameters, ...] = ()
-    memory: TwoArmState | None = None
-    """None where no law holds."""
     watches: Watches = UNSEEN
-    """Of the hard limits of the second arm."""
+    """State of the check of the second arm's hard limits."""
 
 
 class State(FrozenRecord, frozen=True):
@@ -44,12 +43,13 @@ class State(FrozenRecord, frozen=True):
     """What the next arming plays; loading it does not touch what plays now."""
     program: Program | None = None
     playing: bool = False
-    laws: tuple[Law, ...] = ()
-    """Those of ``program``."""
+    laws: tuple[ControlLaw, ...] = ()
+    """Laws of ``program``."""
     player: Player | None = None
     foreseen: Foreseen | None = None
     """Of the player, while the next sample has not come."""
-    memory: LawState | None = None
+    law_state: Any = None
+    """State of the law that drives the arms; None before the first step."""
     learning: Learning | None = None
     """Along the cycles of a program that learns."""
     pending: tuple[Action, ...] = ()
@@ -63,9 +63,43 @@ class State(FrozenRecord, frozen=True):
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""
     second: SecondState | None = None
-    """Of a rig of two arms."""
+    """State of the second arm; None on a rig of one arm."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
         """Faults of this program that people see."""
         return () if self.found is None else (self.found,)
+
+
+def ended_tick(
+    state: State,
+    player: Player,
+    pending: tuple[Action, ...],
+    command: Command,
+    telemetry: Telemetry,
+    estimate: Estimate,
+    **changes: Any,
+) -> tuple[State, tuple[Command] | tuple[Command, Telemetry]]:
+    """Return the state after a tick, and what the controller sends.
+
+    A number of the law that no decoder takes makes the command invalid, and no telemetry is sent.
+
+    Parameters
+    ----------
+    changes
+        Other fields of the state that the tick has changed.
+    """
+    fault = number_out_of_bounds(telemetry)
+    if fault and command.valid:
+        command = invalid_command(command, estimate, fault, known=True)
+    state = replace(
+        state,
+        seq=estimate.seq,
+        playing=command.valid and not player.ended,
+        player=player,
+        pending=pending if command.valid else (),
+        **changes,
+    )
+    if not command.valid:
+        state = replace(state, silenced=command.fault, found=command.fault)
+    return state, (command,) if fault else (command, telemetry)

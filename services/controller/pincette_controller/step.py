@@ -4,16 +4,8 @@ from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
-from pincette.control.laws import law as control_law
-from pincette.control.laws.planned_motion import RESTING
 from pincette.control.planning.program import Program
-from pincette.control.safety.voltage import (
-    SLEW_DOWN,
-    SLEW_UP,
-    VOLTAGE_MAX,
-    VOLTAGE_MIN,
-    limited,
-)
+from pincette.control.safety.voltage import limited
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
     Command,
@@ -40,23 +32,20 @@ from pincette_controller.actions import (
 )
 from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.driving import arm_view, at_measured, drive
 from pincette_controller.learning import begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
-    invalid_command,
-    known_force_mN,
+    command_of,
     no_command,
-    number_out_of_bounds,
     telemetry_of,
 )
 from pincette_controller.pair_step import followed_second, play_pair
 from pincette_controller.player import advance, begin, foresee
-from pincette_controller.preview import planned_motion
+from pincette_controller.player_state import Player
 from pincette_controller.requests import handle
-from pincette_controller.state import Inputs, SecondState, State
+from pincette_controller.state import Inputs, SecondState, State, ended_tick
 
-RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
-"""Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
 TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 
@@ -110,7 +99,7 @@ def ahead(config: ControllerConfig, state: State, told: Message) -> State:
     arm = _led_ahead(config, state.arm, told.voltage_V, told.seq)
     second, player = state.second, state.player
     if second is None:
-        coming = None if player is None else foresee(player, config.period_s)
+        coming = None if player is None else foresee(player)
         return replace(state, arm=arm, foreseen=coming)
     if config.second is not None and told.second is not UNSET:
         other = _led_ahead(config.second, second.arm, told.second.voltage_V, told.seq)
@@ -131,109 +120,48 @@ def _silent(state: State, estimate: Estimate) -> Command:
 def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    before = state.player or begin(program, estimate.x_um, estimate.applied_V, estimate.force_mN)
-    arm_memory = state.arm.for_law
-    memory = state.memory or control_law.start(
-        state.laws[before.segment.law],
-        x_um=estimate.x_um,
-        x_r_um=estimate.x_um,
-        force_mN=0.0,
-        applied_V=estimate.applied_V,
-        memory=arm_memory,
-    )
+    """Play one tick: actions, guards and references, then the law, then the checked command."""
+    before = state.player or begin(program, estimate, config.period_s)
+    known = state.learning or begin_learning(program)
     player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
     player = advance(program, player, estimate, config.period_s, state.foreseen, config.steps)
-    law = state.laws[player.segment.law]
-    learning = state.learning or begin_learning(program)
-    told_um = learning.correction_um
-    learning = learn(learning, before, estimate, config.period_s)
-    learning = correct(learning, player, config.period_s)
-    open_loop, pressing = player.segment.open_loop, player.pressing
-    force_mN = estimate.force_mN if pressing else 0.0
-    force_r_mN = player.force_r_mN if pressing else 0.0
-    if open_loop:
-        pressed_mN = estimate.force_mN if player.held else 0.0
-        player = replace(player, x_r_um=estimate.x_um, speed_um_per_s=0.0, force_r_mN=pressed_mN)
-    steered = state.memory is not None and not open_loop
-    anew = player.bump or open_loop or pressing != before.pressing
-    if anew or player.segment.law != before.segment.law:
-        # Another law alone: the references go on, and the newest sample belongs to those before.
-        known = player if anew else before
-        x_r_um, r_mN = known.x_r_um, known.force_r_mN
-        if player.bump and player.segment.follows:
-            # References that begin in motion: those of the newest sample, where it was touched.
-            x_r_um, r_mN = player.from_x_um, player.from_force_mN
-        memory = control_law.rebase(
-            law,
-            memory,
-            x_um=estimate.x_um,
-            x_r_um=x_r_um,
-            force_mN=force_mN,
-            force_r_mN=r_mN if pressing else 0.0,
-            seen_V=control_law.other_view(
-                law, state.laws[before.segment.law], estimate.applied_V, arm_memory
-            ),
-        )
-    after, output = control_law.step(
-        law,
-        memory,
-        x_um=estimate.x_um,
-        force_mN=force_mN,
-        applied_V=estimate.applied_V,
-        x_r_um=player.x_r_um + learning.correction_um,
-        force_r_mN=force_r_mN,
-        limited=_limited(estimate.limits_active),
-        memory=arm_memory,
-        plan=planned_motion(player, config.period_s) if law.definition.previews else RESTING,
+    learning = correct(learn(known, before, estimate, config.period_s), player, config.period_s)
+    if player.segment.open_loop:
+        player = at_measured(player, estimate.x_um, estimate.force_mN)
+    arms = (arm_view(estimate, state.arm),)
+    law_state, wanted = drive(
+        state.laws, state.law_state, before, player, arms, learning.correction_um
     )
-    voltage_V = player.voltage_V if open_loop else output.voltage_V
-    if player.suspect is not None:
-        voltage_V = estimate.applied_V
-    planned = program.planned_range
-    if planned is not None:
-        low_V, high_V = planned.voltage.from_voltage(estimate.applied_V)
-        voltage_V = min(max(voltage_V, low_V), high_V)
-    command = Command(
-        epoch=state.epoch,
-        seq=estimate.seq,
-        owner=state.owner,
-        voltage_V=estimate.applied_V if player.ended else voltage_V,
-        part_held=player.held,
-        zero=player.zero,
-        final=player.ended,
-        valid=True,
-        sweep=None if player.ended else player.segment.sweep,
-        force_mN=known_force_mN(estimate, player),
-        x_d_um=None if player.ended or not steered else memory.x_d_um,
-        segment=player.index if 0 <= player.index < len(program.segments) else None,
-        segment_tick=player.ticks,
-    )
+    voltage_V = _planned_V(program, player, estimate, wanted.voltages_V[0])
+    steered = state.law_state is not None and not player.segment.open_loop
+    x_d_um = wanted.x_d_um if steered and not player.ended else None
+    command = command_of(program, player, estimate, state.owner, voltage_V, x_d_um)
     watches, command = check_command(config, state.watches, command, estimate)
     acted = acted_in_tick(effects, before, player)
-    telemetry = telemetry_of(estimate, before, memory, player, output, acted, told_um)
-    astray = number_out_of_bounds(telemetry)
-    if astray and command.valid:
-        command = invalid_command(command, estimate, astray, known=True)
-    played = replace(
+    view = telemetry_of(estimate, before, player, wanted, acted, known.correction_um)
+    return ended_tick(
         state,
-        seq=estimate.seq,
-        playing=command.valid and not player.ended,
-        player=player,
-        memory=after,
+        player,
+        later,
+        command,
+        view,
+        estimate,
+        law_state=law_state,
         learning=learning,
-        pending=later if command.valid else (),
         watches=watches,
     )
-    if not command.valid:
-        played = replace(played, silenced=command.fault, found=command.fault)
-    return played, (command,) if astray else (command, telemetry)
 
 
-def _limited(limits_active: int) -> int:
-    """As ``winds_up`` takes it: 1 where the voltage cannot rise, -1 where it cannot fall."""
-    if limits_active & RAISING:
-        return 1
-    return -1 if limits_active & LOWERING else 0
+def _planned_V(program: Program, player: Player, estimate: Estimate, wanted_V: float) -> float:
+    """Return the voltage to command: frozen, or within the range that the plan has stated."""
+    if player.ended:
+        return estimate.applied_V
+    voltage_V = wanted_V if player.slip.suspect is None else estimate.applied_V
+    planned = program.planned_range
+    if planned is None:
+        return voltage_V
+    low_V, high_V = planned.voltage.from_voltage(estimate.applied_V)
+    return min(max(voltage_V, low_V), high_V)
 
 
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(

@@ -105,5 +105,8 @@ def joined(first: Estimate, second: Estimate) -> Estimate:
             limits_active=second.limits_active,
             touch_x_um=second.touch_x_um,
             touch_mN=second.touch_mN,
+            stroke_change=second.stroke_change,
+            stroke_limit=second.stroke_limit,
+            zero_unconfirmed=second.zero_unconfirmed,
         ),
     )

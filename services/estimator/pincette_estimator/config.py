@@ -6,9 +6,11 @@ from pincette.config import RigFile, derived
 from pincette.control.arm.plant import DifferenceEquation, discretize
 from pincette.control.force.contact_detector import KinkLimits, kink_limits
 from pincette.control.force.observers import ForceObserver
+from pincette.control.force.ring import RingShares
 from pincette.control.force.zeroing import ZeroLimits
 from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.residual_table import ResidualTable
+from pincette.control.response.reversal_memory import SMALL_V
 from pincette.control.response.unknown_past import UnknownPast, unknown_past
 from pincette_estimator.state import moved_V
 
@@ -18,8 +20,9 @@ class EstimatorConfig:
     """The arm as identified, and what its free response is trusted for."""
 
     period_s: float
-    lockstep: bool
-    """Then no sample follows the last voltage of a program."""
+    unseen_V: float
+    """Largest change of the voltage between two programs that the estimator need not have seen. In
+    lockstep no sample follows the last voltage of a program."""
     plant: DifferenceEquation
     response: FreeResponse
     """x_1 before anything has happened: the arm unpoled, at 0 V."""
@@ -35,6 +38,8 @@ class EstimatorConfig:
     compliance_um_per_mN: float
     noise_um: float
     """Standard deviation that the sensor's noise gives the force, times s_p."""
+    sensor_noise_um: float
+    """Standard deviation of one reading."""
     creep_mN_per_decade: float
     creep_percent_per_decade: float
     """Creep per decade of a step, by which U grows beyond ``creep_known_s``."""
@@ -42,13 +47,14 @@ class EstimatorConfig:
     """Age of a zero up to which x_1 follows creep; infinite where it follows none."""
     forgotten_mN: float
     forgotten_scale_V: float
-    ring_shares: tuple[float, float]
-    """Standard uncertainty of a free position as a share of the ring after steps of the voltage,
-    and the share of that ring which is left after a period; 0 where it is not known."""
-    pressed_share: float
-    """Share of the ring that is left while a part is held: 1/(1 + s_p·K_e)."""
+    return_error_um: float
+    """Standard error of x_1 on the way back; 0 where it was not measured."""
+    ring_shares: RingShares
+    """What the ring of the mode adds to the uncertainty of a position."""
     zero_limits: ZeroLimits
     kink_limits: KinkLimits
+    part_stiffness_mN_per_um: float
+    """Stiffness K_e of the planned part."""
     stuck_V: float
     """Change of the voltage that a working sensor must show."""
     position_um: tuple[float, float]
@@ -90,7 +96,7 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
     unknown = unknown_past(response, (rig.limits.voltage_min_V, rig.limits.voltage_max_V))
     return EstimatorConfig(
         period_s=period_s,
-        lockstep=rig.lockstep,
+        unseen_V=SMALL_V + (rig.limits.slew_V_per_s * period_s if rig.lockstep else 0.0),
         plant=discretize(model.arm(), period_s),
         response=response,
         unknown=unknown.judged(response),
@@ -99,13 +105,14 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         compliance_um_per_mN=s_p,
         noise_um=rig.sensor.noise_um * observer.noise_gain,
         drift_um_per_s=rig.sensor.drift_um_per_min / 60.0,
+        sensor_noise_um=rig.sensor.noise_um,
         creep_mN_per_decade=model.creep_mN_per_decade,
         creep_percent_per_decade=derived.creep_percent_per_decade(model),
         creep_known_s=derived.creep_known_s(model),
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
-        ring_shares=derived.ring_shares(model, period_s),
-        pressed_share=1.0 / (1.0 + s_p * part.stiffness_mN_per_um),
+        return_error_um=derived.return_error_um(model),
+        ring_shares=derived.ring_shares(rig),
         zero_limits=ZeroLimits(
             rest_samples=derived.rest_samples(period_s),
             noise_um=rig.sensor.noise_um,
@@ -115,6 +122,7 @@ def _of_arm(rig: RigFile) -> EstimatorConfig:
         kink_limits=kink_limits(
             part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance), s_p, rig.sensor.noise_um
         ),
+        part_stiffness_mN_per_um=part.stiffness_mN_per_um,
         stuck_V=moved_V(rig.sensor.noise_um, model.piezo_um_per_V),
         position_um=_positions_um(rig),
         voltage_V=_voltages_V(rig),

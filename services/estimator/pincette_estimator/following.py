@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.residual_table import Residual
-from pincette.control.response.reversal_memory import SMALL_V
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Estimate, Message
@@ -77,11 +76,11 @@ def _ringing(
     config: EstimatorConfig, state: State, response: FreeResponse, applied: Applied
 ) -> Ringing:
     """Add the ring of a step of the free place to those of the steps before."""
-    share, kept = config.ring_shares
-    if share == 0.0:
+    shares = config.ring_shares
+    if shares.free == 0.0:
         return state.ringing
     step_um = response.position_um() - state.response.position_um()
-    return Ringing(abs(step_um) + kept * state.ringing.free_um, applied.part_held)
+    return Ringing(abs(step_um) + shares.kept * state.ringing.free_um, applied.part_held)
 
 
 def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied | None) -> State:
@@ -90,8 +89,9 @@ def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
     if applied is not None:
         lost = lost or applied.unconfirmed or applied.cause in OUTPUT_LOST
-        if state.followed_seq < 0 and not config.lockstep:
-            lost = lost or abs(applied.voltage_V - state.response.voltage_V) > SMALL_V
+        if state.followed_seq < 0:
+            moved_V = abs(applied.voltage_V - state.response.voltage_V)
+            lost = lost or moved_V > config.unseen_V
     if not lost or state.unknown is config.unknown:
         return state
     return replace(state, unknown=config.unknown, past=VoltageMemory(), highest_V=0.0, known_V=0.0)

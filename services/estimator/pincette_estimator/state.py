@@ -18,6 +18,7 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse, FreeSample
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import ReversalMemory
+from pincette.control.response.stroke_check import LARGEST_CHANGE, Base, Bottom, StrokeChange
 from pincette.control.response.unknown_past import UnknownPast
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.messages import Applied, Position
@@ -149,7 +150,7 @@ class State(FrozenRecord, frozen=True):
     """What ``response`` began as, unpoled."""
     observer: ForceObserver
     unknown: UnknownPast
-    """What the arm may have been through before the start, or since it was followed last."""
+    """Possible history of the arm before the start, or since it was last followed."""
     epoch: int = 0
     followed_seq: int = -1
     """The sample up to which ``response`` has followed the voltage."""
@@ -164,6 +165,12 @@ class State(FrozenRecord, frozen=True):
     zero_s: float | None = None
     zero_kept: bool = False
     """True where x_1 still goes through a zero, or a first sample, of an earlier epoch."""
+    kept_age_s: float = 0.0
+    """Time that earlier epochs have played since that zero; the time between them is not known."""
+    zero_confirmed: bool = False
+    """True where something but the zero itself shows that no part pressed when it was taken: a
+    person's word, or a part that was found at its planned place later. It outlives an arming that
+    keeps the zero."""
     zero_refusal: Fault | None = None
     x_2_um: float = 0.0
     x_3_um: float = 0.0
@@ -190,6 +197,12 @@ class State(FrozenRecord, frozen=True):
     """The voltages of both arms, and those of the second as it has been led ahead by them."""
     apart: ForcesApart = field(default_factory=ForcesApart)
     """How far the forces of two arms differ."""
+    bottom: Bottom = Bottom()
+    """Rest at the bottom of the last conditioning stroke of this epoch."""
+    way_base: Base | None = None
+    """Rest after those strokes, from which the way to the next zero counts; None before it."""
+    stroke: StrokeChange | None = None
+    """Change of the stroke as compared last; None: not compared since the start."""
 
     def caught_up(self) -> "State":
         """Take in the newest sample of free motion, which its own estimate did not wait for."""
@@ -198,6 +211,11 @@ class State(FrozenRecord, frozen=True):
         response, x_um = self.unseen
         motion = self.free_motion.follow(response.sample(x_um))
         return replace(self, free_motion=motion, unseen=None)
+
+    @property
+    def zero_unconfirmed(self) -> bool:
+        """True where the zero may hide the force of a part that pressed when it was taken."""
+        return self.zero_s is not None and not self.zero_confirmed
 
     @property
     def missed_um(self) -> float:
@@ -217,11 +235,23 @@ class State(FrozenRecord, frozen=True):
     def _findings(self) -> tuple[Fault, ...]:
         stuck = self.stuck.fault
         found = () if stuck is None else (stuck,)
+        if self.stroke is not None and self.stroke.significant:
+            found = (*found, stroke_fault(self.stroke))
         if not self.unknown.matters(self.response):
             return found
         error_um, highest_V = self.unknown.worst_um(self.response), self.highest_V
         unknown = fault(FaultCode.MEMORY_UNKNOWN, error_um=error_um, highest_V=highest_V)
         return (*found, unknown)
+
+
+def stroke_fault(found: StrokeChange) -> Fault:
+    """Return the finding of a stroke that has changed since the calibration."""
+    return fault(
+        FaultCode.MODEL_MISMATCH,
+        change_percent=100.0 * found.change,
+        limit_percent=100.0 * found.limit,
+        most_percent=100.0 * LARGEST_CHANGE,
+    )
 
 
 def touched(
@@ -235,9 +265,12 @@ def touched(
 ) -> tuple[float | None, float | None]:
     """Where an arm that should be free has met something, and at least how hard; or None, None.
 
-    By the larger of two forces: by how far it lags behind the slope of its way since a kink on new
-    ground; and F less ``SURE`` times U, the sign kept, at voltages that x_1 has followed in an
-    earlier arming: on the first stroke of an arm it errs by more than U.
+    By the largest of three forces: by how far it lags behind the slope of its way since a kink on
+    new ground; F less ``SURE`` times U, the sign kept, at voltages that x_1 has followed in an
+    earlier arming: on the first stroke of an arm it errs by more than U; and, while nothing shows
+    that no part pressed as the force was zeroed, F where it is above U. Such a part has no kink,
+    and presses harder by each step of the way. The U of a straight line does not hold on the first
+    way after a start, so that it shows no such touch.
 
     Noise bends about one way in a hundred as a part does, and the lag that is read from such a kink
     grows with the way. So after a zero it counts to F + ``NOT_TOUCHED``·U, up to a step of
@@ -253,5 +286,8 @@ def touched(
         met = touch.x_um, max(0.0, lag_mN)
     sure_mN = abs(F_mN) - SURE * u_F_mN
     if beyond_um <= 0.0 and sure_mN > (met[1] or 0.0):
-        return x_um, copysign(sure_mN, F_mN)
+        met = x_um, copysign(sure_mN, F_mN)
+    doubted = state.zero_unconfirmed and state.response.remembers
+    if doubted and F_mN > max(u_F_mN, met[1] or 0.0):
+        met = x_um, F_mN
     return met

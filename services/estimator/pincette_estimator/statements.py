@@ -1,10 +1,13 @@
 """What the estimator states of a sample: the force with its uncertainty, or why there is none."""
 
+from math import hypot
+
+from pincette.control.force.estimation import COVERAGE
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Applied, Estimate, Position
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import State, touched
-from pincette_estimator.uncertainty import uncertainty_mN
+from pincette_estimator.uncertainty import stroke_uncertainty_mN, uncertainty_mN
 
 
 def estimate(
@@ -17,7 +20,10 @@ def estimate(
 ) -> Estimate:
     """State the force of the sample just taken in, and its uncertainty."""
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
-    u_F_mN = _uncertainty_mN(config, state, position.seq)
+    u_F_mN = hypot(
+        _uncertainty_mN(config, state, position.seq),
+        COVERAGE * stroke_uncertainty_mN(state.response, F_mN),
+    )
     touch_x_um, touch_mN = touched(
         state,
         compliance_um_per_mN=config.compliance_um_per_mN,
@@ -43,6 +49,9 @@ def estimate(
         valid=True,
         touch_x_um=touch_x_um,
         touch_mN=touch_mN,
+        stroke_change=None if state.stroke is None else state.stroke.change,
+        stroke_limit=None if state.stroke is None else state.stroke.limit,
+        zero_unconfirmed=state.zero_unconfirmed,
     )
 
 

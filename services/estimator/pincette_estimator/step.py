@@ -7,17 +7,29 @@ from pincette.config import RigFile
 from pincette.control.arm.plant import perturbation
 from pincette.control.force.contact_detector import ContactDetector
 from pincette.control.force.zeroing import zero_refusal
+from pincette.control.response.free_response import FreeResponse, rest_mean
+from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.reversal_memory import ReversalMemory
+from pincette.control.response.stroke_check import (
+    Doubt,
+    StrokeChange,
+    corrected,
+    rest_base,
+    stroke_change,
+)
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.both_arms import joined, moving_V, second_applied, second_position
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.following import ahead, follow_voltage, unfollowed
-from pincette_estimator.state import FreeMotion, Inputs, State
+from pincette_estimator.state import FreeMotion, Inputs, State, stroke_fault
 from pincette_estimator.statements import degraded, estimate, within
-from pincette_estimator.uncertainty import creep_um, narrowed_past, rested_past
+from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
+AHEAD_SHARE = 0.5
+"""Share of the way that a touch pushes the arm, up to which an arm ahead of its zero keeps it. Read
+as a force, more than the whole of it would pass for something that pulls the arm."""
 KEPT_ZERO_S = 86_400.0
 """Age for which creep is allowed for where a zero is compared with one of an earlier epoch."""
 
@@ -108,6 +120,7 @@ def _take_sample(
     )
     after = replace(
         state,
+        zero_confirmed=state.zero_confirmed or _found_in_place(config, state, applied, x_um, F_mN),
         observer=observer,
         observed_seq=position.seq,
         x_2_um=x_um,
@@ -115,6 +128,19 @@ def _take_sample(
         highest_V=max(state.highest_V, voltage_V),
     )
     return after, F_mN, p_mN
+
+
+def _found_in_place(
+    config: EstimatorConfig, state: State, applied: Applied, x_um: float, F_mN: float
+) -> bool:
+    """Return whether the place of contact of a held part shows that its zero was taken before it.
+
+    A part that pressed at the zero makes contact at once as the arm goes on: by the force less what
+    the zero hides, it begins where the zero was taken, which is before the planned place.
+    """
+    if not applied.part_held or state.zero_s is None:
+        return False
+    return x_um - F_mN / config.part_stiffness_mN_per_um >= config.zero_limits.first_touch_um
 
 
 def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied) -> State:
@@ -129,7 +155,10 @@ def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied)
         ahead_um = response.residual_um(response.sample(x_um))
         known = applied.voltage_V <= state.known_V
         drift_um = _drift_um(config, state, 0.0)
-        if applied.part_held or ahead_um <= limits.change_um(response, drift_um, known):
+        most_um = limits.change_um(response, drift_um, known)
+        if known:
+            most_um = min(most_um, AHEAD_SHARE * limits.touch_um)
+        if applied.part_held or ahead_um <= most_um:
             return state
     response = response.begin(x_um)
     return replace(state, response=response, unknown=state.unknown.rezero(response))
@@ -149,9 +178,17 @@ def _follow_free_motion(
     if first:
         detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
     state = state.caught_up()
+    bottom, way_base = state.bottom, state.way_base
+    if isinstance(response, IdentifiedResponse) and response.strokes.bottom:
+        known = state.unknown.known
+        apart_um = (0.0, 0.0) if known else state.unknown.apart_um(response)
+        bottom = bottom.follow(response, x_um, apart_um)
+        way_base = None
     followed = replace(
         state,
         response=response,
+        bottom=bottom,
+        way_base=way_base,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
         free_motion=FreeMotion() if applied.part_held else state.free_motion,
         unseen=None if applied.part_held else (response, modelled_um),
@@ -167,38 +204,129 @@ def _follow_free_motion(
 def _zero(config: EstimatorConfig, state: State, position: Position, applied: Applied) -> State:
     """Zero the force at this sample, or note why it cannot be zeroed."""
     response, t_s = state.response, position.seq * config.period_s
+    compared = _compare_stroke(config, state)
     refusal = zero_refusal(
         response,
         state.free_motion.samples,
         part_held=applied.part_held,
         limits=config.zero_limits,
-        creep_um=_drift_um(config, state, t_s),
+        creep_um=_drift_um(config, state, t_s) + _stroke_um(state, compared),
         touch=state.contact_detector.touch,
         zeroed=state.zero_s is not None or state.zero_kept,
+        kept=state.zero_kept,
         memory_known=applied.voltage_V <= state.known_V,
     )
     if refusal:
         return replace(state, zero_refusal=refusal)
+    before = state.response
+    state = _with_stroke(config, state, compared)
+    if state.stroke is not None and state.stroke.refused:
+        return replace(state, zero_refusal=stroke_fault(state.stroke))
     nominal_um = response.nominal_um_per_V * applied.voltage_V
+    response = _rezeroed(config, state, before)
     unknown = narrowed_past(config, replace(state, unknown=rested_past(config, state)), t_s)
+    if isinstance(response, IdentifiedResponse) and response.conditioned:
+        unknown = replace(unknown, known=True)
     return replace(
         state,
-        response=response.rezero(state.free_motion.samples, config.zero_limits.rest_samples),
+        response=response,
         unknown=unknown.rezero(response),
         contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
         reversal_memory=ReversalMemory(applied.voltage_V),
         zero_s=t_s,
         zero_kept=False,
+        kept_age_s=0.0,
         zero_refusal=None,
     )
 
 
+def _compare_stroke(config: EstimatorConfig, state: State) -> StrokeChange | None:
+    """Compare the way that ends at the present rest with that of the calibration.
+
+    It begins at the rest after the conditioning strokes, or, for the zero at that rest, at the
+    bottom of the last stroke. Returns None where nothing can be compared.
+    """
+    response, count = state.response, config.zero_limits.rest_samples
+    samples = state.free_motion.samples
+    if not isinstance(response, IdentifiedResponse) or len(samples) < count:
+        return None
+    unknown_um = 0.0
+    if not state.unknown.known:
+        ends_um = state.unknown.apart_um(response)
+        unknown_um = max(
+            abs(end_um - begin_um)
+            for end_um, begin_um in zip(ends_um, state.bottom.apart_um, strict=True)
+        )
+    doubt = Doubt(
+        config.sensor_noise_um,
+        config.drift_um_per_s,
+        past_creep_um(config, response),
+        unknown_um,
+    )
+    base = state.bottom.base if state.way_base is None else state.way_base
+    return stroke_change(response, base, rest_mean(samples, count), count, doubt)
+
+
+def _stroke_um(state: State, compared: StrokeChange | None) -> float:
+    """Return how far a changed stroke, which the zero corrects, has moved x_1 on its way.
+
+    At the rest after the strokes the arm is compared with its last zero there, so that a change of
+    the stroke explains nothing: what shortens the way from the bottom may be a part that presses.
+    """
+    if compared is None or state.way_base is None:
+        return 0.0
+    if not compared.significant or compared.refused:
+        return 0.0
+    return abs(compared.change) * compared.way_um
+
+
+def _with_stroke(config: EstimatorConfig, state: State, compared: StrokeChange | None) -> State:
+    """Correct the stroke, and note the rest after the conditioning strokes."""
+    response, count = state.response, config.zero_limits.rest_samples
+    if not isinstance(response, IdentifiedResponse):
+        return state
+    base = state.way_base
+    if base is None:
+        base = rest_base(response, rest_mean(state.free_motion.samples, count), count)
+    if compared is None:
+        return replace(state, way_base=base)
+    response = corrected(response, compared)
+    return replace(state, stroke=compared, response=response, way_base=base)
+
+
+def _rezeroed(config: EstimatorConfig, state: State, before: FreeResponse) -> FreeResponse:
+    """Return x_1 put through the rest at the end of the free motion.
+
+    The samples of that rest have displacements by the response before the stroke was corrected.
+    """
+    response, samples = state.response, state.free_motion.samples
+    count = config.zero_limits.rest_samples
+    if (
+        isinstance(response, IdentifiedResponse)
+        and isinstance(before, IdentifiedResponse)
+        and response.factor != before.factor
+    ):
+        scale = response.factor / before.factor
+        samples = tuple(
+            one._replace(displacement_um=scale * one.displacement_um) for one in samples[-count:]
+        )
+    return response.rezero(samples, count)
+
+
 def _drift_um(config: EstimatorConfig, state: State, t_s: float) -> float:
-    """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm."""
-    age_s = t_s if state.zero_s is None else t_s - state.zero_s
+    """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm.
+
+    How long a zero of an earlier epoch has waited between two jobs is not known. The drift of the
+    sensor over a day could then hide any part, so that of the drift in that time no more is allowed
+    for than a touch moves the arm.
+    """
+    unknown_um = state.unknown.error_um(state.response)
     if state.zero_kept:
-        age_s = KEPT_ZERO_S
-    return creep_um(config, age_s) + state.unknown.error_um(state.response)
+        played_um = config.drift_um_per_s * (state.kept_age_s + t_s)
+        most_um = played_um + config.zero_limits.touch_um
+        return creep_um(config, KEPT_ZERO_S, most_um) + unknown_um
+    age_s = t_s if state.zero_s is None else t_s - state.zero_s
+    return creep_um(config, age_s) + unknown_um
 
 
 def handle(
@@ -236,9 +364,18 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
         highest_V=state.highest_V,
         known_V=state.highest_V,
         zero_kept=kept,
+        zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
+        kept_age_s=_played_s(config, state) if kept else 0.0,
         refused=state.refused,
         past=state.past,
+        stroke=state.stroke if same else None,
     )
+
+
+def _played_s(config: EstimatorConfig, state: State) -> float:
+    """Return the time that has been played since the last zero, earlier epochs included."""
+    epoch_s = (state.observed_seq or 0) * config.period_s
+    return state.kept_age_s + epoch_s if state.zero_s is None else epoch_s - state.zero_s
 
 
 SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
@@ -260,6 +397,9 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
         "highest_V",
         "known_V",
         "zero_kept",
+        "kept_age_s",
+        "zero_confirmed",
+        "stroke",
         "second",
     ),
 )

@@ -1,9 +1,11 @@
 """How far the estimated force may be off, as the estimator stands."""
 
-from math import hypot, log10, sqrt
+from math import hypot, inf, log10, sqrt
 
 from pincette.control.force.estimation import COVERAGE, late_creep_um, uncertainty
-from pincette.control.response.free_response import MemoryResponse, rest_mean
+from pincette.control.response.conditioned_branch import FRESH_V, past_creep_mN
+from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
+from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
@@ -27,7 +29,7 @@ def uncertainty_mN(
     age_s = t_s if zero_s is None else t_s - zero_s
     # Any drift up to the largest is equally likely.
     drift_um = config.drift_um_per_s * max(0.0, age_s) / sqrt(3.0)
-    free_um = memories.response.error_um()
+    free_um = max(memories.response.error_um(), _way_back_um(config, memories.response))
     share = forgotten_share(memories.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
     if config.residual is not None and missed is not None and zero_s is not None:
@@ -42,9 +44,10 @@ def uncertainty_mN(
     )
     unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
     ring = ring_um(config, memories.ringing)
+    past_um = past_creep_um(config, memories.response)
     return uncertainty(
         noise_um=config.noise_um,
-        free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring),
+        free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um),
         compliance_um_per_mN=config.compliance_um_per_mN,
         creep_mN_per_decade=config.creep_mN_per_decade,
         zero_age_s=age_s,
@@ -54,18 +57,48 @@ def uncertainty_mN(
 
 def ring_um(config: EstimatorConfig, ringing: Ringing) -> float:
     """Return the standard uncertainty of the position by the ring after steps of the voltage."""
-    share, _ = config.ring_shares
-    return share * ringing.free_um * (config.pressed_share if ringing.part_held else 1.0)
+    shares = config.ring_shares
+    return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
 
-def creep_um(config: EstimatorConfig, age_s: float) -> float:
+def _way_back_um(config: EstimatorConfig, response: FreeResponse) -> float:
+    """Return the error of x_1 on the way back from the furthest voltage since the zero, in µm.
+
+    The error by the way since a zero was measured on ways up alone.
+    """
+    if not isinstance(response, IdentifiedResponse):
+        return 0.0
+    fell_V = response.reach_V - (response.voltage_V - response.zero_V)
+    return config.return_error_um if fell_V > FRESH_V else 0.0
+
+
+def past_creep_um(config: EstimatorConfig, response: FreeResponse) -> float:
+    """Return the standard uncertainty by creep from before the conditioning strokes, in µm."""
+    if not isinstance(response, IdentifiedResponse) or not response.strokes.conditioned:
+        return 0.0
+    creep_mN = past_creep_mN(response.strokes.since_s) / COVERAGE
+    return creep_mN * config.compliance_um_per_mN
+
+
+def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
+    """Return the standard uncertainty of a force by a stroke that has changed: |g|·F/√3.
+
+    The free response is corrected for it. Where the sensor was the cause, the force is still off
+    by g·F, and position and voltage do not tell sensor and actuator apart.
+    """
+    if not isinstance(response, IdentifiedResponse):
+        return 0.0
+    return abs(response.factor - 1.0) * abs(F_mN) / sqrt(3.0)
+
+
+def creep_um(config: EstimatorConfig, age_s: float, most_drift_um: float = inf) -> float:
     """Return how far creep and drift may have moved the reading since a zero of this age, in µm.
 
-    Creep counts at two standard errors, drift at its largest.
+    Creep counts at two standard errors, drift at its largest, up to ``most_drift_um``.
     """
     age_s = max(0.0, age_s)
     creep_mN = config.creep_mN_per_decade * log10(1.0 + age_s)
-    drift_um = config.drift_um_per_s * age_s
+    drift_um = min(config.drift_um_per_s * age_s, most_drift_um)
     return COVERAGE * creep_mN * config.compliance_um_per_mN + drift_um
 
 
@@ -84,8 +117,15 @@ def rested_past(config: EstimatorConfig, state: State) -> UnknownPast:
 
 
 def narrowed_past(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:
-    """What a free arm has told of its past since the last zero; nothing before the first."""
+    """What a free arm has told of its past since the last zero; nothing before the first.
+
+    An arm that can be conditioned is believed after its strokes alone: its approach does not show
+    what an unknown past makes of the force.
+    """
+    response = state.response
     if state.zero_s is None:
+        return state.unknown
+    if isinstance(response, IdentifiedResponse) and response.branch is not None:
         return state.unknown
     response, count = state.response, config.zero_limits.rest_samples
     standard_um = hypot(

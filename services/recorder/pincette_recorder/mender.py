@@ -7,6 +7,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -65,8 +66,11 @@ class Mender:
                 if lost and isinstance(ended, Recorded):
                     ended = replace(ended, complete=False, detail=_lost_words(folder, lost))
                 reply(ended)
-            except OSError as error:
-                reply(f"the record of job {request.job} cannot be read: {error}")
+            except Exception as error:
+                # A damaged file may raise anything, and the supervisor waits for this reply.
+                reply(f"the record of job {request.job} cannot be read: {error}"[:MOST_TEXT])
+                if not isinstance(error, OSError):
+                    raise
 
         if not (folder / NAME).exists():
             reply(f"there is no record of job {request.job[:90]!r}")
@@ -78,19 +82,38 @@ class Mender:
     def check_newest(self) -> Future[None]:
         """Compare the newest records with their manifests, and repair them; errors are logged.
 
-        Called while no record is open.
-        """
-        newest = files.newest(self._config.records, CHECKED)
-        checking = self._pool.submit(self._check, newest)
-        checking.add_done_callback(log_failure)
-        return checking
+        Called while no record is open. Between two records whatever else was asked for is done, so
+        that a supervisor that has started too waits for one record at most.
 
-    def _check(self, folders: Iterable[Path]) -> None:
-        for folder in folders:
+        Returns
+        -------
+        Future[None]
+            Done when all records were compared.
+        """
+        checked: Future[None] = Future()
+        checked.add_done_callback(log_failure)
+        self._check_next(deque(files.newest(self._config.records, CHECKED)), checked)
+        return checked
+
+    def _check_next(self, folders: deque[Path], checked: Future[None]) -> None:
+        def check() -> None:
+            folder = folders.popleft()
             try:
                 self._repair(folder)
-            except OSError as error:
-                log.error("%s cannot be compared with its manifest: %s", folder, error)
+            except Exception as error:
+                log.error(
+                    "%s cannot be compared with its manifest: %s",
+                    folder,
+                    error,
+                    exc_info=None if isinstance(error, OSError) else error,
+                )
+            self._check_next(folders, checked)
+
+        if not folders:
+            checked.set_result(None)
+            return
+        with suppress(RuntimeError):  # this program ends, and the next start compares them
+            self._pool.submit(check).add_done_callback(log_failure)
 
     def close(self) -> None:
         """End what has begun, and begin nothing more."""
@@ -104,7 +127,8 @@ class Mender:
 
     def _repair(self, folder: Path) -> None:
         """Close a record that broke off, and make again what differs from its manifest."""
-        self._mend(folder)
+        if (folder / NAME).exists():
+            self._mend(folder)
         # The supervisor makes its own documents again.
         lost = [name for name in record_repair.restore(folder) if name in record_repair.OWN]
         if not lost:

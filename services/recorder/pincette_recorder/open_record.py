@@ -48,7 +48,7 @@ class OpenRecord:
     ) -> None:
         """``every_tick``: see ``RowBlocks``."""
         self.job, self.epoch, self.folder = folder.name, epoch, folder
-        self.about = {**about, BEGIN: utc_text(start_ns)}
+        self.about: dict[str, str] = {**about, BEGIN: utc_text(start_ns)}
         """Metadata of the record; the times of its samples are added with the tables."""
         make_folder(folder)
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)

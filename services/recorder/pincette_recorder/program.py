@@ -23,8 +23,8 @@ from pincette_recorder.record_keeper import Keeper, Reply
 from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
-LOOK_S = 0.05
-"""How often what has come is written."""
+LOOK_S, IDLE_LOOK_S = 0.05, 1.0
+"""Interval at which messages that have come are written, and the same while no record is open."""
 TIDY_S = 600.0
 
 
@@ -37,7 +37,8 @@ class Recorder:
         self._intake = Intake(wall.now_ns)
         self._mender = Mender(config)
         self._keeper = Keeper(config, self._intake, wall, self._mender)
-        self._asked: queue.SimpleQueue[tuple[Message, Reply]] = queue.SimpleQueue()
+        self._asked: queue.SimpleQueue[tuple[Message, Reply] | None] = queue.SimpleQueue()
+        """Requests; None wakes the thread that writes."""
         self._instance = secrets.randbits(48)
         self._tidy_at_s = monotonic()
 
@@ -91,6 +92,10 @@ class Recorder:
         unsynced_s = 0.0 if record is None else record.unsynced_s
         return max(unsynced_s, self._intake.waiting_s)
 
+    def wake(self) -> None:
+        """Wake the thread that writes, so that it notices a stop."""
+        self._asked.put(None)
+
     def work(self, stop: threading.Event) -> None:
         """Write until ``stop``, then close the open record; a fault stops the program too."""
         try:
@@ -110,9 +115,12 @@ class Recorder:
 
     def _answer_one(self) -> None:
         try:
-            request, reply = self._asked.get(timeout=LOOK_S)
+            asked = self._asked.get(timeout=IDLE_LOOK_S if self._keeper.idle else LOOK_S)
         except queue.Empty:
             return
+        if asked is None:
+            return
+        request, reply = asked
         if isinstance(request, Record):
             self._keeper.begin(request, reply)
         else:
@@ -147,4 +155,5 @@ def run(context: Context) -> None:
             context.stop.wait()
         finally:
             context.stop.set()
+            recorder.wake()
             thread.join()

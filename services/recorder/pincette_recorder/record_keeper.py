@@ -146,6 +146,11 @@ class Keeper:
                 found["model.json"] = path.read_text(encoding="utf-8")
         return found
 
+    @property
+    def idle(self) -> bool:
+        """True while no record is open and none is about to be opened."""
+        return self.record is None and self._beginning is None
+
     def take(self) -> None:
         """Write what has come, notice that a loop has fallen silent, and open what waits for it."""
         self._write_arrivals()
@@ -217,33 +222,43 @@ class Keeper:
             **{f"messages_{topic}": str(n) for topic, n in sorted(record.file.counts.items())},
             **{f"dropped_{topic}": str(count) for topic, count in sorted(dropped.items())},
         }
-        trouble = record.finish(closing)
-        if trouble and recorded.complete:
-            recorded = replace(recorded, complete=False, detail=trouble[:MOST_TEXT])
+        if trouble := record.finish(closing):
+            recorded = _lacking(recorded, trouble)
             closing |= {"complete": "false", "detail": recorded.detail}
+        if trouble := self._write_manifest(record, closing):
+            recorded = _lacking(recorded, trouble)
         if not recorded.complete:
             log.warning("%s: %s", record.job, recorded.detail, extra={"job": record.job})
         self.finished += 1
         self.dropped += recorded.dropped
-        self._write_manifest(record, closing)
         if self._finishing is not None:
             _, reply, _ = self._finishing
             self._finishing = None
             reply(recorded)
 
-    def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> None:
-        """Say in the folder itself how it ended, since the supervisor may be gone."""
+    def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> str:
+        """State in the folder itself how the record ended; returns why that was not possible.
+
+        The supervisor may have ended, so its journal is not enough.
+        """
         try:
             record_repair.write_manifest(record.folder, record.about, closing)
-            self._mender.note_written(record.folder.name)
         except OSError as error:
-            log.error("%s: %s", record.job, error, extra={"job": record.job})
+            return f"the manifest cannot be written: {error}"
+        self._mender.note_written(record.folder.name)
+        return ""
 
     def close(self) -> None:
-        """End: close the record that is open."""
+        """Close the open record before the program ends."""
         self.take()
         if self.record is not None:
             self._close("the recorder was ended")
+
+
+def _lacking(recorded: Recorded, trouble: str) -> Recorded:
+    """Return the end of a record that is not complete, with the first reason for that."""
+    detail = recorded.detail if not recorded.complete else trouble
+    return replace(recorded, complete=False, detail=detail[:MOST_TEXT])
 
 
 def _texts(tree: Any) -> dict[str, str]:

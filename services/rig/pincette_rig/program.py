@@ -1,8 +1,10 @@
 """The rig program: the simulated plant behind its instruments' real bytes."""
 
+import logging
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 
 from msgspec import UNSET, UnsetType
 
@@ -17,7 +19,9 @@ from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.simulated import serve_sim_commands
 from pincette.sim.bench import open_bench
 from pincette.sim.script.script import script_of
+from pincette_rig.arm_file import ArmFile
 
+log = logging.getLogger(__name__)
 BEHIND_S = 0.1
 """A rig that has stood still for longer goes on at its pace, and does not make up for it."""
 
@@ -41,6 +45,21 @@ class Pace:
             self._wait(early_s)
         elif early_s < -BEHIND_S:
             self._began_s -= early_s
+
+
+@contextmanager
+def kept_arm(file: ArmFile) -> Generator[None]:
+    """Let the simulated arm live on over restarts of this program, where its folder allows it."""
+    try:
+        file.start()
+    except OSError as error:
+        log.warning("the simulated arm is new at each start: %s", error)
+        yield
+        return
+    try:
+        yield
+    finally:
+        file.close()
 
 
 def run(context: Context) -> None:
@@ -70,7 +89,7 @@ def run(context: Context) -> None:
         pace = Pace(simulation.pace) if rig.lockstep and simulation.pace else None
         truth = tell if simulation.truth else None
         bench = open_bench(rig, time.monotonic, truth, script, pace)
-        with bench.offer():
+        with bench.offer(), kept_arm(ArmFile(rig, context.data, bench.rig)):
             serve_sim_commands(bus, script)
             instance, digest = secrets.randbits(48), rig.digest()
             bus.serve(

@@ -1,34 +1,43 @@
 """What the sensor takes from the rig file."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from pincette.config import ConfigError, RigFile, Sensor
 
 
 @dataclass(frozen=True, slots=True)
-class SensorConfig:
-    """Range of the instrument and its place on the arm, in µm."""
+class ArmSensor:
+    """Range of one arm's instrument and its place on the arm, in µm."""
 
     minimum_um: float
     maximum_um: float
     offset_um: float
     direction: int
-    second: "SensorConfig | None" = None
-    """Of the second arm's instrument, where there is one."""
+
+    def position_um(self, x_um: float) -> float:
+        """Return the position of the arm for a reading of the instrument."""
+        return self.direction * (x_um - self.offset_um)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorConfig:
+    """The sensor of each arm, and the control period."""
+
+    arms: tuple[ArmSensor, ...]
+    period_s: float
 
 
 def configure(rig: RigFile) -> SensorConfig:
     """Take the sensor's part of a rig file; raises ConfigError."""
-    first = _of(rig.sensor, "sensor")
-    if rig.second is None:
-        return first
-    return replace(first, second=_of(rig.second.sensor, "second.sensor"))
+    tables = zip(rig.arms, ("sensor", "second.sensor"), strict=False)
+    arms = tuple(_of(arm.sensor, table) for arm, table in tables)
+    return SensorConfig(arms, rig.rig.period_s)
 
 
-def _of(sensor: Sensor, table: str) -> SensorConfig:
+def _of(sensor: Sensor, table: str) -> ArmSensor:
     if sensor.minimum_um >= sensor.maximum_um:
         raise ConfigError(
             f"[{table}] minimum_um = {sensor.minimum_um} µm is not below "
             f"maximum_um = {sensor.maximum_um} µm"
         )
-    return SensorConfig(sensor.minimum_um, sensor.maximum_um, sensor.offset_um, sensor.direction)
+    return ArmSensor(sensor.minimum_um, sensor.maximum_um, sensor.offset_um, sensor.direction)

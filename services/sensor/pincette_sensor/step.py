@@ -3,16 +3,26 @@
 from math import isfinite
 from typing import NamedTuple
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
+from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault, FaultCode, fault
-from pincette.core.messages import Ack, Arm, Burst, Message, Position
+from pincette.core.idle_sampling import idle_periods
+from pincette.core.messages import Ack, Arm, Burst, Idle, Message, Position
 from pincette.core.messages.second import SecondPosition
-from pincette.core.service import Acquired, DeviceCommand, Input, Reading, RefusedError, Service
-from pincette.core.topics import APPLIED, ARM, BURST, POSITION, STATUS, TIMING_OF
-from pincette_sensor.config import SensorConfig, configure
+from pincette.core.service import (
+    Acquired,
+    ArmReading,
+    DeviceCommand,
+    Input,
+    Reading,
+    RefusedError,
+    Service,
+)
+from pincette.core.topics import APPLIED, ARM, BURST, IDLE, POSITION, STATUS, TIMING_OF
+from pincette_sensor.config import ArmSensor, SensorConfig, configure
 
 
 class Inputs(NamedTuple):
@@ -30,6 +40,10 @@ class State(FrozenRecord, frozen=True):
     refused: int = 0
     fault: Fault | None = None
     """Of the newest reading."""
+    idle: bool = False
+    """True from an ``Idle`` request to the next arming: samples are taken seldom."""
+    stride: int = 1
+    """Control periods from the newest sample to the next one; its number grows by as many."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
@@ -42,8 +56,24 @@ def start(_config: SensorConfig) -> State:
     return State()
 
 
-def _fault(config: SensorConfig, reading: Reading) -> Fault | None:
-    """Why a reading is not a measurement; None where it is one."""
+def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> SecondPosition:
+    """Return one arm's position, or the fault why the reading is no measurement.
+
+    Parameters
+    ----------
+    arm
+        Index of the arm, from 0. The fault of any but the first has the number of its arm.
+    """
+    found = _fault(config, reading)
+    if found is None:
+        return SecondPosition(config.position_um(reading.x_um), valid=True)
+    if arm and found.number("arm") is None:
+        found = found.with_values(arm=arm + 1)
+    return SecondPosition(0.0, valid=False, fault=found)
+
+
+def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
+    """Return why a reading is no measurement; None where it is one."""
     if reading.fault:
         return reading.fault
     if not isfinite(reading.x_um):
@@ -58,15 +88,6 @@ def _fault(config: SensorConfig, reading: Reading) -> Fault | None:
     return None
 
 
-def _second(config: SensorConfig, reading: Reading) -> SecondPosition:
-    """Position of the second arm; a fault that does not say whose it is gets to say so."""
-    found = _fault(config, reading)
-    x_um = 0.0 if found else config.direction * (reading.x_um - config.offset_um)
-    if found is not None and found.number("arm") is None:
-        found = found.with_values(arm=2)
-    return SecondPosition(x_um, found is None, found)
-
-
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
@@ -75,29 +96,38 @@ def step(
     if reading is None:
         return state, ()
     began_s = now if state.began_s is None else state.began_s
-    found = _fault(config, reading)
-    x_um = 0.0 if found else config.direction * (reading.x_um - config.offset_um)
-    second: SecondPosition | UnsetType = UNSET
-    told = found
-    if config.second is not None and reading.second is not None:
-        second = _second(config.second, reading.second)
-        told = found or second.fault
-    position = Position(state.epoch, state.seq, now - began_s, x_um, found is None, found, second)
-    refused = state.refused + (told is not None)
-    after = State(state.epoch, state.seq + 1, began_s, refused, told)
-    if reading.acquired is None:
+    arms = [
+        _measured(own, one, arm)
+        for arm, (own, one) in enumerate(zip(config.arms, reading.arms, strict=True))
+    ]
+    found = next((arm.fault for arm in arms if arm.fault is not None), None)
+    first, *others = arms
+    position = Position(
+        state.epoch,
+        state.seq,
+        now - began_s,
+        first.x_um,
+        first.valid,
+        first.fault,
+        others[0] if others else UNSET,
+    )
+    refused = state.refused + (found is not None)
+    stride = idle_periods(config.period_s) if state.idle else 1
+    after = State(state.epoch, state.seq + stride, began_s, refused, found, state.idle, stride)
+    acquired = reading.arms[0].acquired
+    if acquired is None:
         return after, (position,)
-    return after, (position, _burst(config, state, reading.acquired))
+    return after, (position, _burst(config.arms[0], state, acquired))
 
 
-def _burst(config: SensorConfig, state: State, acquired: Acquired) -> Burst:
-    """Make positions of the arm of what was acquired; invalid where one is out of range."""
+def _burst(config: ArmSensor, state: State, acquired: Acquired) -> Burst:
+    """Convert an acquisition to positions of the arm; invalid where one is out of range."""
     low_um, high_um = config.minimum_um, config.maximum_um
     return Burst(
         epoch=state.epoch,
         seq=state.seq,
         rate_hz=acquired.rate_hz,
-        x_um=tuple(config.direction * (x_um - config.offset_um) for x_um in acquired.x_um),
+        x_um=tuple(config.position_um(x_um) for x_um in acquired.x_um),
         drive_V=acquired.drive_V,
         valid=all(low_um <= x_um <= high_um for x_um in acquired.x_um),
     )
@@ -106,10 +136,21 @@ def _burst(config: SensorConfig, state: State, acquired: Acquired) -> Burst:
 def handle(
     _config: SensorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch at seq 0."""
+    """Begin a new epoch at seq 0, or sample seldom because the epoch is over."""
+    if isinstance(request, Idle):
+        if request.epoch != state.epoch:
+            raise RefusedError(
+                f"the sensor is in epoch {state.epoch}, not {request.epoch}: ask for its status, "
+                "and repeat the request for that epoch if it is over"
+            )
+        return replace(state, idle=True), Ack(state.seq), ()
     if not isinstance(request, Arm):
         raise RefusedError(f"the sensor does not answer {type(request).__name__}")
     return State(request.epoch, 0, None, state.refused, state.fault), Ack(0), ()
+
+
+def _timer_s(config: SensorConfig, state: State) -> float:
+    return state.stride * config.period_s
 
 
 SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
@@ -117,11 +158,12 @@ SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
     summary="owns the sampling clock, numbers the samples, refuses what is no measurement",
     inputs=(Input(APPLIED, "pace"),),
     outputs=(POSITION, BURST),
-    requests=(ARM["sensor"], STATUS["sensor"], TIMING_OF["sensor"]),
+    requests=(ARM["sensor"], IDLE, STATUS["sensor"], TIMING_OF["sensor"]),
     inputs_type=Inputs,
     configure=configure,
     start=start,
     step=step,
     handle=handle,
     instrument="position_sensor",
+    timer_s=_timer_s,
 )

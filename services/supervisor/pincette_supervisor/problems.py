@@ -20,7 +20,7 @@ from pincette.api.problems import MEDIA_TYPE, TYPE, remedy_of
 from pincette.core.units import unit_of
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import StoreError
-from pincette_supervisor.planning.errors import UnsupportedError
+from pincette_supervisor.plugin import UnsupportedError
 from pincette_supervisor.rest.methods import allowed_methods
 
 log = logging.getLogger(__name__)

@@ -15,12 +15,11 @@ from time import monotonic
 
 from fastapi import FastAPI
 
-from pincette.bus.endpoints import direct_endpoint, program_endpoint
+from pincette.bus.endpoints import direct_endpoint
 from pincette.bus.protocol import BusError
 from pincette.bus.stopping import trip_at
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
-from pincette.core.faults import Cause
 from pincette.core.listening import bound
 from pincette.core.messages import Message, Trip
 from pincette.engine.program import Context
@@ -32,14 +31,16 @@ from pincette_supervisor.config import configure
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.kinds.functions import import_functions
 from pincette_supervisor.notify.outbox import Outbox
 from pincette_supervisor.notify.senders import senders_of
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
+from pincette_supervisor.plugin.functions import import_functions
 from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.server import server_of
 from pincette_supervisor.rest.tls import server_context
+from pincette_supervisor.results.archive import picture
+from pincette_supervisor.rigs.other_rigs import OtherRigs
 from pincette_supervisor.rigs.rig_finder import RigFinder
 from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
@@ -99,6 +100,8 @@ def run(context: Context) -> None:
         listener = stack.enter_context(closing(bound_to))
         worker = stack.enter_context(closing(Worker(played)))
         worker.begin()
+        # Begun with the first record. Predictions do not wait for pictures.
+        artist = stack.enter_context(closing(Worker(picture)))
         import_functions()
         store = stack.enter_context(closing(Store(config.store, config.store_url)))
         store.work_alone()
@@ -133,6 +136,7 @@ def run(context: Context) -> None:
             context.data,
             open_bus,
             partial(worker.run, played),
+            artist.run_somewhere,
             clock,
             partial(_trip_directly, context.rig),
         )
@@ -141,9 +145,10 @@ def run(context: Context) -> None:
         def create(rig: RigFile) -> JobManager:
             return factory.create(rig, unfinished.pop(rig.rig.name, ()))
 
-        rigs = Rigs(create(context.rig), partial(_trip_unserved, context.rig))
+        others = stack.enter_context(closing(OtherRigs(partial(context.open_bus, lockstep=False))))
+        rigs = Rigs(create(context.rig), others.stop)
         stack.callback(rigs.release)
-        finder = stack.enter_context(closing(RigFinder(rigs, context.open_bus, create)))
+        finder = stack.enter_context(closing(RigFinder(rigs, others, create)))
         finder.start(bus)
         stack.enter_context(rest_server(listener, create_app(rigs, access), tls, context.stop))
         # These end before the server, so that no request waits for them.
@@ -177,12 +182,6 @@ def _trip_directly(own: RigFile, rig: RigFile, trip: Trip) -> Message:
         rig = rig.secured(Path(own.bus.pki))
     ends = direct_endpoint(rig, "actuator", program(SUPERVISOR, ""))
     return trip_at(ends, rig.rig.name, trip, SUPERVISOR)
-
-
-def _trip_unserved(own: RigFile, rig: str) -> Message:
-    """Trip the actuator of a rig of which nothing but the name is known, through the router."""
-    ends = program_endpoint(own, SUPERVISOR, lockstep=False)
-    return trip_at(ends, rig, Trip(Cause.ESTOP), SUPERVISOR)
 
 
 def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from pincette.api import Model, example
 from pincette.api.plans import JobPlan
-from pincette.api.requests import JobRequest, PolicyRequest
+from pincette.api.requests import JobRequest, OnStop, PolicyRequest
 from pincette.api.results import JobResult
 from pincette.api.states import ActionType
 from pincette.core import plugins
@@ -180,6 +180,15 @@ class JobKind:
     """Place in lists."""
     arms: tuple[int, ...] = (1,)
     """Numbers of driven arms of the rigs that it is offered for."""
+    on_stop: OnStop = "hold"
+    """What a stop does with a part where the request cannot say it, and what the end of the
+    supervisor does."""
+    lease_factor: float = 1.0
+    """Ratio of the time for which the program plays on without its supervisor to ``lease_s``."""
+    needs_every_sample: bool = False
+    """A job is stopped once a phase lacks too many samples."""
+    figures_in_prediction: bool = False
+    """A prediction for two arms contains the result of the predicted samples."""
 
     @property
     def holds_part(self) -> bool:
@@ -205,6 +214,10 @@ class JobKind:
             return self.request
         requests = [variant.request for variant in self.variants.values()]
         return discriminated(requests, self.variant_field)
+
+    def stop_of(self, request: JobRequest) -> OnStop:
+        """Return what a stop of a job does with a part."""
+        return request.on_stop if isinstance(request, PolicyRequest) else self.on_stop
 
     def request_of(self, variant: str = "") -> type[JobRequest]:
         """Request of a variant, or of the kind that has none."""

@@ -110,6 +110,7 @@ class Progress(Model):
     force_mN: float | None
     force_uncertainty_mN: float | None
     voltage_V: float | None
+    """Applied voltage; null while the output has not confirmed it."""
     held: bool
     hold_in_s: float | None = None
     """When the hold begins, as planned; 0 while it lasts, null where none comes."""

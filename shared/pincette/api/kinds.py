@@ -6,6 +6,7 @@ from pydantic import BaseModel
 
 from pincette.api import Model, example
 from pincette.api.job_kinds import Choice, FieldSpec, JobKind, ResultField, Widget, choices
+from pincette.api.requests import OnStop
 from pincette.api.states import ActionType
 from pincette.core.units import unit_of
 
@@ -86,6 +87,7 @@ class Kind(Model):
         jogs=False,
         proposes=False,
         arms=[1],
+        on_stop="hold",
     )
 
     name: str
@@ -119,6 +121,8 @@ class Kind(Model):
     """Its result proposes values for the model in use."""
     arms: list[int]
     """Numbers of driven arms of the rigs that it is offered for."""
+    on_stop: OnStop
+    """What a stop does with a part where a request cannot say it."""
 
 
 class KindList(Model):
@@ -155,6 +159,7 @@ def described(kind: JobKind) -> Kind:
         jogs=kind.jogs,
         proposes=kind.proposes,
         arms=list(kind.arms),
+        on_stop=kind.on_stop,
     )
 
 

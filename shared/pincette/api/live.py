@@ -30,7 +30,8 @@ class LiveBatch(Model):
     """Samples joined by their number, in columns of one length, all of one epoch and one phase.
 
     A column holds null where nothing is known: references while no program plays, the force before
-    it was zeroed, the position where the sensor refused to read it.
+    it was zeroed, the position where the sensor refused to read it, the voltage while the output
+    has not confirmed it.
     """
 
     model_config = example(

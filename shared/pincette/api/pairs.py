@@ -1,11 +1,14 @@
-"""Plans and results of jobs of two driven arms over REST."""
+"""Requests, plans and results of jobs of two driven arms over REST."""
 
-from pydantic import Field
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field
 
 from pincette.api import Model, example
 from pincette.api.plans import LAW, Curves, JobPlan, Law
 from pincette.api.predictions import Peaks, PredictedCurves, Prediction
-from pincette.api.results import JobResult
+from pincette.api.requests import Duration, Gains, PolicyRequest, Positive, Speed
+from pincette.api.results import JobResult, ZeroReturn
 
 COURSE = {
     "t_s": [0.0, 1.0],
@@ -16,6 +19,30 @@ COURSE = {
     "second_x_r_um": [0.0, 12.3],
     "second_voltage_V": [0.0, 0.65],
 }
+
+
+def _named_gains(value: object) -> object:
+    """Return gains given by their names; raises ValueError for a parameter set."""
+    if isinstance(value, dict):
+        return Gains.model_validate(value)
+    if value is None or isinstance(value, Gains):
+        return value
+    raise ValueError(f"gains = {value!r:.60}: of two arms they are given by their names")
+
+
+class PairJobRequest(PolicyRequest, frozen=True):
+    """Members of every request for two arms; the rig file gives what is left out."""
+
+    load_s: Duration | None = None
+    """Time to load."""
+    approach_um_per_s: Speed | None = None
+    """Peak speed of each free arm on its way to the part, and of a part that is carried."""
+    seek_um_per_s: Speed | None = None
+    """Speed of one arm that looks for the part, and of the sum of both that close on it."""
+    contact_force_mN: Positive | None = None
+    """Force of each arm that counts as a contact."""
+    gains: Annotated[Gains | None, BeforeValidator(_named_gains)] = None
+    """What differs from the defaults of the law of two arms, which is under ``/laws``."""
 
 
 class PairCurves(Curves):
@@ -93,6 +120,24 @@ class PairResult(JobResult):
     peak_force_mN: float | None
     """Largest estimate of either arm since the zero."""
     held_at_end: bool
+    stroke_change_percent: float | None = None
+    """Change of the first arm's stroke since its calibration, from the way that began with
+    conditioning strokes; null where it was not compared since the estimator's start."""
+    stroke_limit_percent: float | None = None
+    """Change up to which noise and repetition explain it; the force is corrected beyond it."""
+    second_stroke_change_percent: float | None = None
+    """Change of the second arm's stroke, likewise."""
+    second_stroke_limit_percent: float | None = None
+    """Change of the second arm's stroke up to which noise and repetition explain it."""
+    model_mismatch: bool = False
+    """True where noise and repetition do not explain the change of the stroke of either arm."""
+    zero_unconfirmed: bool = False
+    """True where nothing but the zero itself shows that no part pressed on an arm as it was
+    taken: its forces may lack what it hides."""
+    zero_return: ZeroReturn | None = None
+    """Of the first arm; null where it did not come back free to the place of its zero."""
+    second_zero_return: ZeroReturn | None = None
+    """The same of the second arm."""
 
 
 class PredictedPairCurves(PredictedCurves):

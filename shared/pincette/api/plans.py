@@ -125,6 +125,21 @@ class JobPlan(Model):
     """What playing it on the model in use predicts; null where that was not asked for."""
 
 
+class PlannedGoal(Model):
+    """Whether the result will state that the goal was met, by what is planned."""
+
+    model_config = example(judged=True, phase="hold", lasts_s=4.0, settling_s=0.5)
+
+    judged: bool
+    """False where the phase is not longer than the settling time: ``goal.met`` will be null."""
+    phase: str
+    """Phase over which the errors are compared with the tolerances."""
+    lasts_s: float | None
+    """Planned duration of that phase; null where an action ends it."""
+    settling_s: float
+    """Time in which the errors must have settled, from the begin of the phase."""
+
+
 class Plan(JobPlan):
     """What a job that meets a part would do, and whether it may."""
 
@@ -151,6 +166,8 @@ class Plan(JobPlan):
     law: Law
     warnings: list[str] = Field(default_factory=list[str])
     """What a person should know before it starts."""
+    goal: PlannedGoal | None = None
+    """Null where no tolerance is requested."""
 
 
 class Pose(Model):
@@ -189,6 +206,8 @@ class MotionPlan(JobPlan):
     """Null where none leads the arm."""
     warnings: list[str]
     """What the plan takes for granted, and a person should know."""
+    goal: PlannedGoal | None = None
+    """Null where no tolerance is requested."""
 
 
 class LawGain(Model):

@@ -152,8 +152,8 @@ class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True)
     is let go as ``slipped``. A sensor that jumps towards the part in a load is taken for a slip:
     each retry may then press harder by the jump over the compliance of the arm."""
     condition: Literal["auto", "always", "never"] | None = None
-    """Whether conditioning strokes come before the approach. ``auto``: only where the estimator
-    does not know the arm's past. None: as the rig file says."""
+    """Whether conditioning strokes come before the approach. ``auto``: wherever the model in use
+    allows them. ``always``: the plan is refused where it does not. None: as the rig file says."""
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None

@@ -182,6 +182,9 @@ class PositionStep(Model):
     """Force just after it, if the part slipped; null where a slip cannot be the cause."""
     force_if_sensor_mN: float | None
     """Force just after it, if the sensor jumped; null where the part slipped for certain."""
+    rang: bool | None = None
+    """Hint: whether the pressed arm rang after the step, as it does after a slip; no sensor rings.
+    False proves nothing, since friction may damp a slip. Null where the voltage moved then."""
 
 
 OutcomeCode = Literal[
@@ -192,6 +195,7 @@ OutcomeCode = Literal[
     "stopped",
     "no_contact",
     "wrong_stiffness",
+    "uncertain_force",
     "lost",
     "overforce",
     "overtravel",
@@ -243,9 +247,21 @@ class JobResult(Model):
     """Null where no tolerance was asked for."""
 
 
+class LoadForces(Model):
+    """Lowest and highest estimated force of a load."""
+
+    model_config = example(lowest_mN=2.1, highest_mN=20.1)
+
+    lowest_mN: float
+    highest_mN: float
+
+
 class ClosedLoopResult(JobResult):
     """Figures of a job under a law; a figure is null where the job did not come that far."""
 
+    contact_load: LoadForces | None = None
+    """Forces over which stiffness and place of the contact are means: a round face is softer below
+    and harder above, and is touched a little before that place. Null without a load."""
     contact_x_um: float | None
     contact_x_error_um: float | None
     """Its standard error, by what the load leaves of a straight line and by the force's own."""
@@ -259,6 +275,16 @@ class ClosedLoopResult(JobResult):
     """Quantities that it is worked out from and no calibration has found."""
     zero_age_s: float | None
     """At the end of the hold or the path."""
+    stroke_change_percent: float | None = None
+    """Change of the arm's stroke since its calibration, from the way that began with conditioning
+    strokes; null where the arm was never conditioned since the estimator's start."""
+    stroke_limit_percent: float | None = None
+    """Change up to which noise and repetition explain it; the force is corrected beyond it."""
+    model_mismatch: bool = False
+    """True where noise and repetition do not explain the change of the stroke."""
+    zero_unconfirmed: bool = False
+    """True where nothing but the zero itself shows that no part pressed as it was taken: all forces
+    may lack what it hides. A part found at its planned place shows it, or ``zero_confirmed``."""
     peak_force_mN: float | None
     final_force_mN: float | None
     zero_return: ZeroReturn | None = None
@@ -285,6 +311,7 @@ class ClosedLoopResult(JobResult):
 
 
 COMMON: dict[str, Any] = {
+    "contact_load": {"lowest_mN": 2.1, "highest_mN": 20.1},
     "contact_x_um": 31.1,
     "contact_x_error_um": 0.01,
     "contact_stiffness_mN_per_um": 2.1,
@@ -292,6 +319,9 @@ COMMON: dict[str, Any] = {
     "force_uncertainty_mN": 0.42,
     "force_assumed": ["model.forgotten_mN"],
     "zero_age_s": 9.1,
+    "stroke_change_percent": 0.12,
+    "stroke_limit_percent": 0.42,
+    "model_mismatch": False,
     "peak_force_mN": 20.3,
     "final_force_mN": 0.1,
     "contact_rmse_position_um": 0.042,

@@ -1,12 +1,29 @@
-"""The states of a rig as one table: what each means, whether a job may start, the stage may move.
+"""Tables of what is known of a rig, and of what may begin on it.
 
-REST, the page, the command line and the documentation read it; there is no other state.
+``RIG_STATES`` lists the states of the actuator, ``PART`` how far its report of a part can be
+trusted, ``OCCUPANTS`` what can have the rig, and ``MOTION`` how the arm moves. The supervisor, the
+page, the command line and the documentation read the same tables.
 """
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 RigState = Literal["unknown", "switched_on", "idle", "armed", "frozen", "ramping", "latched"]
+Certainty = Literal["known", "believed", "unknown"]
+"""Heard just now; heard some time ago, and nothing speaks against it; nothing is known."""
+PartState = Literal["none", "held", "unknown"]
+ReportedPart = Literal["none", "held"]
+Occupant = Literal["job", "ended_job", "part", "program", "unknown_part", "nothing"]
+MotionState = Literal[
+    "unheard",
+    "tripped",
+    "about_to_move",
+    "unreported",
+    "moving",
+    "force_unknown",
+    "force_unsteady",
+    "at_rest",
+]
 
 
 class RigStateEntry(NamedTuple):
@@ -57,4 +74,87 @@ RIG_STATES: Mapping[RigState, RigStateEntry] = {
         may_move=False,
         remedy="see that the rig is safe, then reset it",
     ),
+}
+
+_UNTOLD: Mapping[ReportedPart, Mapping[Certainty, Certainty]] = {
+    reported: dict.fromkeys(("known", "believed", "unknown"), "unknown")
+    for reported in ("none", "held")
+}
+"""Nothing is known of a part, whatever the actuator reported last."""
+_EMPTY: Mapping[Certainty, Certainty] = {
+    "known": "known",
+    "believed": "believed",
+    "unknown": "believed",
+}
+"""No failure makes an empty gripper hold a part."""
+_UNCONFIRMED: Mapping[Certainty, Certainty] = {
+    "known": "believed",
+    "believed": "believed",
+    "unknown": "unknown",
+}
+"""No voltage is written that could confirm a held part."""
+
+PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = {
+    "unknown": _UNTOLD,
+    "switched_on": _UNTOLD,
+    "idle": {"none": _EMPTY, "held": _UNCONFIRMED},
+    "armed": {
+        "none": _EMPTY,
+        "held": {"known": "known", "believed": "believed", "unknown": "unknown"},
+    },
+    "frozen": {"none": _EMPTY, "held": _UNCONFIRMED},
+    "ramping": _UNTOLD,
+    "latched": _UNTOLD,
+}
+"""Certainty of the part, by the state that the actuator reported last, by the part that it
+reported, and by the certainty that the age of this report gives."""
+
+
+class OccupantEntry(NamedTuple):
+    """What can have a rig, and which jobs can start then."""
+
+    meaning: str
+    may_start: bool
+    """True where a job that needs an empty gripper can start."""
+    may_take_over: bool
+    """True where a job that begins with a held part can start."""
+
+
+OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
+    "job": OccupantEntry("a job has the rig", may_start=False, may_take_over=False),
+    "ended_job": OccupantEntry(
+        "a job that has ended holds a part", may_start=False, may_take_over=True
+    ),
+    "part": OccupantEntry(
+        "a part is held: only hold and release can start", may_start=False, may_take_over=True
+    ),
+    "program": OccupantEntry(
+        "the actuator is armed for another program than a job of this supervisor; wait until it "
+        "ends",
+        may_start=False,
+        may_take_over=False,
+    ),
+    "unknown_part": OccupantEntry(
+        "it is not known whether a part is held", may_start=True, may_take_over=True
+    ),
+    "nothing": OccupantEntry("the gripper is empty", may_start=True, may_take_over=False),
+}
+
+
+class MotionEntry(NamedTuple):
+    """How the arm moves, and whether the stage may move meanwhile."""
+
+    meaning: str
+    may_move: bool
+
+
+MOTION: Mapping[MotionState, MotionEntry] = {
+    "unheard": MotionEntry("the actuator has not been heard, or not for too long", may_move=False),
+    "tripped": MotionEntry("the actuator has tripped", may_move=False),
+    "about_to_move": MotionEntry("a job is about to move the arm", may_move=False),
+    "unreported": MotionEntry("the controller does not report its program", may_move=False),
+    "moving": MotionEntry("the arm moves", may_move=False),
+    "force_unknown": MotionEntry("the force on the part is not known", may_move=False),
+    "force_unsteady": MotionEntry("the force is off its reference", may_move=False),
+    "at_rest": MotionEntry("the arm rests, and a held part is held steadily", may_move=True),
 }

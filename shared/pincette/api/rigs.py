@@ -7,11 +7,8 @@ from pydantic import Field
 from pincette.api import WHOLE, Model, example
 from pincette.api.access import Claim
 from pincette.api.checks import Check, FaultView
-from pincette.api.rig_states import RigState
+from pincette.api.rig_states import Certainty, MotionState, PartState, RigState
 
-Certainty = Literal["known", "believed", "unknown"]
-"""Heard just now; heard some time ago, and nothing speaks against it; nothing is known."""
-PartState = Literal["none", "held", "unknown"]
 RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"]
 
 
@@ -42,6 +39,12 @@ class ExchangeTimes(Model):
     minimum_s: float
     median_s: float
     worst_s: float
+    held_s: float = 0.0
+    """Time for which a device server holds answers back before it forwards them whole; 0 where
+    none was found."""
+    line_baud: int = 0
+    """Estimated rate of the serial line behind a device server where it is slower than the rig file
+    states; 0 where it is not."""
 
 
 class Program(Model):
@@ -80,20 +83,6 @@ class Program(Model):
     """The same, for programs."""
     trouble: str
     """Why it cannot be relied on; empty where it can."""
-
-
-class Interlock(Model):
-    """Something that must hold before a job may begin."""
-
-    model_config = example(
-        name="estimator_age_s", satisfied=True, value=0.011, limit=0.05, unit="s"
-    )
-
-    name: str
-    satisfied: bool
-    value: float | str | None
-    limit: float | str | None
-    unit: str
 
 
 class Latch(Model):
@@ -184,9 +173,13 @@ class Newest(Model):
     phase: str
     x_um: float | None
     force_mN: float | None
+    """Contact force; null where it is not known, as before the force is zeroed."""
     force_uncertainty_mN: float | None
+    """Expanded uncertainty of that force."""
     zero_age_s: float | None
+    """Time since the force was zeroed; null where it has no zero."""
     voltage_V: float | None
+    """Applied voltage; null while the output has not confirmed it."""
     second_x_um: float | None = None
     """Of the second arm, as what follows; null on a rig of one arm. All else is of the first."""
     second_force_mN: float | None = None
@@ -223,9 +216,11 @@ class QueueRequest(Model):
 class SafeToMove(Model):
     """Whether the stage that carries the gripper may move."""
 
-    model_config = example(value=False, reasons=["the arm moves: approach"])
+    model_config = example(value=False, state="moving", reasons=["the arm moves: approach"])
 
     value: bool
+    state: MotionState
+    """Motion of the arm; one of a table."""
     reasons: list[str]
     """Why not."""
 
@@ -242,13 +237,12 @@ class Rig(Model):
         model={"version": 0, "digest": ""},
         programs=[],
         checks=[],
-        interlocks=[],
         limits=[],
         latch={"state": "idle", "cause": "", "clear": ""},
         newest=None,
         part="none",
         standing=STANDING | {"state": "idle", "part": "none"},
-        safe_to_move={"value": True, "reasons": []},
+        safe_to_move={"value": True, "state": "at_rest", "reasons": []},
         claim=None,
         active_job=None,
         queue={"length": 0, "halted": "", "capacity": 16},
@@ -270,7 +264,6 @@ class Rig(Model):
     programs: list[Program]
     checks: list[Check] = Field(default_factory=list[Check])
     """Everything that is looked at, each with value and limit."""
-    interlocks: list[Interlock]
     limits: list[LimitValue]
     latch: Latch
     newest: Newest | None
@@ -283,7 +276,7 @@ class Rig(Model):
     active_job: str | None
     queue: Queue
     can_start: bool
-    """Whether any kind of job can start."""
+    """Whether a job can start that needs an empty gripper."""
     startable: list[str]
     """Kinds of job that can start: while a part is held and no job holds it, hold and release."""
     reasons: list[str]

@@ -223,6 +223,9 @@ OUTCOMES: Mapping[str, str] = {
     "stopped": "the program was stopped",
     "no_contact": "no part was met where the plan expects one",
     "wrong_stiffness": "what was met is harder or softer than the part of the plan",
+    "uncertain_force": "the uncertainty of the force grew as large as the force itself, so that a "
+    "part could be pressed beyond the plan: repeat free_response, use a larger force, or reduce "
+    "the noise of the sensor",
     "lost": "the part was lost while it was held",
     "overforce": "the force rose above its limit",
     "contact": "the arm touched something on its way through free space",

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable
 from typing import Any
 
-from msgspec import inspect
+from msgspec import Struct, inspect
 
 from pincette.core.codec.refusals import may_be_absent
 from pincette.core.units import unit_of
@@ -21,6 +21,15 @@ def summary(kind: type) -> str:
 
 def notes(kind: type) -> dict[str, str]:
     """The text under each field in the source, in Markdown; fields without one are left out."""
+    bases = [base for base in kind.__mro__ if issubclass(base, Struct) and base is not Struct]
+    found: dict[str, str] = {}
+    for base in reversed(bases or [kind]):
+        found |= _notes_of(base)
+    return found
+
+
+def _notes_of(kind: type) -> dict[str, str]:
+    """Return the texts of the fields that a class defines itself."""
     (tree,) = ast.parse(textwrap.dedent(python_inspect.getsource(kind))).body
     assert isinstance(tree, ast.ClassDef)
     found: dict[str, str] = {}
@@ -69,9 +78,11 @@ def record_schema(kind: type) -> Json:
     node, texts = inspect.type_info(kind), notes(kind)
     assert isinstance(node, inspect.StructType)
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
-    if node.fields:
-        tree["required"] = [field.name for field in node.fields if not may_be_absent(field)]
-        tree["properties"] = {
+    tags: Json = {} if node.tag_field is None else {node.tag_field: {"const": node.tag}}
+    if tags or node.fields:
+        required = [field.name for field in node.fields if not may_be_absent(field)]
+        tree["required"] = [*tags, *required]
+        tree["properties"] = tags | {
             field.name: _field(field.name, field.type, texts) for field in node.fields
         }
     return tree
@@ -114,8 +125,9 @@ def type_schema(node: inspect.Type) -> Json:
         case inspect.EnumType():
             return {"enum": [code.value for code in node.cls]}
         case inspect.VarTupleType():
+            least: Json = {} if node.min_length is None else {"minItems": node.min_length}
             items = type_schema(node.item_type)
-            return {"type": "array", "maxItems": node.max_length, "items": items}
+            return {"type": "array", **least, "maxItems": node.max_length, "items": items}
         case inspect.UnionType():
             return {"oneOf": [type_schema(item) for item in node.types]}
         case _:

@@ -1,4 +1,4 @@
-"""The way of one connection through a guard: step by step, without waiting in any of them."""
+"""Admission of connections by a guard: each step of their handshakes, without waiting in any."""
 
 import os
 import selectors
@@ -19,10 +19,6 @@ HELLO_S, PROOF_S = 1.0, 3.0
 """Limits of the wait for the first bytes, and for all that follows."""
 TLS_HANDSHAKE = b"\x16\x03"
 """How TLS begins: a record of that type, of version 3."""
-ZENOH_INIT, ZENOH_KIND = 0x01, 0x1F
-"""How a Zenoh session begins: two bytes of length, then this kind in these bits."""
-MOST_HELLO = 512
-"""Bytes of a first message; Zenoh's has fewer than 100."""
 
 
 class Stage(Enum):
@@ -57,13 +53,13 @@ class Pending:
 
 
 class Admission:
-    """Leads connections in; each has to prove itself where ``vouching`` is given."""
+    """Admits connections that present a valid certificate, and connects them with Zenoh."""
 
     def __init__(
         self,
         selector: selectors.BaseSelector,
         behind: PrivatePort,
-        vouching: Vouching | None,
+        vouching: Vouching,
         advance: Callable[[Pending], None],
     ) -> None:
         self._selector, self._behind, self._vouching = selector, behind, vouching
@@ -96,11 +92,16 @@ class Admission:
         return True
 
     def end(self, one: Pending, close: Callable[[Stream], None]) -> None:
-        """Close what has been opened."""
+        """End both connections; ``close`` ends the one from outside.
+
+        The one to Zenoh is reset, so that nothing of it is left for Zenoh's accepting thread to
+        wait for.
+        """
         for line in (one.outer, one.inner):
             self._forget(line)
-            if line is not None:
-                close(line)
+        close(one.outer)
+        if one.inner is not None:
+            reset(one.inner)
 
     def _await(self, one: Pending, line: Stream, events: int) -> None:
         def go_on(_line: Stream, _events: int) -> None:
@@ -114,19 +115,17 @@ class Admission:
 
     def _hello(self, one: Pending) -> Stage:
         try:
-            first = one.outer.recv(MOST_HELLO, socket.MSG_PEEK)
+            first = one.outer.recv(len(TLS_HANDSHAKE), socket.MSG_PEEK)
         except BlockingIOError:
             return Stage.HELLO
         if not first:
             raise ConnectionError("ended")
-        if not (_tls_begins(first) if self._vouching else _zenoh_begins(first)):
+        if not _tls_begins(first):
             # The selector would tell of these bytes again and again: the guard looks now and then.
             self._forget(one.outer)
             return Stage.HELLO
         one.until_s = monotonic() + PROOF_S
         self._forget(one.outer)
-        if self._vouching is None:
-            return self._connecting(one)
         one.outer = self._vouching.outer.wrap_socket(
             one.outer, server_side=True, do_handshake_on_connect=False
         )
@@ -154,8 +153,6 @@ class Admission:
             inner.getpeername()
         except OSError:  # still on its way
             return Stage.CONNECT
-        if self._vouching is None:
-            return Stage.ADMITTED
         if not isinstance(one.outer, ssl.SSLSocket):
             raise BusError("no handshake")
         self._selector.unregister(inner)
@@ -187,16 +184,6 @@ def _tls_begins(first: bytes) -> bool:
     if not TLS_HANDSHAKE.startswith(first[:2]):
         raise ConnectionError("no handshake")
     return len(first) >= len(TLS_HANDSHAKE)
-
-
-def _zenoh_begins(first: bytes) -> bool:
-    """Whether the first message of a session is there; ConnectionError where it is none."""
-    size = 2 + int.from_bytes(first[:2], "little")
-    if len(first) > 1 and not 2 < size <= MOST_HELLO:
-        raise ConnectionError("no Zenoh session")
-    if len(first) > 2 and first[2] & ZENOH_KIND != ZENOH_INIT:
-        raise ConnectionError("no Zenoh session")
-    return len(first) >= max(size, 3)
 
 
 def reset(line: Stream) -> None:

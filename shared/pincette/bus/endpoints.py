@@ -1,7 +1,6 @@
 """Sessions of a rig file's programs, with mutual TLS by its certificates; raise SecurityError."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +16,6 @@ from pincette.bus.topology import (
     router_session,
     secured,
 )
-from pincette.config import RigFile
 from pincette.core.service import Participant
 from pincette.security.access import (
     Access,
@@ -39,12 +37,14 @@ from pincette.security.identity import (
 )
 
 if TYPE_CHECKING:
+    from pincette.config import RigFile
+    from pincette.config.stop_file import StopFile
     from pincette.security.folder import Folder
 
 THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
-def router_endpoint(rig: RigFile) -> SessionConfig:
+def router_endpoint(rig: "RigFile") -> SessionConfig:
     """The session of the router."""
     bus = rig.bus
     host = bus.listen or bus.host
@@ -60,7 +60,7 @@ def router_endpoint(rig: RigFile) -> SessionConfig:
     return _joined(config, folder, THE_ROUTER, access)
 
 
-def upstream_endpoint(rig: RigFile) -> SessionConfig:
+def upstream_endpoint(rig: "RigFile") -> SessionConfig:
     """The session of a laboratory server's router; raises BusError where the rig file has none."""
     bus = rig.bus
     if bus.upstream_at is None:
@@ -75,7 +75,9 @@ def upstream_endpoint(rig: RigFile) -> SessionConfig:
     return _joined(config, folder, THE_UPSTREAM, access)
 
 
-def service_endpoint(rig: RigFile, name: str, services: Mapping[str, Participant]) -> SessionConfig:
+def service_endpoint(
+    rig: "RigFile", name: str, services: Mapping[str, Participant]
+) -> SessionConfig:
     """The session of a program of the loop, which has an access list of its own."""
     bus, lockstep = rig.bus, rig.lockstep
     config = peer_session(
@@ -90,24 +92,24 @@ def service_endpoint(rig: RigFile, name: str, services: Mapping[str, Participant
     return _joined(config, folder, program(name, rig.rig.name), access)
 
 
-def program_endpoint(rig: RigFile, name: str, *, lockstep: bool) -> SessionConfig:
+def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionConfig:
     """The session of a program outside the loop, at the router.
 
     One of an extra has no certificate of its own: it shows that of ``[bus] identity``, as a tool.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
-    if rig.bus.served_by == (rig.bus.host, rig.bus.port):
-        config = replace(config, near=config.connect)
     own = name in (*SHARED, *OF_A_RIG)
     return _client(rig, config, program(name, rig.rig.name) if own else None)
 
 
-def tool_endpoint(rig: RigFile) -> SessionConfig:
+def tool_endpoint(rig: "RigFile | StopFile") -> SessionConfig:
     """The session of a person's tool, at the router."""
     return _client(rig, client_session(*rig.bus.served_by))
 
 
-def direct_endpoint(rig: RigFile, service: str, identity: Identity | None = None) -> SessionConfig:
+def direct_endpoint(
+    rig: "RigFile | StopFile", service: str, identity: Identity | None = None
+) -> SessionConfig:
     """Return the session of a client at one service, without the router.
 
     ``identity``: whose certificate the client shows; None: that of a person's tool.
@@ -117,7 +119,7 @@ def direct_endpoint(rig: RigFile, service: str, identity: Identity | None = None
 
 
 def _client(
-    rig: RigFile,
+    rig: "RigFile | StopFile",
     config: SessionConfig,
     identity: Identity | None = None,
     server: Identity | None = None,
@@ -140,7 +142,7 @@ def _joined(
     return secured(config, TlsIdentity(credentials, access))
 
 
-def _folder(rig: RigFile) -> "Folder | None":
+def _folder(rig: "RigFile | StopFile") -> "Folder | None":
     if rig.bus.pki is None:
         return None
     # What reads certificates is loaded where there are any: it is a tenth of a program's start.

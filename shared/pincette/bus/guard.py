@@ -1,19 +1,17 @@
-"""Stands at a program's ports, so that no stranger keeps others from the Zenoh behind it.
+"""Accepts TLS connections for a program, so that no client keeps others from the Zenoh behind it.
 
-Zenoh takes failed connections one after another, at about 0.1 s each with TLS. The guard has many
-of them at once, each with its time limit, and drops the oldest of whoever has the most. Only who
-has proved itself is led on to Zenoh.
+Zenoh handles failed TLS handshakes one after another, and sleeps for 0.1 s after each (zenoh issue
+2685). The guard handles many handshakes at once, each with its time limit, and ends the oldest one
+of the address with most. It connects only clients with a valid certificate to Zenoh.
 """
 
 import errno
-import logging
 import selectors
 import socket
 import ssl
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import chain
 from time import monotonic, sleep
 
@@ -21,11 +19,11 @@ from pincette.bus.admission import Admission, Pending, reset
 from pincette.bus.own_sockets import StallWatch, limit_buffer
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
+from pincette.bus.refused_connections import RefusedConnections
 from pincette.bus.relay import CHUNK, READ, Relay, Stream
 from pincette.bus.vouching import Vouching, serial_of
 from pincette.core.listening import why_not
 
-log = logging.getLogger("pincette")
 MOST_PENDING = 128
 """Connections that have not yet proved who they are."""
 MOST_LINKS = 512
@@ -38,19 +36,6 @@ REVOKED_S = 1.0
 """The same where there are none, for the list of revoked certificates."""
 PAUSE_S = 0.01
 """Where no file can be opened any more."""
-LOGGED_S = 10.0
-"""Least time between two log lines about refused connections."""
-
-
-@dataclass(slots=True)
-class Count:
-    """What a guard has seen."""
-
-    admitted: int = 0
-    refused: int = 0
-    """That failed, or came to no end in time."""
-    dropped: int = 0
-    """Ended to make room for others."""
 
 
 class Guard:
@@ -60,14 +45,14 @@ class Guard:
         self,
         places: Sequence[tuple[str, int]],
         behind: PrivatePort,
-        vouching: Vouching | None,
+        vouching: Vouching,
         stalls: StallWatch,
     ) -> None:
         """Listen; raises OSError where a place is taken.
 
         ``stalls`` ends a link if one of its sides takes nothing of what is sent.
         """
-        self.count = Count()
+        self.refused = RefusedConnections()
         self._stalls = stalls
         self._vouching = vouching
         self._selector = selectors.DefaultSelector()
@@ -75,10 +60,6 @@ class Guard:
         self._pending: dict[str, dict[Pending, None]] = {}
         """By address, and in the order in which they came."""
         self._many = 0
-        self._log_s = 0.0
-        """Time from which a refusal is logged again."""
-        self._unlogged = 0
-        """Refusals since the last log line about one."""
         self._relays: set[Relay] = set()
         self._links: dict[str, Relay] = {}
         """The newest links, also those that are over, by Zenoh's name of their other end."""
@@ -144,7 +125,7 @@ class Guard:
                     sleep(PAUSE_S)
                 return
             if len(self._relays) >= MOST_LINKS:
-                self.count.dropped += 1
+                self.refused.note(str(address[0]), f"there are {MOST_LINKS} links already")
                 reset(line)
                 continue
             if self._many >= MOST_PENDING:
@@ -162,7 +143,6 @@ class Guard:
             return
         if admitted and one.inner is not None:
             self._forget(one)
-            self.count.admitted += 1
             ends = one.outer, one.inner
             whence = f"{one.address}:{one.port}"
             relay = Relay(self._selector, *ends, self._relays.discard, whence)
@@ -185,8 +165,7 @@ class Guard:
             return
         crowd = max(self._pending.values(), key=len)
         victim = next((one for one in crowd if one.silent), None) or next(iter(crowd))
-        self.count.dropped += 1
-        self._end(victim, reset)
+        self._refuse(victim, f"more than {MOST_PENDING} had not proved who they are", reset)
 
     def _look(self) -> None:
         """End what is overdue, and see whether more has come of what had begun."""
@@ -198,7 +177,7 @@ class Guard:
                 self._advance(one)
 
     def _end_revoked(self) -> None:
-        if self._vouching is None or not self._vouching.revoked.changed():
+        if not self._vouching.revoked.changed():
             return
         for relay in list(self._relays):
             outer = relay.outer
@@ -208,18 +187,8 @@ class Guard:
                     relay.close("its certificate was revoked")
 
     def _refuse(self, one: Pending, why: str, close: Callable[[Stream], None]) -> None:
-        """End a connection that may not come in, count it, and log it unless many come."""
-        self.count.refused += 1
-        self._unlogged += 1
-        now_s = monotonic()
-        if now_s >= self._log_s:
-            log.warning(
-                "guard: connection of %s refused: %s (%d refused since the last such line)",
-                one.address,
-                why,
-                self._unlogged,
-            )
-            self._log_s, self._unlogged = now_s + LOGGED_S, 0
+        """Count a connection that is not admitted, and end it."""
+        self.refused.note(one.address, why)
         self._end(one, close)
 
     def _end(self, one: Pending, close: Callable[[Stream], None]) -> None:

@@ -1,4 +1,4 @@
-"""The stream sockets of this process, also those of Zenoh, and how long they may stall.
+"""The TCP sockets of this process, also those of Zenoh, and how long they may stall.
 
 Zenoh waits for ever for a partner that reads nothing: neither its lease nor its limit of a blocked
 message ends the link, and the threads that wait for it carry no other link either (zenoh issue
@@ -8,7 +8,6 @@ keep-alive, begins that time again. So a thread watches whether the partner take
 
 import fcntl
 import os
-import select
 import socket
 import struct
 import termios
@@ -21,16 +20,15 @@ from time import monotonic
 
 SEND_BYTES = 262_144
 """Size of a send buffer; the kernel's own grows to 4 MB, which hide a stall."""
-LOOKS, CLOSE_LOOKS = 5, 40
-"""How often within a lease the watch looks, and how often while a Unix socket takes nothing."""
+LOOKS = 5
+"""How often within a lease the watch looks."""
 BYTES_ACKED = 120
 """Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``."""
-LOCAL = "unixsock-stream/"
-FAMILIES = (socket.AF_INET, socket.AF_INET6, socket.AF_UNIX)
+FAMILIES = (socket.AF_INET, socket.AF_INET6)
 
 
 def own_sockets() -> Generator[socket.socket]:
-    """Yield every stream socket of this process, each valid until the next one.
+    """Yield every TCP socket of this process, each valid until the next one.
 
     They are borrowed. A copy of a descriptor, once closed, would take from this process all locks
     on that file: SQLite's on the journal, which another process that closes it would then remove.
@@ -55,7 +53,12 @@ def let_go_at_once() -> None:
     """
     for line in own_sockets():
         with suppress(OSError):
-            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
+            let_go(line)
+
+
+def let_go(line: socket.socket) -> None:
+    """Let the end of a connection wait for nothing; raises OSError if it has ended."""
+    line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
 def limit_buffer(line: socket.socket) -> None:
@@ -73,23 +76,28 @@ class LinkSockets:
         self._inodes: dict[str, set[int]] = {}
         """Inodes of the sockets of each link, by Zenoh's name of its other end."""
 
-    def add(self, own_end: str, other_end: str) -> None:
-        """Find the sockets of a link that has come up, by Zenoh's names of its ends."""
+    def add(self, own_end: str, other_end: str) -> set[int]:
+        """Find the sockets of a link that has come up, by Zenoh's names of its ends.
+
+        Returns their inodes.
+        """
         let_go_at_once()
         with self._lock, _CLAIMING:
             found: set[int] = set()
             with closing(own_sockets()) as sockets:
                 for line in sockets:
-                    inode = os.fstat(line.fileno()).st_ino
-                    if inode in _CLAIMED or not _is_of(line, own_end, other_end):
+                    try:
+                        inode = os.fstat(line.fileno()).st_ino
+                        if inode in _CLAIMED or not _is_of(line, own_end, other_end):
+                            continue
+                        limit_buffer(line)
+                        self._watch.add(line)
+                    except OSError:  # Zenoh has closed it meanwhile
                         continue
                     found.add(inode)
-                    limit_buffer(line)
-                    self._watch.add(line)
-                    if line.family == socket.AF_UNIX:
-                        break  # the sockets of several sessions at one place have the same names
             self._inodes.setdefault(other_end, set()).update(found)
             _CLAIMED.update(found)
+            return found
 
     def remove(self, other_end: str) -> None:
         """Forget the sockets of a link that has gone."""
@@ -126,17 +134,21 @@ def shut_down(inodes: Iterable[int]) -> None:
 def _is_of(line: socket.socket, own_end: str, other_end: str) -> bool:
     try:
         own, other = line.getsockname(), line.getpeername()
+        return (_named(own), _named(other)) == (_address(own_end), _address(other_end))
     except OSError:  # it listens, or is not connected any more
         return False
-    if line.family == socket.AF_UNIX:
-        # An end without a name has one of Zenoh's own.
-        return f"{LOCAL}{own}" == own_end or f"{LOCAL}{other}" == other_end
-    return (_named(own), _named(other)) == (_address(own_end), _address(other_end))
 
 
 def _named(address: tuple[str, int]) -> str:
+    """Return an address as Zenoh writes it."""
     host, port = address[:2]
-    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    if ":" not in host:
+        return f"{host}:{port}"
+    bare, _, zone = host.partition("%")
+    if not zone:
+        return f"[{host}]:{port}"
+    # Python names the interface of a link-local address, Zenoh gives its number.
+    return f"[{bare}%{zone if zone.isdigit() else socket.if_nametoindex(zone)}]:{port}"
 
 
 def _address(end: str) -> str:
@@ -152,29 +164,24 @@ class _Line:
     family: int
     on_stall: Callable[[], None] | None
     mark: int = -1
-    """Bytes that the partner of a TCP connection has acknowledged, or that wait in a Unix socket;
-    -1 where the system does not say."""
+    """Bytes that the partner has acknowledged; -1 where nothing waits to be sent."""
     stalled_s: float = 0.0
 
 
 class StallWatch:
     """Shuts a connection down whose partner has taken nothing of what waits for it for a lease.
 
-    Of a TCP connection the kernel counts what the partner's kernel has accepted. Of a Unix socket
-    only the amount that waits is known: it stalls where it takes no more and the amount stays the
-    same.
+    The kernel counts what the partner's kernel has accepted.
     """
 
     def __init__(self, lease_s: float) -> None:
-        self._lease_s = lease_s
+        self._lease_s, self._interval_s = lease_s, lease_s / LOOKS
         self._lock = threading.Lock()
         self._lines: dict[int, _Line] = {}
         """By descriptor."""
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._looked_s = monotonic()
-        self._close = False
-        """Whether to look more often."""
 
     def add(self, line: socket.socket, on_stall: Callable[[], None] | None = None) -> None:
         """Watch a connection from here on until it is closed; ``on_stall`` is called before."""
@@ -190,17 +197,13 @@ class StallWatch:
         while not self._closing.wait(self._interval_s):
             self.look()
 
-    @property
-    def _interval_s(self) -> float:
-        return self._lease_s / (CLOSE_LOOKS if self._close else LOOKS)
-
     def look(self) -> None:
         """Look at each connection once."""
         with self._lock:
             now_s = monotonic()
             # Time in which this process did not run says nothing of a partner.
             passed_s = min(now_s - self._looked_s, 2.0 * self._interval_s)
-            self._looked_s, self._close = now_s, False
+            self._looked_s = now_s
             for descriptor, line in list(self._lines.items()):
                 try:
                     mark = self._mark(descriptor, line)
@@ -222,14 +225,7 @@ class StallWatch:
         waiting = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
         if not waiting:
             return -1
-        if line.family != socket.AF_UNIX:
-            return _bytes_acked(descriptor, line.family)
-        poll = select.poll()
-        poll.register(descriptor, select.POLLOUT)
-        if poll.poll(0):
-            return -1
-        self._close = True
-        return waiting
+        return _bytes_acked(descriptor, line.family)
 
     def close(self) -> None:
         """End the thread."""

@@ -77,7 +77,10 @@ class PrivatePort:
 def _listens(line: socket.socket) -> tuple[str, int] | None:
     if line.family != socket.AF_INET:
         return None
-    if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+    try:
+        if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+            return None
+        host, port = line.getsockname()
+    except OSError:  # Zenoh has closed it meanwhile
         return None
-    host, port = line.getsockname()
     return host, port

@@ -15,6 +15,13 @@ class BusError(Exception):
     """The bus cannot be joined, or a question was not answered; the text says what to do."""
 
 
+class AbsentError(BusError):
+    """A liveliness token names the program, and nothing on the bus takes requests for it.
+
+    Any tool can hold such a token. A program declares what it answers before it holds its own.
+    """
+
+
 class RefusalError(BusError):
     """A program answered that it will not; the text is its reason."""
 

@@ -1,4 +1,4 @@
-"""Opens a program's Zenoh session behind its guard, logs its links, and serves as a router."""
+"""Opens a program's Zenoh session, keeps its ports open, logs its links, and serves as a router."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -7,6 +7,7 @@ import json
 import logging
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -14,19 +15,26 @@ import zenoh
 
 from pincette.bus.guard import Guard
 from pincette.bus.handshake import diagnose_link, is_taken
-from pincette.bus.local_sockets import by_socket
+from pincette.bus.link_sweeper import LinkSweeper
 from pincette.bus.own_sockets import LinkSockets, StallWatch
 from pincette.bus.private_port import PrivatePort
 from pincette.bus.protocol import BusError
+from pincette.bus.refused_connections import RefusedConnections
 from pincette.bus.settings import guarded, lease_s, settings
 from pincette.bus.topology import SessionConfig, address_of
 from pincette.bus.vouching import Vouching
+from pincette.core.listening import bound
 
 log = logging.getLogger("pincette")
 CLOSE_S = 1.0
 """For so long the end of a session waits for links that take nothing."""
 GIVEN_UP_S = 0.2
 """The same where the session is given up."""
+AskRouter = Callable[[], None]
+OWN_QUESTION = "@pincette/router"
+"""Key of the question that a router asks itself. No wildcard matches a part that begins with @."""
+UNANSWERED_S = 3600.0
+"""Zenoh's limit for this question: it does not end for lack of an answer."""
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
     "keep others from this program's door"
@@ -34,25 +42,45 @@ UNSIGNED = (
 
 
 class Joined:
-    """A session, and the guard at its ports where it has any."""
+    """A session, and what keeps its ports open to others."""
 
-    def __init__(self, session: "zenoh.Session", guard: Guard | None, stalls: StallWatch) -> None:
-        """``stalls`` ends links that take nothing of what is sent."""
-        self.session, self.guard, self._stalls = session, guard, stalls
+    def __init__(
+        self,
+        session: "zenoh.Session",
+        stalls: StallWatch,
+        sweeper: LinkSweeper | None = None,
+        guard: Guard | None = None,
+    ) -> None:
+        """``stalls`` ends links that take nothing of what is sent.
+
+        ``sweeper`` is for a session that listens, ``guard`` for one that listens with TLS.
+        """
+        self.session, self.guard = session, guard
+        self._sweeper, self._stalls = sweeper, stalls
         self._sockets = LinkSockets(stalls)
         self._up: dict[str, tuple[float, str]] = {}
         """When each link came up, and with whom, by Zenoh's name of its other end."""
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
+
+    @property
+    def refused(self) -> RefusedConnections:
+        """Connections that were refused at the ports; raises BusError without any port."""
+        keeper = self.guard or self._sweeper
+        if keeper is None:
+            raise BusError("a session that does not listen refuses no connection")
+        return keeper.refused
 
     def _note(self, event: "zenoh.LinkEvent") -> None:
         """Log that a link has come or gone."""
         link, now_s = event.link, monotonic()
         end = str(link.dst).partition("/")[2]
         led_in = self.guard and self.guard.link_of(end)
-        peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else link.dst}"
+        peer = f"{link.auth_identifier or 'a program'} at {led_in.whence if led_in else end}"
         if event.kind == zenoh.SampleKind.PUT:
             self._up[end] = now_s, peer
-            self._sockets.add(str(link.src), str(link.dst))
+            inodes = self._sockets.add(str(link.src), str(link.dst))
+            if self._sweeper is not None:
+                self._sweeper.note_links(inodes)
             log.info("link up: %s", peer)
             return
         self._sockets.remove(str(link.dst))
@@ -88,6 +116,8 @@ class Joined:
             log.warning("a session could not be closed, and is left: %s", error)
         finally:
             late.cancel()
+            if self._sweeper is not None:
+                self._sweeper.close()
             self._stalls.close()
             self._sockets.close()
 
@@ -103,26 +133,51 @@ def open_session(config: SessionConfig, name: str) -> Joined:
     """Join; raises BusError or SecurityError with what to do where that fails."""
     # Its threads would write lines to standard output, and wait where nobody reads that.
     zenoh.init_log_from_env_or("off")
-    config, sockets = by_socket(config)
     stalls = StallWatch(lease_s(config))
     if not config.listen:
-        return Joined(_opened(config, settings(config, name), name), None, stalls)
-    behind = PrivatePort.chosen()
-    vouching = None if config.tls is None else Vouching(config.tls.credentials)
+        return Joined(_opened(config, settings(config, name), name), stalls)
+    if config.tls is not None:
+        return _behind_guard(config, name, Vouching(config.tls.credentials), stalls)
+    places = [address_of(place) for place in config.listen]
     try:
-        places = [address_of(place) for place in config.listen]
-        guard = Guard(places, behind, vouching, stalls)
+        for place in places:
+            bound(*place).close()
+    except OSError as error:
+        raise _not_joined(config, name, error) from error
+    session = _opened(config, settings(config, name), name)
+    return Joined(session, stalls, _sweeping(session, [port for _, port in places]))
+
+
+def _behind_guard(
+    config: SessionConfig, name: str, vouching: Vouching, stalls: StallWatch
+) -> Joined:
+    """Open a session whose ports a guard serves, with mutual TLS."""
+    behind = PrivatePort.chosen()
+    try:
+        guard = Guard([address_of(place) for place in config.listen], behind, vouching, stalls)
     except OSError as error:
         raise _not_joined(config, name, error) from error
     try:
-        session = _opened(config, guarded(config, name, behind, vouching, sockets), name)
+        session = _opened(config, guarded(config, name, behind, vouching), name)
         if not behind.close_to_others():
             log.warning(UNSIGNED, name)
+        sweeper = _sweeping(session, [behind.port])
     except BusError:
         guard.close()
         raise
     guard.start()
-    return Joined(session, guard, stalls)
+    return Joined(session, stalls, sweeper, guard)
+
+
+def _sweeping(session: "zenoh.Session", ports: list[int]) -> LinkSweeper:
+    sweeper = LinkSweeper(ports)
+    try:
+        sweeper.start()
+    except BusError:
+        sweeper.close()
+        session.close()
+        raise
+    return sweeper
 
 
 def _opened(config: SessionConfig, tree: Mapping[str, Any], name: str) -> "zenoh.Session":
@@ -149,8 +204,21 @@ def _not_joined(config: SessionConfig, name: str, error: Exception) -> BusError:
 
 
 def serve_router(
-    config: SessionConfig, rig: str, wait: Callable[[], None], name: str = "router"
+    config: SessionConfig, rig: str, wait: Callable[[AskRouter], None], name: str = "router"
 ) -> None:
-    """Route between the services of a rig and the tools around it until ``wait`` returns."""
-    with open_session(config, f"{rig}/{name}"):
-        wait()
+    """Route between the services of a rig and the tools around it until ``wait`` returns.
+
+    ``wait`` is called with a function that asks this router a question and returns with the answer.
+    """
+    with open_session(config, f"{rig}/{name}") as session:
+        wait(partial(ask_router, session))
+
+
+def ask_router(session: "zenoh.Session") -> None:
+    """Ask the router of a session for liveliness tokens; returns with the answer.
+
+    The question needs the routing tables' locks as a new link and a message do, and it declares
+    nothing that the router would state to others.
+    """
+    for _ in session.liveliness().get(OWN_QUESTION, timeout=UNANSWERED_S):
+        pass

@@ -4,7 +4,7 @@ from base64 import b64encode
 from typing import Any
 
 from pincette.bus.private_port import PrivatePort
-from pincette.bus.topology import PLAIN, SECURE, SessionConfig, TlsIdentity
+from pincette.bus.topology import SECURE, SessionConfig, TlsIdentity
 from pincette.bus.vouching import Vouching
 from pincette.core.codec import MAX_BYTES
 from pincette.security.access import as_settings
@@ -16,6 +16,15 @@ BLOCK_US = 200_000
 """Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
 """Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
+ACCEPT_MS = 2000
+"""Longest time from an accepted connection to a link; longer than the one in which a connection
+that stays silent is reset: see ``link_sweeper``."""
+MOST_ACCEPTING = 2048
+"""Connections that may be on their way to become a link before Zenoh closes new ones at once.
+
+A last resort below the limit of open files. Long before it, a guard or a `LinkSweeper` ends
+connections that never become a link; where Zenoh closes them, clients of the rig are refused too.
+"""
 NEVER_WAIT = {
     "messages": ["put", "delete", "query"],
     "flows": ["ingress", "egress"],
@@ -70,7 +79,11 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
         },
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
-            "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
+            "unicast": {
+                "open_timeout": 1000,
+                "accept_timeout": ACCEPT_MS,
+                "accept_pending": MOST_ACCEPTING,
+            },
             "shared_memory": {"enabled": False},
             "link": {
                 "tx": _sending(patient=config.patient),
@@ -90,21 +103,11 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
 
 
 def guarded(
-    config: SessionConfig,
-    name: str,
-    behind: PrivatePort,
-    vouching: Vouching | None,
-    sockets: tuple[str, ...] = (),
+    config: SessionConfig, name: str, behind: PrivatePort, vouching: Vouching
 ) -> dict[str, Any]:
-    """Settings of a session that listens behind a guard, and believes whom that vouches for.
-
-    ``sockets``: where it listens beside.
-    """
+    """Settings of a session that listens behind a guard, and trusts the certificates it issues."""
     tree = settings(config, name)
-    protocol = PLAIN if vouching is None else SECURE
-    tree["listen"]["endpoints"] = [f"{protocol}{behind.host}:{behind.port}", *sockets]
-    if vouching is None:
-        return tree
+    tree["listen"]["endpoints"] = [f"{SECURE}{behind.host}:{behind.port}"]
     tls = tree["transport"]["link"]["tls"]
     del tls["root_ca_certificate"]
     tls["root_ca_certificate_base64"] = b64encode(vouching.believed.encode()).decode()

@@ -5,8 +5,8 @@ it, so that a stop over REST does not wait for the packages of the bus.
 """
 
 import threading
-from collections import Counter
-from collections.abc import Callable, Generator
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from socket import create_connection
@@ -18,10 +18,17 @@ if TYPE_CHECKING:
     from pincette.bus.zenoh_bus import ZenohBus
     from pincette.core.messages import Message, Trip
 
+ROUTED, DIRECT = "through the router", "at the actuator"
+"""Ways to an actuator."""
 CONNECT_S = 1.0
 """Limit of the time to connect to a port, and of the time to open a session there."""
 REPLY_S = 1.0
 """Limit of the time in which an actuator replies."""
+TRIP_S = 1.2
+"""Limit of the time for all ways together."""
+MOST_AT_ONCE = 64
+"""Largest number of actuators that are tripped at the same time, of those whose rig the supervisor
+does not serve."""
 
 
 class StopAttempts:
@@ -98,18 +105,46 @@ def trip_at(config: "SessionConfig", rig: str, trip: "Trip", name: str = "estop"
     """
     from pincette.core.topics import TRIP
 
-    with _joined(config, rig, name) as bus:
+    with joined(config, rig, name) as bus:
         return bus.call(TRIP, trip, REPLY_S)
 
 
-def alive_at(config: "SessionConfig", rig: str) -> set[tuple[str, str]]:
-    """Return the rigs and programs that are on a router; raises BusError."""
-    with _joined(config, rig, "estop") as bus:
-        return bus.alive_everywhere()
+def trip_each(
+    rigs: Iterable[str], trip: Callable[[str], object], limit_s: float = TRIP_S
+) -> dict[str, str]:
+    """Trip several actuators at once, each by a call of its own.
+
+    Returns why each rig that has not confirmed within ``limit_s`` has not.
+    """
+    attempts, wanted, until_s = StopAttempts(), sorted(rigs), monotonic() + limit_s
+    waiting, tried, failed = deque(wanted), set[str](), dict[str, str]()
+
+    def trip_in_turn() -> None:
+        while monotonic() < until_s:
+            try:
+                rig = waiting.popleft()
+            except IndexError:
+                return
+            tried.add(rig)
+            try:
+                trip(rig)
+            except Exception as error:  # noqa: BLE001  a rig that fails must not end the others
+                failed[rig] = str(error)
+            else:
+                attempts.confirm(rig, ROUTED)
+
+    for _ in wanted[:MOST_AT_ONCE]:
+        attempts.start(ROUTED, trip_in_turn)
+    attempts.wait(limit_s)
+    late = f"no reply within {limit_s:.1f} s"
+    untried = f"not tried: {MOST_AT_ONCE} others: {late}; stop it by name"
+    missed = {rig: late if rig in set(tried) else untried for rig in wanted} | dict(failed)
+    return {rig: why for rig, why in missed.items() if rig not in attempts.confirmed}
 
 
 @contextmanager
-def _joined(config: "SessionConfig", rig: str, name: str) -> "Generator[ZenohBus]":
+def joined(config: "SessionConfig", rig: str, name: str = "estop") -> "Generator[ZenohBus]":
+    """Open a session at the first place of a configuration; raises BusError at a closed port."""
     from pincette.bus.protocol import BusError
     from pincette.bus.topology import address_of
     from pincette.bus.zenoh_bus import ZenohBus

@@ -34,8 +34,6 @@ class SessionConfig:
     """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
     tls: TlsIdentity | None = None
     """None: the links are neither encrypted nor closed to anybody."""
-    near: tuple[str, ...] = ()
-    """Of ``connect``: programs of the same rig; see ``local_sockets``."""
     connect_s: float = 3.0
     """Limit of the time in which a client joins, in s."""
 
@@ -132,7 +130,6 @@ def peer_session(
         tuple(endpoint(host, port, service) for service in own),
         (router, *partners_at),
         patient=lockstep,
-        near=(endpoint(host, port, "router"), *partners_at),
     )
 
 

@@ -6,13 +6,15 @@
 import os
 import ssl
 from datetime import UTC, datetime, timedelta
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pincette.bus.protocol import BusError
-from pincette.security.certificates import Pair, issue, new_authority
 from pincette.security.identity import VIEWER, Credentials, Identity
 from pincette.security.latest_time import LatestTime
 from pincette.security.revocation import RevocationList
+
+if TYPE_CHECKING:
+    from pincette.security.certificates import Pair
 
 DAYS = 36500.0
 MOST_KEPT = 256
@@ -27,6 +29,9 @@ class Vouching:
 
     def __init__(self, credentials: Credentials, time: LatestTime | None = None) -> None:
         """``time``: by which the ends of certificates are judged."""
+        # What makes certificates is loaded where there are any: it takes as long as a short stop.
+        from pincette.security.certificates import new_authority
+
         self._authority = new_authority(datetime.now(UTC), DAYS)
         self._credentials = credentials
         self._contexts: dict[tuple[str, float], ssl.SSLContext] = {}
@@ -63,6 +68,8 @@ class Vouching:
         return found
 
     def _made(self, name: str, ends_s: float) -> ssl.SSLContext:
+        from pincette.security.certificates import issue
+
         now = datetime.now(UTC)
         left = datetime.fromtimestamp(ends_s, UTC) - now
         pair = issue(self._authority, Identity(name, VIEWER), (), now, left / timedelta(days=1))
@@ -78,7 +85,7 @@ def serial_of(shown: Any) -> int:
     return int(shown["serialNumber"], 16)
 
 
-def _load(context: ssl.SSLContext, pair: Pair) -> None:
+def _load(context: ssl.SSLContext, pair: "Pair") -> None:
     """Load a certificate from memory.
 
     OpenSSL's loader takes files only. This one belongs to no folder, so that a full disk keeps

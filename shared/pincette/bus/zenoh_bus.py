@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from pincette.bus.delivery import deliver_each, ring
-from pincette.bus.protocol import BusError, RefusalError, RequestHandler, Sink
+from pincette.bus.protocol import AbsentError, BusError, RefusalError, RequestHandler, Sink
 from pincette.bus.query import MESSAGE, Query, mark_of, refuse, respond
 from pincette.bus.refused import RefusedMessages
 from pincette.bus.session import open_session
@@ -77,8 +77,9 @@ class ZenohBus:
         self._declaring = threading.RLock()
         self._ways: list[Way] = []
         self._declared: list[Any] = []
-        self._unanswered_s: dict[str, float] = {}
-        """Since when each program owes an answer."""
+        self._unanswered_s: dict[tuple[str, str], float] = {}
+        """Time at which each program, by rig and name, was sent the first request that it has not
+        answered."""
         self._reopened_s = -inf
         self.refused = RefusedMessages(self._name)
         """Messages and requests that were no valid ones."""
@@ -105,15 +106,22 @@ class ZenohBus:
 
     def alive(self) -> set[str]:
         """Programs whose token is seen from here."""
-        return {alive_of(token)[1] for token in self._tokens(live_key(self._rig, "*"))}
+        return {program for _, program in self._alive(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
         """Rigs and programs whose token is seen from here, of every rig on the router."""
-        return {alive_of(token) for token in self._tokens(live_key("*", "*"))}
+        return self._alive("*")
+
+    def _alive(self, rig: str) -> set[tuple[str, str]]:
+        found = map(alive_of, self._tokens(live_key(rig, "*")))
+        return {one for one in found if one is not None}
 
     def other_wires(self) -> dict[str, int]:
         """Programs of this rig that run with another version of the wire, each with its own."""
-        return of_other_wires(self._tokens(live_key_of_any_wire(self._rig), 0.3))
+        return self._other_wires(self._rig)
+
+    def _other_wires(self, rig: str) -> dict[str, int]:
+        return of_other_wires(self._tokens(live_key_of_any_wire(rig), 0.3))
 
     def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
         # Tokens are known to the routers, which answer; no queryable is asked.
@@ -161,9 +169,9 @@ class ZenohBus:
     def _watch(self, rig: str, sink: Callable[[str, str, bool], None]) -> None:
         def way(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
-                if session is self._session:
-                    found, program = alive_of(str(sample.key_expr))
-                    sink(found, program, sample.kind == zenoh.SampleKind.PUT)
+                found = alive_of(str(sample.key_expr))
+                if found is not None and session is self._session:
+                    sink(*found, sample.kind == zenoh.SampleKind.PUT)
 
             declare = session.liveliness().declare_subscriber
             return self._delivered(partial(declare, live_key(rig, "*"), history=True), deliver)
@@ -272,14 +280,22 @@ class ZenohBus:
 
         self._declare(way)
 
-    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Send a request and return the reply; see Bus."""
+    def call(
+        self,
+        question: Request,
+        request: Message,
+        timeout_s: float = 2.0,
+        *,
+        rig: str | None = None,
+    ) -> Message:
+        """Send a request and return the reply; see Bus. ``rig``: None for the bus's own."""
+        rig = rig or self._rig
         program, asked_s = question.service, monotonic()
         place, trouble = f"{program}/{question.name}", ""
-        at = request_key(self._rig, question)
+        at = request_key(rig, question)
         with self._query(at, timeout_s, encode(request)) as query:
             for reply in query:
-                self._unanswered_s.pop(program, None)
+                self._unanswered_s.pop((rig, program), None)
                 if reply.refused:
                     raise RefusalError(reply.payload.to_bytes().decode(errors="replace"))
                 try:
@@ -288,15 +304,31 @@ class ZenohBus:
                     trouble = explained(error, reply.encoding, program)
                     self.refused.note(at, trouble)
         if trouble:
-            raise BusError(f"{self._rig}: {place}: {trouble}")
-        self._unanswered(program, asked_s)
-        raise BusError(
-            f"{self._rig}: nobody answers {place}: {self._why(query, program, timeout_s)}"
-        )
+            raise BusError(f"{rig}: {place}: {trouble}")
+        self._unanswered(rig, program, asked_s)
+        nobody = f"{rig}: nobody answers {place}: "
+        if self._is_absent(query, rig, program, at):
+            raise AbsentError(f"{nobody}there is a liveliness token and no program")
+        raise BusError(f"{nobody}{self._why(query, rig, program, timeout_s)}")
 
-    def _why(self, query: Query, program: str, timeout_s: float) -> str:
+    def _is_absent(self, query: Query, rig: str, program: str, place: str) -> bool:
+        """Return whether a token names a program, and no queryable is declared that takes requests.
+
+        A query ends at once too where a program drops it, and where an access list denies it. So
+        the router is asked what is declared. It answers in order: the token, which comes after,
+        shows that the answer is complete.
+        """
+        if self._config.tls is not None or not query.finished:
+            return False
+        with self._asked(lambda session: session.declare_querier(place)) as querier:
+            seen = (rig, program) in self._alive(rig)
+            # The stub says bool; it is an object that is always true.
+            status: Any = querier.matching_status
+            return seen and not status.matching
+
+    def _why(self, query: Query, rig: str, program: str, timeout_s: float) -> str:
         """Return a probable reason why a program did not reply, and the remedy."""
-        wire = self.other_wires().get(program)
+        wire = self._other_wires(rig).get(program)
         if wire is not None:
             return update_which(program, wire)
         if not query.finished:
@@ -305,16 +337,20 @@ class ZenohBus:
         allowed = f", and may {self._identity} ask it" if self._identity else ""
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
-    def _unanswered(self, program: str, asked_s: float) -> None:
+    def _unanswered(self, rig: str, program: str, asked_s: float) -> None:
         """Open the session anew where a program that is alive has owed an answer for too long.
 
         After a cut a session has been seen to keep its tokens and to answer no request. A session
         that others connect to stays: its links are the loop's.
         """
         with self._declaring:
-            since_s, now_s = self._unanswered_s.setdefault(program, asked_s), monotonic()
+            since_s = self._unanswered_s.setdefault((rig, program), asked_s)
+            now_s = monotonic()
             waited_s = now_s - max(since_s, self._reopened_s + REOPENED_S - UNANSWERED_S)
-            if self._config.listen or waited_s < UNANSWERED_S or program not in self.alive():
+            if self._config.listen or waited_s < UNANSWERED_S:
+                return
+            if (rig, program) not in self._alive(rig):
+                del self._unanswered_s[rig, program]
                 return
             self._unanswered_s.clear()
             self._reopened_s = now_s

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Mapping
 from enum import IntEnum
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ class Exit(IntEnum):
     NOT_READY = 4
     LIMIT = 5
     GOAL_MISSED = 6
+    ROUTER_LOCKED = os.EX_TEMPFAIL
     INTERRUPTED = 130
 
 
@@ -31,6 +31,7 @@ MEANINGS: Mapping[Exit, str] = {
     Exit.NOT_READY: "the rig is latched or not ready; nothing has moved",
     Exit.LIMIT: "a limit of the rig would be broken; nothing has moved",
     Exit.GOAL_MISSED: "a job that was followed has succeeded, but missed its tolerances",
+    Exit.ROUTER_LOCKED: "a router that does not route any more has ended itself; start it again",
     Exit.INTERRUPTED: "ended by Ctrl-C; a job that was followed goes on",
 }
 
@@ -86,7 +87,9 @@ def working_folder() -> str:
 
 
 def brought() -> Path | None:
-    """The demo's rig file that was installed with the package; None where it runs in place."""
+    """Return the demo's rig file that was installed with the package; None in a checkout."""
+    from importlib.resources import as_file, files
+
     with as_file(files("pincette") / IN_THE_PACKAGE) as path:
         return path if path.is_file() else None
 

@@ -1,59 +1,44 @@
 """The supervisor of a command and the key for it."""
 
 import os
-import stat
+import sys
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from typer import Option
 
 from pincette.cli import PKI, CliError, Exit
+from pincette.cli.credentials import (
+    AUTHORITY,
+    AUTHORITY_HELP,
+    DEFAULT_URL,
+    KEY_HELP,
+    authority_of,
+    find_key,
+    operator,
+)
 from pincette.cli.terminal import Json, emit
-from pincette.core.files import EncodingError, decoded
-from pincette.core.user_folders import config_folder, is_readable_file
 
 if TYPE_CHECKING:
     from pincette.client import JobHandle, RigHandle, Supervisor
 
-DEFAULT_URL = "http://127.0.0.1:8000"
-VARIABLE = "PINCETTE_KEY"
 CLAIM = "PINCETTE_CLAIM"
 """Holds the secret of a claim, which every command then sends."""
-FILE_MARK = "@"
-"""Before the name of a file in place of a key."""
 PATIENCE_S = 0.5
 """How long a person waits to learn that no supervisor answers."""
-LONGEST_NAME = 80
-"""Characters of an operator's name that a request carries."""
 FOLLOWED_S = 30.0
 """How long a job is followed on while its supervisor does not answer, as when it restarts."""
 STATUSES = {  # of refusals, by their codes
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,
 }
-Key = Annotated[
-    str | None,
-    Option(
-        "--key",
-        metavar="KEY",
-        help=f"for a supervisor that requires one, or {FILE_MARK}FILE with it; ${VARIABLE}, else "
-        "~/.config/pincette/key, if not given",
-    ),
-]
-
+Key = Annotated[str | None, Option("--key", metavar="KEY", help=KEY_HELP)]
 Authority = Annotated[
     Path | None,
-    Option(
-        "--authority",
-        metavar="FILE",
-        envvar="PINCETTE_AUTHORITY",
-        show_envvar=False,
-        help="authority.crt of `security`, for a supervisor over https; $PINCETTE_AUTHORITY, else "
-        f"that in ${PKI}, if not given",
-    ),
+    Option("--authority", metavar="FILE", envvar=AUTHORITY, show_envvar=False, help=AUTHORITY_HELP),
 ]
 
 
@@ -74,7 +59,9 @@ class Address(Json):
     authority: Authority = None
 
     def supervisor(self) -> "Supervisor":
-        """The supervisor of ``--url``, with the key of ``--key``."""
+        """Return the supervisor of ``--url``, with the key of ``--key``."""
+        # httpx loads Rich and Pygments for a command line of its own, where they are installed.
+        sys.modules.setdefault("httpx._main", cast("Any", None))
         from pincette.client import Supervisor
 
         key = key_of(self.key)
@@ -148,19 +135,6 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
         raise CliError(str(error)) from error
 
 
-def authority_of(given: Path | None, pki: str | None) -> Path | None:
-    """The authority whose certificates are believed: as given, else that of a folder, if any."""
-    if given is not None or not pki:
-        return given
-    return Path(pki) / "authority.crt"
-
-
-def operator() -> str | None:
-    """Return the user of this terminal, if the environment names one."""
-    name = os.environ.get("USER", "")[:LONGEST_NAME]
-    return name if name and name.isascii() and name.isprintable() and name.strip() else None
-
-
 def key_of(given: str | None) -> str | None:
     """Return the key as ``find_key`` does; raises CliError also where no header can carry it."""
     from pincette.client.call import identity_headers
@@ -171,34 +145,3 @@ def key_of(given: str | None) -> str | None:
     except ValueError as error:
         raise CliError(str(error), Exit.USAGE) from error
     return key
-
-
-def find_key(given: str | None) -> str | None:
-    """Return the key of ``--key``, else of the environment, else of the user's file, else None.
-
-    Raises CliError where a file with a key cannot be used. An account without a home, or with one
-    that it may not enter, has no file.
-    """
-    key = given or os.environ.get(VARIABLE) or None
-    if key is not None and key.startswith(FILE_MARK):
-        return _read(Path(key.removeprefix(FILE_MARK)))
-    folder = config_folder()
-    if key is not None or folder is None:
-        return key
-    usual = folder / "pincette" / "key"
-    return _read(usual) if is_readable_file(usual) else None
-
-
-def _read(path: Path) -> str:
-    try:
-        mode = path.stat().st_mode
-        text = decoded(path.read_bytes()).strip()
-    except (OSError, EncodingError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error)
-        raise CliError(f"key file {path} cannot be read: {why}", Exit.USAGE) from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        why = f"has mode {stat.S_IMODE(mode):04o}, so others may read it: chmod 600 {path}"
-        raise CliError(f"key file {path} {why}", Exit.USAGE)
-    if not text:
-        raise CliError(f"key file {path} is empty: write the key into it", Exit.USAGE)
-    return text

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from pincette.api.calibrations import Proposal
     from pincette.api.checklist import BenchNeed, Checklist, ChecklistStep
     from pincette.api.rigs import Rig
-    from pincette.client import JobHandle, Supervisor
+    from pincette.client import JobHandle, RigHandle, Supervisor
 
 
 COLOURS: dict[StepState, str] = {"done": "green", "next": "cyan", "unsupported": "yellow"}
-GRIP = "`pincette job grip --dry-run` predicts a grip, `pincette job grip` grips"
+GRIP = "`pincette plan grip` predicts a grip, `pincette job grip` grips"
 
 app = group()
 
@@ -49,6 +49,8 @@ def bring_up(
     rig = target.rig().patient(FOLLOWED_S)
     found = rig.checklist()
     if show or target.json:
+        if not target.json:
+            _show_exchanges(rig.state(), screen())
         target.answer(found, lambda: show_checklist(found, screen()))
         return Exit.DONE
     if not (yes or sys.stdin.isatty()):
@@ -61,7 +63,7 @@ def bring_up(
     while (step := _next(rig.checklist(), left_out)) is not None:
         needs = [need.code for need in step.needs]
         if yes and ready not in (None, needs):
-            console.print(f"\nnext: {step.label}: {_needs(step.needs)}", soft_wrap=True)
+            console.print(f"\nnext: {step.label}: {_needs(step.needs)}")
             console.print("then `pincette bring-up --yes` again")
             return Exit.FAILED
         ready = needs
@@ -69,20 +71,40 @@ def bring_up(
             left_out.add(step.calibration)
     show_checklist(rig.checklist(), console)
     console.print(f"\nleft out: {', '.join(sorted(left_out))}" if left_out else "\nall done")
+    for text in path_warnings(rig):
+        console.print(f"[yellow]{text}[/yellow]")
     console.print(GRIP)
     return Exit.DONE
 
 
+def path_warnings(rig: "RigHandle") -> list[str]:
+    """Return the warnings of the rig's own path, as where its steps ring the mode.
+
+    Empty where the rig plans no path.
+    """
+    from pincette.client.errors import ProblemError
+
+    try:
+        plan = rig.plan("track")
+    except ProblemError:
+        return []
+    return list(getattr(plan, "warnings", ()))
+
+
 def _show_exchanges(rig: "Rig", console: "Console") -> None:
     """Show what the programs have measured of their instruments; nothing in lockstep."""
+    from pincette.diagnostics.hops import hop_findings
+
     for program in rig.programs:
         for arm, took in enumerate(program.exchanges, start=1):
             name = f"{program.name}, arm {arm}" if len(program.exchanges) > 1 else program.name
             console.print(
                 f"exchanges of the {name}: {1e3 * took.minimum_s:.1f}/{1e3 * took.median_s:.1f}/"
                 f"{1e3 * took.worst_s:.1f} ms (minimum/median/worst of {took.count})",
-                soft_wrap=True,
             )
+            for finding in hop_findings(name, took.held_s, took.line_baud):
+                console.print(finding.what, markup=False)
+                console.print(f"  what to do: {finding.remedy}", markup=False)
 
 
 def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
@@ -99,9 +121,9 @@ def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
 
 def _made(target: Target, step: "ChecklistStep", console: "Console", *, yes: bool) -> bool:
     """Make a step, or decide about what it has proposed; false where a person leaves it out."""
-    console.print(f"\n[bold]{step.label}[/bold]: {step.summary}", soft_wrap=True)
+    console.print(f"\n[bold]{step.label}[/bold]: {step.summary}")
     for reason in step.reasons:
-        console.print(f"  {reason.text}", markup=False, soft_wrap=True)
+        console.print(f"  {reason.text}", markup=False)
     if any(reason.code == "refused" for reason in step.reasons):
         raise CliError("it would be refused: mend what is named, or leave it out with --skip")
     name = step.proposal
@@ -131,11 +153,11 @@ def _decided(
     """Show what was found, and accept it if a person agrees; else it is discarded."""
     shown = tree(proposal)
     show_proposal(shown, console)
-    console.print(f"  {proposal.statement}", markup=False, soft_wrap=True)
+    console.print(f"  {proposal.statement}", markup=False)
     for one in proposal.figures:
         console.print(f"  {one.name} {one.value:.4g} {one.unit}: {one.meaning}", markup=False)
     for text in proposal.warnings:
-        console.print(f"  [yellow]{text}[/yellow]", soft_wrap=True)
+        console.print(f"  [yellow]{text}[/yellow]")
     accepted = yes or _agreed("Enter accepts these values (s discards them, and leaves this out)")
     supervisor.decide(proposal.id, "accept" if accepted else "discard")
     return accepted

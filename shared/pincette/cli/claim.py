@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from pincette.cli.access import CLAIM, Target
-from pincette.cli.options import number
+from pincette.cli.readers import number
 from pincette.cli.terminal import command, group
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ app.add_typer(claim_app)
 
 
 def claimed(claim: "Claim | None") -> str:
-    """Who has a rig, for how long, and what for."""
+    """Return who has claimed a rig, for how long, and what for, as text."""
     if claim is None:
         return "nobody has claimed the rig"
     more = f": {claim.note}" if claim.note else ""
@@ -45,13 +45,6 @@ def take_claim(
     claim = target.rig().claim(lease_s, note)
     answer = {**claim.model_dump(mode="json"), "claim": secret}
     target.answer(answer, f"export {CLAIM}={secret}")
-
-
-@command(claim_app, "show")
-def show_claim(target: Target) -> None:
-    """Say who has claimed a rig."""
-    claim = target.rig().state().claim
-    target.answer(claim, claimed(claim))
 
 
 @command(claim_app, "give-back")

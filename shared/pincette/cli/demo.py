@@ -12,7 +12,7 @@ from pincette.cli.options import DATA, DataFolder
 from pincette.cli.results import show_result
 from pincette.cli.safety import cleared
 from pincette.cli.terminal import Json, RigOption, command, emit, group, lasting_screen
-from pincette.cli.up import running
+from pincette.cli.up import NewArm, forget_arm, running
 from pincette.cli.watch import follow_recorded, status_of
 from pincette.core.faults import Cause, FaultCode
 
@@ -34,10 +34,13 @@ def demo(
     secure: Annotated[
         bool, Option("--secure", help="over mutual TLS, with certificates for this once")
     ] = False,
+    new_arm: NewArm = False,
 ) -> int:
     """Grip the part of a rig once, from start to end."""
     path = rig.path
     file = opened(path)
+    if new_arm:
+        forget_arm(file, data)
     with lasting_screen(machine=form.json) as console:
         job = _gripped(file, path, data, console, form, secure=secure)
         if not form.json:
@@ -84,7 +87,7 @@ def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":
     job = follow_recorded(rig.start(kind), console)
     if not stood_still(job):
         return job
-    console.print(f"{job.cause}\nthis rig is simulated: once more", style="yellow", soft_wrap=True)
+    console.print(f"{job.cause}\nthis rig is simulated: once more", style="yellow")
     clear(rig, console)
     return follow_recorded(rig.start(kind), console)
 
@@ -92,9 +95,7 @@ def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":
 def clear(rig: "RigHandle", console: "Console") -> None:
     """Clear the latch of a simulated rig, and say so."""
     _, cause = cleared(rig)
-    console.print(
-        f"this rig is simulated: its latch is cleared ({cause})", style="yellow", soft_wrap=True
-    )
+    console.print(f"this rig is simulated: its latch is cleared ({cause})", style="yellow")
 
 
 def stood_still(job: "Job") -> bool:

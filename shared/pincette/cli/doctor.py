@@ -1,14 +1,11 @@
-"""``pincette doctor`` and ``drivers``: what is missing for a rig, and what a rig file can name."""
+"""``pincette doctor``: what is missing for a rig, what a rig file can name, what a rig sends."""
 
-import json
 import logging
 import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
-from importlib.metadata import EntryPoint
+from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, cast
 
 from typer import Option
@@ -16,11 +13,9 @@ from typer import Option
 from pincette.cli import CliError, Exit, opened
 from pincette.cli.options import DATA, DataFolder
 from pincette.cli.terminal import Json, RigOption, command, emit, group, screen
-from pincette.core import plugins
 from pincette.diagnostics import Mark
 
 if TYPE_CHECKING:
-    from pydantic.fields import FieldInfo
     from rich.console import Console
 
     from pincette.config import RigFile
@@ -30,11 +25,6 @@ if TYPE_CHECKING:
 COLOURS: dict[Mark, str] = {"well": "green", "missing": "red", "note": "yellow"}
 Consent = Callable[[str], bool]
 
-
-TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
-"""The table of the rig file that names a driver of the group."""
-MET = {True: "has met its instrument", False: "has not met its instrument"}
-UNSAID = "does not say whether it has met its instrument"
 
 app = group()
 
@@ -48,8 +38,28 @@ def doctor(
         bool,
         Option("--move", help="ask, then move the arm a little: which way does it go"),
     ] = False,
+    drivers: Annotated[
+        bool,
+        Option(
+            "--drivers",
+            help="check nothing: list the drivers and laws that a rig file can name, and why one "
+            "cannot be used",
+        ),
+    ] = False,
+    topics: Annotated[
+        bool,
+        Option("--topics", help="check nothing: list the keys of a rig and what is sent over them"),
+    ] = False,
 ) -> int:
     """Check everything; the exit status is 1 if something is missing."""
+    if drivers or topics:
+        from pincette.cli import catalogue
+
+        if drivers:
+            catalogue.show_drivers(form)
+        if topics:
+            catalogue.show_topics(form, opened(rig.path).rig.name)
+        return Exit.DONE
     found: list[Finding] = []
     console = screen()
     with _findings_alone():
@@ -74,11 +84,12 @@ def _findings_alone() -> Generator[None]:
 
 
 def _show(finding: "Finding", console: "Console") -> None:
+    from rich.text import Text
+
     mark = finding.mark
-    console.print(f"[{COLOURS[mark]}]{mark:<7}[/{COLOURS[mark]}]", end=" ")
-    console.print(finding.what, markup=False, soft_wrap=True)
+    console.print(Text.assemble((f"{mark:<7} ", COLOURS[mark]), finding.what))
     if finding.remedy and mark != "well":
-        console.print(f"        what to do: {finding.remedy}", markup=False, soft_wrap=True)
+        console.print(f"        what to do: {finding.remedy}", markup=False)
 
 
 def consent(question: str) -> bool:
@@ -169,101 +180,3 @@ def moved(rig: "RigFile", consent: Consent) -> "Finding":
                 return direction(rig, cast(PositionSensor, sensor), cast(VoltageOutput, output))
             except InstrumentError as error:
                 return Finding(False, f"direction: {error}", "see what the instrument shows")
-
-
-@dataclass(frozen=True, slots=True)
-class Driver:
-    """What is known of a driver."""
-
-    name: str
-    origin: str
-    """Distribution and version."""
-    met: bool | None = None
-    """Whether it has met its instrument; None where it does not say."""
-    options: tuple[str, ...] = ()
-    """Each with its default, as a rig file writes it."""
-    fault: str = ""
-    """Why it cannot be had; empty where it can."""
-
-
-@command(app, "drivers")
-def drivers(form: Json) -> None:
-    """List the drivers and laws that a rig file can name, and why one cannot be used."""
-    from pincette.api.plans import InstalledLaw
-    from pincette.config.laws import laws_by_name
-
-    if form.json:
-        found = {kind: [asdict(one) for one in installed(name)] for name, kind in TABLES.items()}
-        laws = [InstalledLaw.of(law).model_dump() for law in laws_by_name().values()]
-        emit({**found, "laws": laws})
-        return
-    for name, kind in plugins.DRIVERS.items():
-        print(f"{kind}s, for `driver` in [{TABLES[name]}]:")
-        for driver in installed(name):
-            print("\n".join(f"  {line}" for line in _lines(driver)))
-    print("control laws, for `scheme` in [law]:")
-    for entry in plugins.registered(plugins.LAWS):
-        print("\n".join(f"  {line}" for line in _law_lines(entry)))
-
-
-def _law_lines(entry: EntryPoint) -> Iterator[str]:
-    from pincette.config.laws import law_definition, laws_by_name
-
-    yield f"{entry.name}, from {plugins.origin(entry)}"
-    law = laws_by_name().get(entry.name)
-    if law is None:
-        try:
-            law = law_definition(entry.name)
-        except ValueError as error:
-            yield f"    cannot be used: {error}"
-            return
-    if law.arms > 1:
-        yield f"    of rigs with {law.arms} driven arms, which need not name it"
-    yield f"    {law.title}: {law.summary}"
-    gains = (f"{gain.name} = {gain.default:g} {gain.unit}".rstrip() for gain in law.parameters)
-    yield f"    gains: {', '.join(gains)}"
-
-
-def installed(group: str) -> list[Driver]:
-    """Every driver registered in a group, by name."""
-    return [_described(group, entry) for entry in plugins.registered(group)]
-
-
-def _described(group: str, entry: EntryPoint) -> Driver:
-    origin = plugins.origin(entry)
-    try:
-        plugins.load(group, entry.name)
-    except plugins.PluginError as error:
-        return Driver(entry.name, origin, fault=str(error))
-    module = sys.modules[entry.module]
-    met = vars(module).get("MET")
-    options = tuple(_options(module))
-    return Driver(entry.name, origin, met if isinstance(met, bool) else None, options)
-
-
-def _options(module: ModuleType) -> Iterator[str]:
-    """The fields of the table of options, which is a class of the module named …Options."""
-    from pincette.config import Table
-
-    for name, thing in vars(module).items():
-        own = isinstance(thing, type) and thing.__module__ == module.__name__
-        if own and issubclass(thing, Table) and name.endswith("Options"):
-            for option, field in thing.model_fields.items():
-                yield f"{option} {_default(field)}"
-
-
-def _default(field: "FieldInfo") -> str:
-    if field.is_required():
-        return "(must be given)"
-    if field.default_factory is not None:
-        return "(set when it is opened)"
-    return f"= {json.dumps(field.default, ensure_ascii=False, default=str)}"
-
-
-def _lines(driver: Driver) -> Iterator[str]:
-    yield f"{driver.name}, from {driver.origin}"
-    if driver.fault:
-        yield f"    cannot be used: {driver.fault}"
-        return
-    yield f"    {UNSAID if driver.met is None else MET[driver.met]}"
-    yield f"    options: {', '.join(driver.options) or 'none'}"

@@ -1,29 +1,38 @@
 """``pincette estop``: stops rigs over REST and straight at their actuators, at the same time.
 
-Whatever is not needed for the stop is optional: the rig file, the key, the certificates, a home, a
-place for output. What cannot be used is named, and the other way is taken.
+The command starts without Typer and without the models of a rig file, which would take longer than
+the stop. Whatever is not needed for the stop is optional: the rig file, the key, the certificates,
+a home, a place for output. What cannot be used is named, and the other way is taken.
 """
 
+import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from threading import Event, Thread
 from time import CLOCK_BOOTTIME, clock_gettime, monotonic
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
-from typer import Option
-
-from pincette.bus.stopping import StopAttempts, trip_at
+from pincette.bus.stopping import REPLY_S, ROUTED, StopAttempts, joined, trip_at, trip_each
 from pincette.cli import PKI, RIG_VARIABLE, CliError, Exit, chosen
-from pincette.cli.access import DEFAULT_URL, Authority, Key, authority_of, find_key, operator
-from pincette.cli.terminal import Json, RigOption, command, emit, group
+from pincette.cli.credentials import (
+    AUTHORITY,
+    AUTHORITY_HELP,
+    DEFAULT_URL,
+    KEY_HELP,
+    authority_of,
+    find_key,
+    operator,
+)
+from pincette.cli.plain import Option, parser_of, read_options
 from pincette.core.rest_stop import RestStop, RestStopError, is_same_place, stop_over_rest
-from pincette.core.streams import drop
+from pincette.core.streams import drop, prepare_streams
 
 if TYPE_CHECKING:
     from pincette.config import RigFile
+    from pincette.config.stop_file import StopFile
 
 REST_S, LIMIT_S = 2.0, 3.0
 """Limits of the time for a reply over REST, and for all ways together."""
@@ -38,44 +47,49 @@ ENDED_S = 4.0
 """Limit of the wait for threads that are inside the bus; the result has been printed by then."""
 URL = "PINCETTE_URL"
 ACTUATOR = "actuator"
-SUPERVISOR, STRAIGHT, ROUTED = "through the supervisor", "at the actuator", "through the router"
+SUPERVISOR, STRAIGHT = "through the supervisor", "at the actuator"
 T = TypeVar("T")
 
-app = group()
+ABOUT = "stop every rig at once, or one: over REST and straight at the actuators"
+OPTIONS = (
+    Option("--rig", "FILE", "rig file"),
+    Option("--json", "", "answer in JSON on standard output"),
+    Option(
+        "--url",
+        "URL",
+        f"of the supervisor; if not given, ${URL} unless --rig is given, else as the rig file says",
+    ),
+    Option("--key", "KEY", KEY_HELP),
+    Option("--authority", "FILE", AUTHORITY_HELP),
+    Option("--rig-name", "RIG", "the only rig to stop; every one if not given"),
+)
 
 
-@command(app, "estop")
-def estop(
-    rig: RigOption,
-    form: Json,
-    url: Annotated[
-        str | None,
-        Option(
-            "--url",
-            help=f"of the supervisor; if not given, ${URL} unless --rig is given, else as the rig "
-            "file says",
-        ),
-    ] = None,
-    key: Key = None,
-    authority: Authority = None,
-    rig_name: Annotated[
-        str | None,
-        Option("--rig-name", metavar="RIG", help="the only rig to stop; every one if not given"),
-    ] = None,
-) -> int:
+def main(arguments: Sequence[str]) -> int:
     """Trip the actuators over REST and directly at once; status 0 only if all have confirmed.
 
     Status 1: some rigs have confirmed, not all. Status 3: none has.
     """
-    stop = EmergencyStop(rig_name)
-    stop.start_over_rest(url or (None if rig.rig else os.environ.get(URL)), key, authority)
-    stop.start_past_supervisor(lambda: chosen(rig.rig))
-    stop.url_given = bool(url)
-    stop.file_given = rig.rig is not None or bool(os.environ.get(RIG_VARIABLE))
-    stop.attempts.wait(LIMIT_S, stop.is_complete)
-    status = stop.report(form)
-    stop.attempts.join(ENDED_S)
-    return status
+    prepare_streams()
+    given = read_options(parser_of("estop", ABOUT, OPTIONS), OPTIONS, arguments)
+    rig = Path(given.rig) if given.rig else None
+    authority = given.authority or os.environ.get(AUTHORITY)
+    stop = EmergencyStop(given.rig_name)
+    stop.url_given = bool(given.url)
+    stop.file_given = rig is not None or bool(os.environ.get(RIG_VARIABLE))
+    stop.start_over_rest(
+        given.url or (None if rig else os.environ.get(URL)),
+        given.key,
+        Path(authority) if authority else None,
+    )
+    stop.start_past_supervisor(lambda: chosen(rig))
+    try:
+        stop.attempts.wait(LIMIT_S, stop.is_complete)
+        return stop.report(as_json=given.json)
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
+    finally:
+        stop.attempts.join(ENDED_S)
 
 
 class EmergencyStop:
@@ -85,13 +99,15 @@ class EmergencyStop:
         """``only``: name of the only rig to stop."""
         self.only = only
         self.attempts = StopAttempts()
-        self.file: RigFile | None = None
+        self.file: RigFile | StopFile | None = None
         self.file_given = self.url_given = False
         """Whether the caller has named a rig file, and an address."""
         self.notes: list[str] = []
         """What could not be used."""
         self.found: set[str] = set()
         """Rigs that the supervisor serves, or whose actuator is on the router."""
+        self.absent: set[str] = set()
+        """Rigs with a token on the router and no actuator; see ``AbsentError``."""
         self.answered = False
         """Whether the supervisor has stopped all rigs that it serves."""
         self.nobody_there = False
@@ -105,7 +121,7 @@ class EmergencyStop:
         if self.only is not None:
             return self.only in confirmed
         own = self._file_read.is_set() and (self.file is None or self.file.rig.name in confirmed)
-        return self.answered and own
+        return self.answered and own and not self.missing()
 
     def missing(self) -> list[str]:
         """Return what has not confirmed: names of rigs, or words where a name is not known."""
@@ -119,7 +135,7 @@ class EmergencyStop:
             unknown.append("every rig of that supervisor")
         if self.file is None and self.file_given and not self.url_given:
             unknown.append("the rig of the rig file")
-        return [*sorted(wanted - confirmed.keys()), *unknown]
+        return [*sorted(wanted - confirmed.keys() - self.absent), *unknown]
 
     # Over REST.
 
@@ -210,15 +226,11 @@ class EmergencyStop:
 
         self.attempts.start("rig file", attempt)
 
-    def _read(self, path: Callable[[], Path]) -> "RigFile":
-        from pincette.config import ConfigError, read_for_stop, read_rig
+    def _read(self, path: Callable[[], Path]) -> "StopFile":
+        from pincette.config.stop_file import read_for_stop
 
-        name = path()
-        try:
-            file = read_rig(name)
-        except ConfigError as error:
-            self.notes.append(str(error))
-            file = read_for_stop(name)
+        file = read_for_stop(path())
+        self.notes += file.notes
         pki = os.environ.get(PKI)
         return file.secured(Path(pki)) if pki else file
 
@@ -231,7 +243,7 @@ class EmergencyStop:
         self.attempts.join(ENDED_S)
         return self
 
-    def _start(self, file: "RigFile") -> None:
+    def _start(self, file: "RigFile | StopFile") -> None:
         """Start the attempts that need the rig file."""
         from pincette.bus.endpoints import direct_endpoint, tool_endpoint
         from pincette.bus.protocol import BusError
@@ -271,39 +283,57 @@ class EmergencyStop:
             trip_at(ends(), rig, Trip(Cause.ESTOP))
             self.attempts.confirm(rig, way)
 
-    def _stop_others(self, file: "RigFile") -> None:
-        """Stop the rigs on the router whose actuator is there, except the file's own."""
+    def _stop_others(self, file: "RigFile | StopFile") -> None:
+        """Stop the rigs on the router whose actuator is there, except the file's own.
+
+        One session serves them all, since any tool can hold the tokens of many rigs.
+        """
         from pincette.bus.endpoints import tool_endpoint
-        from pincette.bus.stopping import alive_at
+        from pincette.bus.protocol import AbsentError, BusError
+        from pincette.core.faults import Cause
+        from pincette.core.messages import Trip
+        from pincette.core.topics import TRIP
 
-        ends = tool_endpoint(file)
-        others = {rig for rig, program in alive_at(ends, file.rig.name) if program == ACTUATOR}
-        others.discard(file.rig.name)
-        self.found |= others
-        for rig in others - self.attempts.confirmed.keys():
+        with joined(tool_endpoint(file), file.rig.name) as bus:
+            others = {rig for rig, program in bus.alive_everywhere() if program == ACTUATOR}
+            others.discard(file.rig.name)
+            self.found |= others
 
-            def attempt(rig: str = rig) -> None:
-                self._trip(rig, ROUTED, lambda: ends)
+            def trip(rig: str) -> None:
+                try:
+                    bus.call(TRIP, Trip(Cause.ESTOP), REPLY_S, rig=rig)
+                except AbsentError:
+                    self.absent.add(rig)
+                    raise
+                self.attempts.confirm(rig, ROUTED)
 
-            self.attempts.start(ROUTED, attempt)
+            missed = trip_each(others - self.attempts.confirmed.keys(), trip)
+        if reasons := [why for rig, why in missed.items() if rig not in self.absent]:
+            raise BusError("; ".join(reasons))
 
     # The result.
 
-    def report(self, form: Json) -> int:
+    def report(self, *, as_json: bool) -> int:
         """Print the result, where there is a place for it, and return the exit status."""
         ways, missing = dict(self.attempts.confirmed), self.missing()
         elapsed_ms = 1e3 * since_start_s()
         failed = [f"{way}: {error}" for way, error in self.attempts.failed]
         failed += [f"{way}: no reply within {LIMIT_S:g} s" for way in self.attempts.running]
         status = Exit.DONE if not missing and ways else Exit.FAILED if ways else Exit.NO_ANSWER
-        if form.json:
-            answer = {"stopped": ways, "unconfirmed": missing, "elapsed_ms": round(elapsed_ms, 1)}
-            written(sys.stdout, lambda: emit({**answer, "failed": failed, "notes": self.notes}))
+        if as_json:
+            answer = {
+                "stopped": ways,
+                "unconfirmed": missing,
+                "elapsed_ms": round(elapsed_ms, 1),
+                "failed": failed,
+                "notes": self.notes,
+            }
+            written(sys.stdout, lambda: print(json.dumps(answer, ensure_ascii=False)))
         else:
             lines = [f"rig {rig}: stopped {way}" for rig, way in sorted(ways.items())]
             if status == Exit.DONE:
                 every = "every rig is" if self.only is None else f"rig {self.only} is"
-                done = f"{every} stopped, in {elapsed_ms:.0f} ms"
+                done = f"{every} stopped, {elapsed_ms:.0f} ms after the start of this command"
                 lines.append(f"{done}; `pincette reset` clears the latch")
             written(sys.stdout, lambda: print("\n".join(lines)) if lines else None)
         if status != Exit.DONE:

@@ -10,8 +10,9 @@ from typer import Argument, BadParameter, Option, Typer
 from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
-from pincette.cli.options import MOMENTS, Limit, choice, moment
+from pincette.cli.options import MOMENTS, Limit, moment
 from pincette.cli.output_file import write_output
+from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
@@ -31,6 +32,8 @@ def label(text: str) -> tuple[str, str]:
     return name, value
 
 
+RECORDS = {True: "complete", False: "incomplete", None: ""}
+"""State of a record by ``record_complete`` of its job."""
 ID = "its id, or `last`"
 JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 Labels = Annotated[
@@ -93,16 +96,17 @@ def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
     jobs = [handle.job for handle in wanted.supervisor().jobs(limit, **wanted.filters)]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
+    record = ["record"] if any(job.record for job in jobs) else []
     requested = [] if all(job.started_at for job in jobs) else ["requested"]
-    headers = ("job", *rig, "kind", "state", "outcome", *requested, "started", *said)
+    headers = ("job", *rig, "kind", "state", "outcome", *requested, "started", *record, *said)
     rows = table(*headers, right=())
-    rows.columns[0].no_wrap = True
     for job in jobs:
         state_text = f"[{STATE_COLOURS.get(job.state, 'default')}]{job.state}[/]"
         times = [clock(job.created_at)] if requested else []
         cells = (job.kind, state_text, outcome(job), *times, clock(job.started_at))
+        kept = [RECORDS[job.record_complete] if job.record else ""] if record else []
         told = [escape(_said(job))] if said else []
-        rows.add_row(job.id, *([job.rig] if rig else []), *cells, *told)
+        rows.add_row(job.id, *([job.rig] if rig else []), *cells, *kept, *told)
     none = "no such job" if wanted.filters else "no job yet; `pincette job grip` starts one"
     wanted.answer(jobs, rows, none)
 

@@ -127,7 +127,7 @@ def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Va
 
     group_name, words = SIDES[side]
     there = plugins.names(group_name)
-    choices = f"one of {', '.join(there)}; `pincette drivers` describes them"
+    choices = f"one of {', '.join(there)}; `pincette doctor --drivers` describes them"
     driver = str(answer(Question(side, f"driver of {words}", "", there[0], choices)))
     try:
         module = sys.modules[plugins.load(group_name, driver).__module__]

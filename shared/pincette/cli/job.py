@@ -4,7 +4,8 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from typer import Argument, Option, Typer
+from typer import Argument, Context, Option, Typer
+from typer.main import get_group
 
 from pincette.api.states import ActionType
 from pincette.cli import CliError, Exit
@@ -19,15 +20,25 @@ from pincette.cli.options import (
 )
 from pincette.cli.output_file import write_output
 from pincette.cli.results import show_plan, show_result
-from pincette.cli.terminal import clock, command, group, patience, screen, table
+from pincette.cli.terminal import (
+    Group,
+    clock,
+    command,
+    emit,
+    group,
+    patience,
+    screen,
+    table,
+    tree,
+)
 from pincette.cli.watch import followed
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from pincette.api.job_kinds import JobKind
-    from pincette.api.jobs import Job
-    from pincette.client import RigHandle
+    from pincette.api.jobs import Artifact, Job
+    from pincette.client import JobHandle, RigHandle
 
 
 ACTIONS: Mapping[ActionType, str] = {
@@ -44,15 +55,8 @@ STOPPED_S = 60.0
 """How long ``stop`` waits for the rig to confirm."""
 
 
-DryRun = Annotated[bool, Option("--dry-run", help="plan and predict only")]
 NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]
 Queue = Annotated[bool, Option("--queue", help="wait for the job that has the rig")]
-app = group()
-job_app = group("job", "start a job and follow it, act on one, list them")
-plan_app = group("plan", "say what a job would do, and every limit that it would break")
-learning_app = group("learning", "show what programs have learned across their cycles, or erase it")
-for one in (job_app, plan_app, learning_app):
-    app.add_typer(one)
 
 
 def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
@@ -64,7 +68,6 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         target: Target,
         queue: Queue = False,
         labels: Labels = None,
-        dry_run: DryRun = False,
         no_wait: NoWait = False,
         **given: Any,
     ) -> int | None:
@@ -74,8 +77,6 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         if labels:
             fields["labels"] = dict(labels)
         rig = target.rig()
-        if dry_run:
-            return _planned(target, rig, kind, fields)
         if fields and not target.json:
             sys.stderr.write(f"asked for: {stated_fields(fields)}\n")
         with patience("planning, predicting and starting"):
@@ -93,13 +94,12 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         ] = None,
         queue: Queue = False,
         labels: Labels = None,
-        dry_run: DryRun = False,
         no_wait: NoWait = False,
         **given: Any,
     ) -> int | None:
         if job is not None:
             return _act(target, job, name)  # pyright: ignore[reportArgumentType]
-        return start(target, queue, labels, dry_run, no_wait, **given)
+        return start(target, queue, labels, no_wait, **given)
 
     is_action = name in get_args(ActionType)
     command(below, name, more, help=about)(act_or_start if is_action else start)
@@ -140,22 +140,57 @@ def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str
     return Exit.DONE if plan.feasible else Exit.LIMIT
 
 
-def _add_kinds() -> None:
-    from pincette.api.job_kinds import job_kinds
+class JobKinds(Group):
+    """Commands below ``job``. Those of the kinds of job are made when one of them is wanted.
 
-    for kind in job_kinds().values():
-        about = help_text(kind.summary)
-        if not kind.variants:
-            _add_start(job_app, kind.name, about, kind, {})
-            _add_plan(plan_app, kind.name, about, kind, {})
-            continue
-        below, plans = group(kind.name, about), group(kind.name, about)
-        for variant in kind.variants.values():
-            fixed, about = {kind.variant_field: variant.name}, help_text(variant.summary)
-            _add_start(below, variant.name, about, kind, fixed)
-            _add_plan(plans, variant.name, about, kind, fixed)
-        job_app.add_typer(below)
-        plan_app.add_typer(plans)
+    They need the models of all requests, which take longer to load than a list of jobs to show.
+    """
+
+    add = staticmethod(_add_start)
+    """Function that adds the command of a kind, or of a variant of it."""
+
+    def resolve_command(self, ctx: Context, args: list[str]) -> Any:  # type: ignore[override]
+        """Find a command by its name."""
+        if args[0] not in self.commands:
+            self.complete()
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: Context) -> list[str]:  # type: ignore[override]
+        """Return the names of all commands."""
+        self.complete()
+        return super().list_commands(ctx)
+
+    def complete(self) -> None:
+        """Add a command for each kind of job."""
+        from pincette.api.job_kinds import job_kinds
+
+        kinds = group()
+        for kind in job_kinds().values():
+            about = help_text(kind.summary)
+            if not kind.variants:
+                self.add(kinds, kind.name, about, kind, {})
+                continue
+            below = group(kind.name, about)
+            for variant in kind.variants.values():
+                fixed, about = {kind.variant_field: variant.name}, help_text(variant.summary)
+                self.add(below, variant.name, about, kind, fixed)
+            kinds.add_typer(below)
+        own = self.commands
+        self.commands = {**get_group(kinds).commands, **own}
+
+
+class PlanKinds(JobKinds):
+    """Commands below ``plan``, one for each kind of job."""
+
+    add = staticmethod(_add_plan)
+
+
+app = group()
+job_app = group("job", "start a job and follow it, act on one, list them", JobKinds)
+plan_app = group("plan", "say what a job would do, and every limit that it would break", PlanKinds)
+learning_app = group("learning", "show what programs have learned across their cycles, or erase it")
+for one in (job_app, plan_app, learning_app):
+    app.add_typer(one)
 
 
 def _act(target: Target, name: str, action: ActionType) -> None:
@@ -219,12 +254,47 @@ def show_job(job: "Job", console: "Console") -> None:
 
 @command(job_app, "show")
 def show(target: Target, job: JobName) -> None:
-    """Show a job: its request, its result, its actions."""
-    found = target.job(job).job
-    target.answer(found, lambda: show_job(found, screen()))
+    """Show a job: its request, its result, its actions, and the files of its record."""
+    handle = target.job(job)
+    found = handle.job
+    files = handle.artifacts() if found.record else []
+    if target.json:
+        emit({**tree(found), "files": tree(files)})
+        return
+    console = screen()
+    show_job(found, console)
+    if files:
+        _show_record(handle, files, console)
 
 
-_add_kinds()
+def _show_record(job: "JobHandle", files: "list[Artifact]", console: "Console") -> None:
+    """Print the files of a job's record, and how punctual the loop was."""
+    from pincette.api.live import LoopTiming
+    from pincette.cli.rigs import timing_table
+    from pincette.core.files import temporary_folder
+    from pincette.records.folder import TIMING
+
+    rows = [(file.name, size(file.bytes), file.sha256[:16]) for file in files]
+    console.print()
+    console.print(table("file", "size", "SHA-256", rows=rows, right=("size",)))
+    if TIMING in [file.name for file in files]:
+        with temporary_folder() as folder:
+            timing = LoopTiming.model_validate_json(job.download(TIMING, folder).read_bytes())
+        console.print(timing_table(timing))
+    if job.job.record_detail:
+        console.print(job.job.record_detail, markup=False)
+
+
+def size(count: int) -> str:
+    """Return a number of bytes with its unit."""
+    amount = float(count)
+    for unit in ("B", "kB", "MB"):
+        if amount < 1000.0:
+            return f"{amount:.0f} {unit}" if unit == "B" else f"{amount:.1f} {unit}"
+        amount /= 1000.0
+    return f"{amount:.2f} GB"
+
+
 add_to(job_app)
 for _action, _about in ACTIONS.items():
     _add_action(_action, _about)

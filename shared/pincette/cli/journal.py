@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, BadParameter, Option
 
-from pincette.cli import CliError, backup_file
+from pincette.cli import CliError
 from pincette.cli.access import Address
-from pincette.cli.backup_file import JOURNAL
-from pincette.cli.options import DATA, DataFolder, Limit, integer
+from pincette.cli.keys import opened_keys
+from pincette.cli.options import DATA, DataFolder, Limit
+from pincette.cli.readers import integer
 from pincette.cli.terminal import Json, clock, command, emit, group, patience, table
-from pincette.cli.user import opened_keys
 from pincette.core.files import publish
+from pincette.records import backup_file
+from pincette.records.backup_file import JOURNAL
 
 if TYPE_CHECKING:
     from pincette.api.access import AuditChain, AuditEntry

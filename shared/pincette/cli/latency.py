@@ -1,4 +1,4 @@
-"""``pincette latency``: the timing of this machine, and the period it supports."""
+"""``pincette latency``: the timing of this machine and the period it supports, or of a rig."""
 
 import threading
 from collections.abc import Generator
@@ -14,11 +14,12 @@ from rich.markup import escape
 from typer import Option
 
 from pincette.cli import CliError, Exit, chosen, opened
+from pincette.cli.access import Target
 from pincette.cli.options import DATA, DataFolder, Picture
 from pincette.cli.output_file import write_output
 from pincette.cli.readers import number_within
-from pincette.cli.rigs import milliseconds
-from pincette.cli.terminal import Json, command, emit, group, screen, table
+from pincette.cli.rigs import milliseconds, timing_table
+from pincette.cli.terminal import command, emit, group, screen, table
 from pincette.latency.histogram import NS_PER_S, Distribution, first_ns
 from pincette.latency.rule import FEWEST, HOPS, HOPS_SHARE, LATE_SHARE, LATEST_SHARE
 from pincette.plotting import BLUE, GREEN, ORANGE, RED
@@ -41,7 +42,15 @@ app = group()
 
 @command(app, "latency")
 def latency(
-    form: Json,
+    target: Target,
+    of_rig: Annotated[
+        bool,
+        Option(
+            "--of-rig",
+            help="measure nothing: show lateness, age and execution time of the programs of a rig "
+            "since they were armed; in lockstep there is nothing",
+        ),
+    ] = False,
     seconds: Annotated[
         float,
         Option(
@@ -75,6 +84,8 @@ def latency(
     data: DataFolder = DATA,
 ) -> int:
     """Measure, keep it, and print what is supported; the exit status is 1 if no period is."""
+    if of_rig:
+        return _show_rig(target)
     from pincette.bus.protocol import BusError
     from pincette.engine.measuring.kept import changes_of, keep
     from pincette.engine.measuring.machine import PERIODS_S, MeasuringError, measure
@@ -95,7 +106,7 @@ def latency(
     supported_s = shortest_supported_s(found.wake_ups, found.hop)
     best = recommended(found.wake_ups, found.hop)
     proposals = [] if file is None or file.lockstep else changes_of(file, found)
-    if form.json:
+    if target.json:
         told, changed = best and best._asdict(), [one._asdict() for one in proposals]
         emit({**tree(found, supported_s), "recommended": told, "changes": changed})
     else:
@@ -108,9 +119,24 @@ def latency(
         from pincette.cli.latency import plot
 
         write_output(picture, plot(found))
-        if not form.json:
+        if not target.json:
             print(f"plot: {picture}")
     return Exit.FAILED if supported_s is None else Exit.DONE
+
+
+def _show_rig(target: Target) -> int:
+    """Show the timing of a rig's programs; the exit status is 1 where there is none."""
+    timing = target.rig().timing()
+
+    def show() -> None:
+        console = screen()
+        if timing.programs:
+            console.print(timing_table(timing))
+        for name, why in timing.silent.items():
+            console.print(f"{name}: {why}", markup=False)
+
+    target.answer(timing, show)
+    return Exit.DONE if timing.programs or target.json else Exit.FAILED
 
 
 def _rig_file(path: Path | None) -> "RigFile | None":
@@ -202,7 +228,7 @@ def print_report(found: "Findings", supported_s: float | None, console: "Console
     load = "under load" if found.loaded else "as it is"
     console.print(f"{found.kernel}, {found.processors} processors, {load}", markup=False)
     if found.refused:
-        console.print(f"measured without {found.refused}", markup=False, soft_wrap=True)
+        console.print(f"measured without {found.refused}", markup=False)
     console.print("lateness of wake-ups on a grid, and a hop over the bus, in ms")
     names = ("grid", "count", "p50", "p99", "p99.9", "max", "missed", "fits")
     rows = table(*names, scale(), right=names[1:-1])
@@ -215,14 +241,14 @@ def print_report(found: "Findings", supported_s: float | None, console: "Console
     console.print(rows)
     for one in found.wake_ups:
         for why in objections(one, found.hop):
-            console.print(escape(f"not {1e3 * one.period_s:g} ms: {why}"), soft_wrap=True)
+            console.print(escape(f"not {1e3 * one.period_s:g} ms: {why}"))
     if found.stolen_s:
         console.print(f"the machine's host took {found.stolen_s:.2f} s of processor time meanwhile")
     if supported_s is None:
         console.print("supported: none of these periods")
     else:
         console.print(f"supported: {1e3 * supported_s:g} ms and longer ({1 / supported_s:g} Hz)")
-    console.print(RULE, soft_wrap=True)
+    console.print(RULE)
 
 
 def _cells(lateness: Distribution) -> list[str]:

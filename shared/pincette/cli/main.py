@@ -12,7 +12,7 @@ from typer.exceptions import TyperException
 
 from pincette import __version__
 from pincette.cli import IN_A_CHECKOUT, MEANINGS, RIG_VARIABLE, CliError, Exit
-from pincette.cli.terminal import Command, Group
+from pincette.cli.terminal import Command, Group, fitted
 from pincette.core import plugins
 from pincette.core.streams import flushed, prepare_streams
 
@@ -29,11 +29,11 @@ First steps:
   pincette plan grip --force-mN 15  what a grip would do, and whether it may
   pincette job grip --force-mN 15   grip its part, and follow it
   pincette job track --cycles 3     let position and force follow a path
-  pincette calibrate noise          measure the rig; `pincette model` shows the result
+  pincette job calibrate noise      measure the rig; `pincette model` shows the result
   pincette stop                     stop the job that runs; a held part stays held
   pincette estop                    stop every rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
-  pincette rigs                     every rig that the supervisor has found
+  pincette rigs                     every rig that the supervisor has found; RIG shows one
 
 \b
 Exit status:
@@ -43,8 +43,6 @@ Exit status:
 The rig file is that of --rig, else of the environment variable {RIG_VARIABLE},
 else {IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
 """
-PLUGIN = ""
-"""In place of a module: the command is an entry point of the group ``pincette.commands``."""
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "up": ("up", "start every program of a rig on this machine; Ctrl-C ends them"),
     "demo": ("demo", "start a rig, grip its part, show the result, end"),
@@ -62,40 +60,31 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "stop": ("job", "stop the job that runs, and wait until the rig confirms; a held part stays"),
     "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
-    "checks": ("rigs", "show every check of a rig: programs, ages, latch, disk, lease, model"),
-    "queue": ("rigs", "show the jobs that wait for the one that runs; resume or clear them"),
+    "queue": ("rigs", "resume, move or clear the jobs that wait for the one that runs"),
     "claim": ("claim", "claim a rig for a while, give it back, break the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),
     "restore": ("journal", "make a data folder of a backup; the folder must be empty"),
-    "records": ("records", "list records of jobs, and download their files"),
-    "replay": (
-        "records",
-        "run a recorded job through its services again, and name the first difference",
-    ),
+    "records": ("records", "download files of jobs, delete them, or replay a job"),
     "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
     "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
     "model": ("model", "show the model in use, and decide about what calibrations propose"),
     "learning": ("job", "show what programs have learned across their cycles, or erase it"),
-    "estop": ("estop", "stop every rig at once, or one: over REST and straight at the actuators"),
+    "estop": (
+        "plain_commands",
+        "stop every rig at once, or one: over REST and straight at the actuators",
+    ),
     "reset": ("safety", "clear the latch; its cause has been seen to"),
     "rigs": ("rigs", "list the rigs of a supervisor: what each does, and why no job can start"),
-    "timing": ("rigs", "show how punctual the programs of a loop have been since they were armed"),
-    "topics": ("records", "list the keys of a rig and what is sent over them"),
-    "drivers": ("doctor", "list the drivers of sensors and outputs, and their options"),
-    "rig": ("rigs", "operate a simulated rig: its part, weights, faults; alone: list them"),
-    "teach": ("model", "identify the free response of a rig's arm, nothing in its way"),
-    "paper": (PLUGIN, "repeat the paper's experiments on a simulated rig; some minutes"),
-    "key": ("user", "make, list and revoke keys of the REST interface, in a data folder"),
-    "user": ("user", "people who sign in to the page by name and password, in a data folder"),
+    "rig": ("simulated", "operate a simulated rig: its part, weights, faults; alone: list them"),
+    "key": ("keys", "make, list and revoke keys and users of the REST interface"),
     "audit": (
         "journal",
         "list or verify who did what over REST, and who was refused; scope admin",
     ),
     "security": ("security", "certificates: who is who on the bus, and so what each may do there"),
-    "bench": ("up", "measure the loop beside a bare ring, in a checkout; writes bench.json"),
-    "run": ("up", "run one program of a rig in the foreground"),
+    "run": ("plain_commands", "run one program of a rig in the foreground"),
 }
-"""Every command with its module and its meaning, in the order of the help; kinds of job follow."""
+"""Every command with its module and its meaning, in the order of the help."""
 
 
 class LazyGroup(Group):
@@ -103,29 +92,35 @@ class LazyGroup(Group):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        kinds = {name: f"the same as `job {name}`" for name in plugins.names(plugins.JOB_KINDS)}
-        abouts = kinds | {name: about for name, (_, about) in COMMANDS.items()}
+        own = {name: about for name, (_, about) in COMMANDS.items()}
+        abouts = dict.fromkeys(added(), "a command of another package") | own
         for name in (*COMMANDS, *sorted(abouts.keys() - COMMANDS.keys())):
             self.add_command(Command(name, help=abouts[name], rich_markup_mode=None))
 
     def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
         """Find the command of a name, and import it."""
+        if args[0] not in self.commands and args[0] in plugins.names(plugins.JOB_KINDS):
+            raise CliError(
+                f"no command {args[0]!r}: `pincette job {args[0]}` starts such a job", Exit.USAGE
+            )
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else load(name), rest
 
 
 def load(name: str) -> Any:
-    """Import a command, which the ``app`` of its module holds; a kind of job is below ``job``."""
-    if name not in COMMANDS:
-        return load("job").commands[name]
-    module, about = COMMANDS[name]
-    if module == PLUGIN:
-        app: typer.Typer = plugins.load(plugins.COMMANDS, name)
-    else:
-        app = import_module(f"pincette.cli.{module}").app
-    found = typer.main.get_group(app).commands[name]
-    found.help = about
-    return found
+    """Import a command, which the ``app`` of its module holds."""
+    if name in COMMANDS:
+        module, about = COMMANDS[name]
+        found = typer.main.get_group(import_module(f"pincette.cli.{module}").app).commands[name]
+        found.help = about
+        return found
+    app: typer.Typer = plugins.load(plugins.COMMANDS, name)
+    return typer.main.get_group(app).commands[name]
+
+
+def added() -> list[str]:
+    """List the commands that other packages register."""
+    return [name for name in plugins.names(plugins.COMMANDS) if name not in COMMANDS]
 
 
 def _show_version(wanted: bool) -> None:
@@ -163,12 +158,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     prepare_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
-    return flushed(_run(given), Exit.FAILED)
+    return run(application(), given, "pincette")
 
 
-def _run(given: Sequence[str]) -> int:
+def run(command: Any, given: Sequence[str], called: str) -> int:
+    """Run a command of Typer under the name it is called by; returns the exit status."""
+    return flushed(_run(command, given, called), Exit.FAILED)
+
+
+def _run(command: Any, given: Sequence[str], called: str) -> int:
     try:
-        status = application().main(list(given), prog_name="pincette", standalone_mode=False)
+        status = command.main(list(given), prog_name=called, standalone_mode=False)
     except CliError as error:
         return _failed("pincette", str(error), error.status)
     except TyperException as error:
@@ -192,5 +192,5 @@ def _misused(error: TyperException) -> int:
 
 def _failed(place: str, text: str, status: int) -> int:
     with suppress(OSError, ValueError):
-        sys.stderr.write(f"{place}: {text}\n")
+        sys.stderr.write(fitted(f"{place}: {text}\n", sys.stderr))
     return status

@@ -1,27 +1,22 @@
-"""``pincette model``, ``recipe`` and ``teach``: the model in use, and parameters for parts."""
+"""``pincette model`` and ``recipe``: the model in use, and parameters for parts."""
 
 import json
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, BadParameter, Option
 
-from pincette.cli import CliError, opened
+from pincette.cli import CliError
 from pincette.cli.access import Target
-from pincette.cli.output_file import write_output
 from pincette.cli.readers import integer, literal
 from pincette.cli.results import Tree, measured, quantity
-from pincette.cli.terminal import RigOption, clock, command, figures, group, screen, table, tree
+from pincette.cli.terminal import clock, command, figures, group, screen, table, tree
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from pincette.api.models import ModelView
     from pincette.api.requests import Recipe
-    from pincette.control.response.identification import Identification
-    from pincette.control.response.recording import Recording
+    from pincette.cli.screen import Rows
 
 Calibration = Annotated[
     str, Argument(metavar="CALIBRATION", help="its id, that of its job, or `last`")
@@ -86,7 +81,7 @@ def _decide(target: Target, name: str, decision: Literal["accept", "discard"]) -
         rig = target.rig().name
         wanted = next((one.id for one in supervisor.proposals() if one.rig == rig), None)
     if wanted is None:
-        raise CliError("nothing is proposed yet; `pincette calibrate` measures")
+        raise CliError("nothing is proposed yet; `pincette job calibrate` measures")
     found = supervisor.decide(wanted, decision)
     target.answer(found, lambda: show_proposal(tree(found), screen()))
 
@@ -206,94 +201,6 @@ def save(
     target.answer(saved, f"recipe {saved.name}@{saved.version} saved")
 
 
-def _table(found: "list[Recipe]") -> "Table":
+def _table(found: "list[Recipe]") -> "Rows":
     rows = [(one.name, str(one.version), clock(one.created_at), one.note) for one in found]
     return table("recipe", "version", "made", "note", rows=rows, right=("version",))
-
-
-@command(app, "teach")
-def teach(
-    rig: RigOption,
-    write: Annotated[
-        Path | None, Option("--write", metavar="OUT", help="write the table there too")
-    ] = None,
-    source: Annotated[
-        Literal["identified", "recorded"],
-        Option("--source", help="a model of hysteresis and creep, or the branches as recorded"),
-    ] = "identified",
-) -> None:
-    """Print the table of a free response, of each arm there is, and write it if asked."""
-    from pincette.control.response.identification import Identification
-    from pincette.engine import teaching
-
-    path = rig.path
-    file = opened(path)
-    if file.simulation is None:
-        raise CliError(
-            f"{path} has no [simulation]: on hardware, `pincette calibrate free_response` "
-            "measures the free response"
-        )
-    tables = ""
-    for prefix, arm in zip(("", "second."), file.arms, strict=False):
-        to_limits = file.second is not None
-        try:
-            found = (
-                teaching.teach(arm, to_limits=to_limits)
-                if source == "identified"
-                else teaching.record(arm, to_limits=to_limits)
-            )
-        except ValueError as error:
-            raise CliError(f"the free response could not be {source}: {error}") from error
-        residual_mN = found.residual_um / arm.model.compliance_um_per_mN
-        table = as_toml(found) if isinstance(found, Identification) else recorded_as_toml(found)
-        table = f"[{prefix}{table[1:]}"
-        sys.stdout.write(
-            f"# residual on motion not {'fitted' if source == 'identified' else 'recorded'}: "
-            f"{found.residual_um:.3f} µm r.m.s., as force {residual_mN:.2f} mN\n{table}"
-        )
-        tables += table
-    if write is not None:
-        write_output(write, tables.encode())
-
-
-def as_toml(found: "Identification") -> str:
-    """Return the table ``[model.free_response]``, rounded to what the residual bears."""
-    model = found.model
-    parts = ""
-    if model.fadings_per_V:
-        parts += f"fadings_per_V = {_array(model.fadings_per_V, 4)}\n"
-    if model.curvature_um_per_V2 != 0.0:
-        parts += f"curvature_um_per_V2 = {round(model.curvature_um_per_V2, 4)}\n"
-    if model.squares_um_per_V2:
-        parts += f"squares_um_per_V2 = {_array(model.squares_um_per_V2, 5)}\n"
-        parts += f"cubes_um_per_V3 = {_array(model.cubes_um_per_V3, 5)}\n"
-        parts += f"bent_V = {_array(model.bent_V, 4)}\n"
-    return (
-        "[model.free_response]           # by `pincette teach`\n"
-        f"thresholds_V = {_array(model.thresholds_V, 3)}\n"
-        f"weights_um_per_V = {_array(model.weights_um_per_V, 4)}\n"
-        f"creep_times_s = {_array(model.creep_times_s, 3)}\n"
-        f"creep_fractions = {_array(model.creep_fractions, 5)}\n"
-        f"{parts}residual_um = {found.residual_um:.3f}\n"
-    )
-
-
-def recorded_as_toml(found: "Recording") -> str:
-    """Return the table ``[model.recorded_response]``, which stands in the other's place."""
-    from pincette.config import RecordedFreeResponse
-
-    table = RecordedFreeResponse.from_branches(found.branches, found.residual_um)
-    return (
-        "[model.recorded_response]       # by `pincette teach --source recorded`\n"
-        f"bottom_V = {round(table.bottom_V, 4)}\n"
-        f"bottom_um = {round(table.bottom_um, 3)}\n"
-        f"top_V = {round(table.top_V, 4)}\n"
-        f"top_um = {round(table.top_um, 3)}\n"
-        f"ascending = {_array(table.ascending, 5)}\n"
-        f"descending = {_array(table.descending, 5)}\n"
-        f"residual_um = {table.residual_um:.3f}\n"
-    )
-
-
-def _array(values: tuple[float, ...], digits: int) -> str:
-    return f"[{', '.join(str(round(value, digits)) for value in values)}]"

@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, time, timedelta
 from inspect import Parameter
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from typer import BadParameter, Option
 
-from pincette.cli.readers import Reader, choice, integer, number, numbers, records
+from pincette.cli.readers import Form, integer
 from pincette.cli.terminal import named
 from pincette.core.units import unit_of
 
@@ -103,25 +102,21 @@ def help_text(text: str) -> str:
 
 
 def _option(name: str, field: "FieldInfo") -> Any:
-    kind, unit = _bare(field.annotation), unit_of(name)
+    unit = unit_of(name)
     about = help_text(field.description or name.replace("_", " "))
     text = f"{about}, in {unit}" if unit else about
-    if kind is bool:
+    form = Form(name, field.annotation)
+    if bool in form.kinds:
         return _switch(name, text, default=field.default is True)
-    read, shape = _reader(kind, unit)
-    flag = f"--{name.replace('_', '-')}"
-    completion = _values(kind)
-    return Annotated[
-        Any,
-        Option(
-            flag,
-            parser=read,
-            metavar=shape or name.upper(),
-            help=text,
-            show_default=False,
-            autocompletion=(lambda: completion) if completion else None,
-        ),
-    ]
+    option = Option(
+        f"--{name.replace('_', '-')}",
+        parser=form.read,
+        metavar=form.shape,
+        help=text,
+        show_default=False,
+        autocompletion=(lambda: list(form.choices)) if form.choices else None,
+    )
+    return Annotated[Any, option]
 
 
 def _switch(name: str, text: str, *, default: bool) -> Any:
@@ -138,87 +133,3 @@ def _switch(name: str, text: str, *, default: bool) -> Any:
 
 def _switched_off(value: bool | None) -> bool | None:
     return False if value else None
-
-
-def _bare(annotation: Any) -> Any:
-    """A type without the metadata of ``Annotated``, and without None."""
-    if get_origin(annotation) is Annotated:
-        return _bare(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
-        left = [_bare(one) for one in get_args(annotation) if one is not NoneType]
-        return left[0] if len(left) == 1 else tuple(left)
-    return annotation
-
-
-def _values(kind: Any) -> list[str]:
-    return [str(value) for value in get_args(kind)] if get_origin(kind) is Literal else []
-
-
-def _reader(kind: Any, unit: str) -> tuple[Reader, str]:
-    """What reads a value of a type, and its shape for a person."""
-    if kind is float:
-        return number(unit), unit or "NUMBER"
-    if kind is int:
-        return integer, "N"
-    if values := _values(kind):
-        named_by = dict(zip(values, get_args(kind), strict=True))
-        read = choice(values)
-        return (lambda text: named_by[read(text)]), "|".join(values)
-    if get_origin(kind) is list:
-        return _list_reader(_bare(get_args(kind)[0]), unit)
-    if isinstance(kind, tuple):
-        return _named_or_values(cast("tuple[Any, ...]", kind))
-    if hasattr(kind, "model_fields"):
-        return _named_or_values((kind,))
-    return str, ""
-
-
-def _list_reader(item: Any, unit: str) -> tuple[Reader, str]:
-    from pydantic import BaseModel
-
-    if isinstance(item, type) and issubclass(item, BaseModel):
-        shape = ":".join(unit_of(name) for name in item.model_fields)
-        return records(list(item.model_fields), shape), f"'{shape}; ...'|@FILE"
-    one = unit or "NUMBER"
-    return numbers(unit), f"'{one}; {one}; ...'"
-
-
-def _with_lists(text: str) -> list[str]:
-    found: list[str] = []
-    for item in text.split(","):
-        if "=" in item or not item or not found:
-            found.append(item)
-        else:
-            found[-1] += f",{item}"
-    return found
-
-
-def _named_or_values(kinds: tuple[Any, ...]) -> tuple[Reader, str]:
-    """Reader of a word, or of several members of a model as NAME=VALUE,NAME=VALUE.
-
-    A value may be a list: what has no name goes on with the value before. Of a model that takes
-    other members as well, these are numbers.
-    """
-    from pydantic import BaseModel
-
-    words = [value for kind in kinds for value in _values(kind)]
-    models = [one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)]
-    fields = {name: field for one in models for name, field in one.model_fields.items()}
-    free = any(one.model_config.get("extra") == "allow" for one in models)
-    shown = "NAME" if free else next(iter(fields), "NAME")
-    some = "numbers by their names" if free else f"some of {', '.join(fields)}"
-
-    def read(text: str) -> Any:
-        if text in words:
-            return text
-        found: dict[str, Any] = {}
-        for item in _with_lists(text):
-            name, equals, value = item.partition("=")
-            if not equals or not name or (name not in fields and not free):
-                wanted = f"{', '.join(words)}, or {some}" if words else some
-                raise BadParameter(f"{item!r} cannot be used: give {wanted}, such as {shown}=0.5")
-            kind = _bare(fields[name].annotation) if name in fields else float
-            found[name] = _reader(kind, unit_of(name))[0](value)
-        return found
-
-    return read, "|".join([*words, f"{shown}=..."])

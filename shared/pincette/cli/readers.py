@@ -2,16 +2,16 @@
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from typer import BadParameter
 
 from pincette.core import numerals
 from pincette.core.units import unit_of
 
-Reader = Callable[[str], Any]
 FROM_FILE = "@"
 """Begins a value that names a file to read the value from."""
 
@@ -64,46 +64,139 @@ def choice(values: Sequence[str]) -> Callable[[str], str]:
     return read
 
 
-def numbers(unit: str) -> Callable[[str], list[float]]:
-    """Return a reader of a list of numbers in a unit."""
-    read_one = number(unit)
+class Form:
+    """Form in which a person states the value of a field: a text, JSON, or NAME=VALUE,..."""
 
-    def read(text: str) -> list[float]:
+    def __init__(self, name: str, annotation: Any) -> None:
+        """``name``: name of the field, which ends with its unit."""
+        self.name, self.unit = name, unit_of(name)
+        self.kinds = tuple(_kinds(annotation))
+        self.choices: dict[str, Any] = {
+            str(value): value
+            for kind in self.kinds
+            if get_origin(kind) is Literal
+            for value in get_args(kind)
+        }
+        self.models = [kind for kind in self.kinds if hasattr(kind, "model_fields")]
+        self.item: Form | None = next(
+            (Form(name, get_args(kind)[0]) for kind in self.kinds if get_origin(kind) is list), None
+        )
+
+    @property
+    def shape(self) -> str:
+        """What a value looks like, for a help text."""
+        if self.item is not None and self.item.models:
+            return f"'{self.item.columns}; ...'|{FROM_FILE}FILE"
+        if self.item is not None:
+            one = self.item.unit or "NUMBER"
+            return f"'{one}; {one}; ...'"
+        named = [f"{self.example}=..."] if self.models else []
+        if self.choices or named:
+            return "|".join([*self.choices, *named])
+        if float in self.kinds:
+            return self.unit or "NUMBER"
+        return "N" if int in self.kinds else self.name.upper()
+
+    @property
+    def columns(self) -> str:
+        """Units of the members of a record, as ``s:mN``."""
+        return ":".join(unit_of(name) for name in self.members)
+
+    @property
+    def members(self) -> dict[str, Any]:
+        """Annotations of the members of a table, by their names."""
+        return {
+            name: field.annotation
+            for model in self.models
+            for name, field in model.model_fields.items()
+        }
+
+    @property
+    def is_open(self) -> bool:
+        """True where a table accepts members beyond the listed ones; they are numbers."""
+        return any(model.model_config.get("extra") == "allow" for model in self.models)
+
+    @property
+    def example(self) -> str:
+        """Name of a member of a table."""
+        return "NAME" if self.is_open else next(iter(self.members), "NAME")
+
+    def read(self, text: str) -> Any:
+        """Return the value that a text states; raises BadParameter."""
+        if text in self.choices:
+            return self.choices[text]
+        if text[:1] in ("{", "[") and (self.models or self.item):
+            return _from_json(self.name, text)
+        if self.item is not None:
+            return self._records(text) if self.item.models else self._list(text)
+        if self.models:
+            return self._table(text)
+        if float in self.kinds:
+            return number(self.unit)(text)
+        if int in self.kinds:
+            return integer(text)
+        return choice(list(self.choices))(text) if self.choices else text
+
+    def _list(self, text: str) -> list[Any]:
+        assert self.item is not None
         try:
-            items = numerals.items(text)
+            parts = numerals.items(text)
         except ValueError as error:
-            raise unusable(text, unit, str(error)) from error
-        return [read_one(item) for item in items]
+            raise unusable(text, self.unit, str(error)) from error
+        return [self.item.read(part) for part in parts]
 
-    return read
-
-
-def records(names: Sequence[str], shape: str) -> Callable[[str], list[dict[str, float]]]:
-    """Return a reader of several records, as ``s:mN; s:mN``, or of ``@FILE`` that has them.
-
-    Parameters
-    ----------
-    names
-        Members of a record, which end with their units.
-    shape
-        What a record looks like, for error messages.
-    """
-
-    def read(text: str) -> list[dict[str, float]]:
+    def _records(self, text: str) -> list[dict[str, float]]:
+        """Return records, as ``s:mN; s:mN``, or those of ``@FILE``."""
+        assert self.item is not None
+        names = list(self.item.members)
         if text.startswith(FROM_FILE):
             return _from_file(text.removeprefix(FROM_FILE), names)
         try:
             found = numerals.records(text, len(names))
         except ValueError as error:
             raise BadParameter(
-                f"{str(error)!r} is no point: give {shape}, such as '0:5; 1.5:12; 3:5', or @FILE"
+                f"{str(error)!r} is no point: give {self.item.columns}, such as "
+                "'0:5; 1.5:12; 3:5', or @FILE"
             ) from error
         return [
             {name: number(unit_of(name))(part) for name, part in zip(names, parts, strict=True)}
             for parts in found
         ]
 
-    return read
+    def _table(self, text: str) -> dict[str, Any]:
+        """Return members that are stated as NAME=VALUE,NAME=VALUE.
+
+        A value may be a list: a part without a name belongs to the value before it.
+        """
+        parts: list[str] = []
+        for part in text.split(","):
+            if "=" in part or not part or not parts:
+                parts.append(part)
+            else:
+                parts[-1] += f",{part}"
+        found: dict[str, Any] = {}
+        for part in parts:
+            name, equals, value = part.partition("=")
+            if not equals or not name or (name not in self.members and not self.is_open):
+                some = f"some of {', '.join(self.members)}"
+                some = "numbers by their names" if self.is_open else some
+                wanted = ", or ".join([*([", ".join(self.choices)] if self.choices else []), some])
+                raise BadParameter(
+                    f"{part!r} cannot be used: give {wanted}, such as {self.example}=0.5"
+                )
+            found[name] = Form(name, self.members.get(name, float)).read(value)
+        return found
+
+
+def _kinds(annotation: Any) -> Iterator[Any]:
+    """Yield the types of a union, without None and the metadata of ``Annotated``."""
+    if get_origin(annotation) is Annotated:
+        yield from _kinds(get_args(annotation)[0])
+    elif get_origin(annotation) in (Union, UnionType):
+        for one in get_args(annotation):
+            yield from _kinds(one)
+    elif annotation is not NoneType:
+        yield annotation
 
 
 def _from_file(path: str, names: Sequence[str]) -> list[dict[str, float]]:
@@ -127,16 +220,23 @@ def literal(name: str, text: str) -> Any:
     """
     unit = unit_of(name)
     try:
-        found = json.loads(text, parse_constant=_not_finite, parse_float=_finite)
-    except json.JSONDecodeError:
+        json.loads(text)
+    except ValueError:
         if not unit:
             return text
-        return numbers(unit)(text) if ";" in text else number(unit)(text)
-    except ValueError as error:
-        raise unusable(text, unit, str(error)) from error
+        return Form(name, list[float] if ";" in text else float).read(text)
+    found = _from_json(name, text)
     if unit and isinstance(found, bool | str):
         raise unusable(text, unit, "give digits with at most one decimal sign, such as 2.5")
     return found
+
+
+def _from_json(name: str, text: str) -> Any:
+    """Return a JSON value whose numbers are finite; raises BadParameter."""
+    try:
+        return json.loads(text, parse_constant=_not_finite, parse_float=_finite)
+    except ValueError as error:
+        raise unusable(text, unit_of(name), str(error)) from error
 
 
 def _not_finite(text: str) -> float:

@@ -41,7 +41,7 @@ def show_plan(plan: "JobPlan", console: "Console") -> None:
         return
     console.print("[red]not feasible[/red]: the plan breaks a limit of the rig")
     for message in dict.fromkeys(violation.message for violation in violations):
-        console.print(f"  {message}", markup=False, soft_wrap=True)
+        console.print(f"  {message}", markup=False)
 
 
 def predicted_lines(prediction: "Prediction") -> list[tuple[str, str]]:

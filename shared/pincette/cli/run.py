@@ -6,10 +6,11 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from pincette.cli import PKI, CliError, Exit, chosen
+from pincette.cli.plain import Option, parser_of, read_options
 from pincette.core import numerals
+from pincette.core.plugins import installation
 from pincette.core.service import LOOP_PROGRAM, SEPARATOR, canonical_name, programs
 from pincette.core.streams import prepare_streams
 from pincette.engine import logs
@@ -18,17 +19,6 @@ ABOUT = "run one program of a rig in the foreground"
 COMPOSED = "or what [rig] composed of the rig file names, as loop or estimator+controller"
 LISTEN = "PINCETTE_LISTEN"
 DATA = Path("data")
-
-
-class Option(NamedTuple):
-    """One option of ``run``: argparse reads it, Typer shows and completes it."""
-
-    flag: str
-    metavar: str
-    """Empty for a switch."""
-    help: str
-    choices: Sequence[str] | None = None
-    hidden: bool = False
 
 
 OPTIONS = (
@@ -83,20 +73,10 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _read(arguments: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="pincette run", description=ABOUT)
+    parser = parser_of("run", ABOUT, OPTIONS)
     parser.add_argument("name", metavar="NAME", help=name_help())
-    for one in OPTIONS:
-        text = argparse.SUPPRESS if one.hidden else one.help
-        if not one.metavar:
-            parser.add_argument(one.flag, action="store_true", help=text)
-        else:
-            parser.add_argument(one.flag, choices=one.choices, metavar=one.metavar, help=text)
     parser.set_defaults(delay_ms=0.0, delay_seed=0)
-    given, unknown = parser.parse_known_args(arguments)
-    if unknown:
-        close = difflib.get_close_matches(unknown[0], [one.flag for one in OPTIONS])
-        hint = f". Did you mean {close[0]}?" if close else "; --help lists the options"
-        parser.error(f"{unknown[0]} is not an option of run{hint}")
+    given = read_options(parser, OPTIONS, arguments)
     try:
         given.name = program_name(given.name)
     except ValueError as error:
@@ -119,6 +99,8 @@ def program_name(text: str) -> str:
         return text
     if SEPARATOR in text or text == LOOP_PROGRAM:
         return canonical_name(text)
+    if command := installation(text):
+        raise ValueError(f"the program {text!r} is not installed: {command}")
     close = difflib.get_close_matches(text, programs())
     hint = f"did you mean {close[0]}? " if close else ""
     raise ValueError(f"{text!r} is no program: {hint}wanted {', '.join(programs())}, {COMPOSED}")

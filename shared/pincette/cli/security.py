@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit, chosen, opened
-from pincette.cli.options import number
+from pincette.cli.readers import number
 from pincette.cli.terminal import Function, Json, command, emit, group
 from pincette.core.files import temporary_folder
 from pincette.core.service import canonical_name

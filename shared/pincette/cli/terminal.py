@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import shutil
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
@@ -9,20 +10,21 @@ from dataclasses import dataclass, fields
 from datetime import datetime
 from functools import wraps
 from pathlib import Path
+from textwrap import fill, wrap
 from threading import Event, Thread
 from time import monotonic
-from typing import IO, TYPE_CHECKING, Annotated, Any, TypeVar, cast, get_type_hints
+from typing import IO, TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, cast, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pincette.cli import CliError, Exit, chosen
 from pincette.core.streams import LossyWriter
-from pincette.core.units import unit_of
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
+
+    from pincette.cli.screen import Rows
 
 PATIENCE_S = 1.0
 """After so long a command says what it waits for."""
@@ -30,6 +32,13 @@ LAST_OUTPUT_S = 1.0
 """Limit of the wait for output at the end of a command that keeps a rig up."""
 LABEL_WIDTH = 19
 """Least width of the names of figures."""
+BELOW: Mapping[str, Any] = {
+    "initial_indent": "  ",
+    "subsequent_indent": "  ",
+    "break_long_words": False,
+    "break_on_hyphens": False,
+}
+"""Form of a value below its label."""
 STATE_COLOURS: Mapping[str, str] = {
     "succeeded": "green",
     "running": "cyan",
@@ -42,11 +51,27 @@ STATE_COLOURS: Mapping[str, str] = {
 
 
 def screen(*, machine: bool = False) -> "Console":
-    """The console for text: standard output, or standard error if JSON goes to the former."""
-    # Rich is loaded where something is printed: a help text does without.
-    from rich.console import Console
+    """Return the console for text: standard output, or standard error if JSON goes to the former.
 
-    return Console(highlight=False, stderr=machine)
+    Lines are broken between words, and only in a terminal. A word that is longer than a line, such
+    as a path, stays whole, so that it can be copied.
+    """
+    # Rich is loaded where something is printed: a help text does without.
+    from pincette.cli.screen import Screen
+
+    return Screen(sys.stderr if machine else sys.stdout)
+
+
+def fitted(text: str, stream: TextIO) -> str:
+    """Return a text whose lines are broken between words where a terminal is too narrow."""
+    if not stream.isatty():
+        return text
+    width = shutil.get_terminal_size().columns
+    lines = [
+        wrap(line, width, break_long_words=False, break_on_hyphens=False) or [""]
+        for line in text.splitlines()
+    ]
+    return "\n".join(part for parts in lines for part in parts) + "\n" * text.endswith("\n")
 
 
 @contextmanager
@@ -60,10 +85,10 @@ def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
     Exit
         At the end, where the reader of the output has paused: an error message could block too.
     """
-    from rich.console import Console
+    from pincette.cli.screen import Screen
 
     output = LossyWriter(sys.stderr if machine else sys.stdout)
-    console = Console(highlight=False, file=cast("IO[str]", output))
+    console = Screen(cast("IO[str]", output))
     try:
         yield console
     except BaseException:
@@ -123,36 +148,24 @@ def tree(value: Any) -> Any:
 
 def table(
     *names: str, rows: Iterable[Sequence[str]] = (), right: Collection[str] | None = None
-) -> "Table":
-    """A table without frame; all columns but the first are flush right if none are named."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+) -> "Rows":
+    """Return a table without frame; all columns but the first are flush right if none are named."""
+    from pincette.cli.screen import Rows
 
-    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for place, name in enumerate(names):
-        to_right = place > 0 if right is None else name in right
-        made.add_column(name, justify="right" if to_right else "left", overflow="fold")
+    made = Rows(names, names[1:] if right is None else right)
     for row in rows:
         made.add_row(*row)
     return made
 
 
 def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
-    """Print names with their values; a narrow terminal wraps the values."""
-    label_width = max([LABEL_WIDTH, *(len(label) for label, _ in lines)])
-    if not console.is_terminal:
-        for label, text in lines:
-            console.print(f"{label:<{label_width}} {text}", markup=False, soft_wrap=True)
-        return
-    from rich.table import Table
-    from rich.text import Text
-
-    grid = Table.grid(padding=(0, 1))
-    grid.add_column(min_width=label_width, no_wrap=True)
-    grid.add_column(overflow="fold")
+    """Print labels with their values; where a line is too narrow, the value is below its label."""
+    width = max([LABEL_WIDTH, *(len(label) for label, _ in lines)])
     for label, text in lines:
-        grid.add_row(Text(label), Text(text))
-    console.print(grid)
+        line = f"{label:<{width}} {text}"
+        if len(line) > console.width:
+            line = f"{label}\n{fill(text, console.width, **BELOW)}"
+        console.print(line, markup=False)
 
 
 def clock(stamp: str | None) -> str:
@@ -182,16 +195,14 @@ class Json(Options):
 
     json: Annotated[bool, typer.Option("--json", help="answer in JSON on standard output")] = False
 
-    def answer(
-        self, value: Any, show: "str | Table | Callable[[], object]", none: str = ""
-    ) -> None:
+    def answer(self, value: Any, show: "str | Rows | Callable[[], object]", none: str = "") -> None:
         """Print a value as JSON, or show it to a person; ``none`` says that there is none."""
         if self.json:
             emit(value)
         elif none and not value:
-            print(none)
+            print(fitted(none, sys.stdout))
         elif isinstance(show, str):
-            print(show)
+            print(fitted(show, sys.stdout))
         elif callable(show):
             show()
         else:
@@ -220,12 +231,7 @@ class _WithWholeHelp:
 
 
 class Command(_WithWholeHelp, TyperCommand):
-    """A command that takes the unambiguous start of an option without a unit for the option."""
-
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Complete shortened options before Typer reads them."""
-        known = [one for parameter in self.get_params(ctx) for one in parameter.opts]
-        return super().parse_args(ctx, _completed(args, [one for one in known if one[:2] == "--"]))
+    """A command."""
 
 
 class Group(_WithWholeHelp, TyperGroup):
@@ -237,25 +243,6 @@ class Group(_WithWholeHelp, TyperGroup):
             typer.echo(ctx.get_help(), err=True)
             raise typer.Exit(Exit.USAGE)
         return super().parse_args(ctx, args)
-
-
-RIG_FILE = "--rig"
-"""Whole for many commands, so never a start of ``--rig-name``: a file is no name of a rig."""
-
-
-def _completed(arguments: Sequence[str], known: Sequence[str]) -> list[str]:
-    found: list[str] = []
-    for place, argument in enumerate(arguments):
-        if argument == "--":
-            return [*found, *arguments[place:]]
-        name, equals, value = argument.partition("=")
-        longer = [one for one in known if one.startswith(name)]
-        whole = name in known or name == RIG_FILE
-        is_start = name[:2] == "--" and len(name) > 2 and not whole and len(longer) == 1
-        # A start leaves the end out, and with it the unit, which nobody may guess.
-        is_start = is_start and not unit_of(longer[0].replace("-", "_"))
-        found.append(f"{longer[0]}{equals}{value}" if is_start else argument)
-    return found
 
 
 def command(
@@ -270,12 +257,12 @@ def command(
     return add
 
 
-def group(name: str = "", about: str = "") -> typer.Typer:
-    """An application with commands below it."""
+def group(name: str = "", about: str = "", kind: type[Group] = Group) -> typer.Typer:
+    """Return an application with commands below it."""
     return typer.Typer(
         name=name or None,
         help=about or None,
-        cls=Group,
+        cls=kind,
         rich_markup_mode=None,
         add_completion=False,
     )

@@ -1,29 +1,20 @@
-"""``pincette up``, ``run`` and ``bench``: the programs of a rig on this machine."""
+"""``pincette up``: the programs of a rig on this machine."""
 
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Generator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import typer
 from typer import Option
 
-from pincette.cli import PKI, CliError, opened, run, working_folder
-from pincette.cli.options import DATA, DataFolder, choice, integer
-from pincette.cli.terminal import (
-    Command,
-    RigOption,
-    command,
-    group,
-    lasting_screen,
-    named,
-    with_parameters,
-)
+from pincette.cli import PKI, CliError, opened
+from pincette.cli.options import DATA, DataFolder
+from pincette.cli.terminal import RigOption, command, group, lasting_screen
 from pincette.engine import logs
 
 if TYPE_CHECKING:
@@ -43,12 +34,15 @@ LogFormat = Annotated[
         help=f"text, or json, an object a line; that of {logs.VARIABLE} if not given, else text",
     ),
 ]
+NewArm = Annotated[
+    bool,
+    Option("--new-arm", help="simulate a new arm; without it the arm of the last run lives on"),
+]
 WATCH_S = 0.3
 FIRST_NEWS_S, NEWS_S = 10.0, 5.0
 """Least time until the first line about a restarted program that does not serve; between two."""
 MEASURE_S = "3"
 """Starting the programs that measure takes the rest of five seconds."""
-BENCH = Path("tests/bench/loop/__main__.py")
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 IGNORED = (signal.SIGHUP, signal.SIGTTOU)
 """Signals of a lost terminal and of output from the background. The rig stays up: to end it would
@@ -116,7 +110,15 @@ def _print_status(console: "Console", member: "Child", colour: str, line: str) -
 
 def _print(console: "Console", text: "str | Text") -> None:
     """Print a line as it is, without markup: names and paths may contain brackets."""
-    console.print(text, markup=False, soft_wrap=True)
+    console.print(text, markup=False)
+
+
+def forget_arm(rig: "RigFile", data: Path) -> None:
+    """Delete the saved state of the simulated arm, so that the next start simulates a new one."""
+    try:
+        rig.simulated_arm(data).unlink(missing_ok=True)
+    except OSError as error:
+        raise CliError(f"--new-arm: {error}") from error
 
 
 @command(app, "up")
@@ -137,14 +139,8 @@ def up(
             help="only the programs of a laboratory server, which [bus] upstream names",
         ),
     ] = False,
-    sockets: Annotated[
-        bool,
-        Option(
-            "--sockets",
-            help="programs meet at local sockets, which takes less time a tick; for short periods",
-        ),
-    ] = False,
     log_format: LogFormat = None,
+    new_arm: NewArm = False,
     measure: Annotated[
         bool,
         Option("--measure", help="first measure what this machine keeps, in 5 s; see `latency`"),
@@ -153,13 +149,10 @@ def up(
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
     path = rig.path
     file = opened(path)
+    if new_arm:
+        forget_arm(file, data)
     if server and file.bus.upstream is None:
         raise CliError(f"rig {file.rig.name!r} has no [bus] upstream: HOST:PORT of this server")
-    if sockets and (secure or file.bus.pki is not None):
-        raise CliError(
-            "--sockets: with certificates every link stays on TLS; leave out --sockets, or "
-            "--secure and [bus] pki"
-        )
     with lasting_screen() as console:
         if secure:
             from pincette.cli import security
@@ -176,26 +169,10 @@ def up(
             for line in machine_words(file, data):
                 _print(console, line)
         try:
-            with (
-                _meeting(console) if sockets else nullcontext(),
-                running(file, path, data, console, server=server, log_format=log_format) as fleet,
-            ):
+            with running(file, path, data, console, server=server, log_format=log_format) as fleet:
                 _watch(file, fleet, console)
         except KeyboardInterrupt:
             _print(console, "every program has ended")
-
-
-@contextmanager
-def _meeting(console: "Console") -> Generator[None]:
-    """Let the programs meet at local sockets, and say what another one needs for that."""
-    from pincette.bus.local_sockets import VARIABLE, named_to_programs
-
-    with named_to_programs() as folder:
-        _print(
-            console,
-            f"local sockets in {folder}; for programs started by hand: {VARIABLE}={folder}",
-        )
-        yield
 
 
 def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
@@ -269,58 +246,3 @@ def machine_words(rig: "RigFile", data: Path) -> list[str]:
     if known is None:
         return ["what this machine keeps is not known:", f"  {how(rig)}"]
     return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]
-
-
-@command(app, "bench")
-def bench(
-    ticks: Annotated[int, Option("--ticks", parser=integer, metavar="N", help="of a block")] = 2000,
-    blocks: Annotated[int, Option("--blocks", parser=integer, metavar="N", help="to measure")] = 6,
-) -> int:
-    """Run the bench of the checkout; raises CliError if there is none."""
-    if not BENCH.is_file():
-        raise CliError(
-            f"{BENCH} is not in {working_folder()}: the bench and the rings that it compares "
-            "with come with a checkout of pincette, not with the package"
-        )
-    words = ["--ticks", str(ticks), "--blocks", str(blocks)]
-    return subprocess.run(
-        [sys.executable, "-m", "tests.bench.loop", *words], check=False
-    ).returncode
-
-
-def _call(**given: Any) -> int:
-    words: list[str] = [given.pop("name")]
-    for option in run.OPTIONS:
-        value = given[_field(option)]
-        if value:
-            words += [option.flag, str(value)] if option.metavar else [option.flag]
-    return run.main(words)
-
-
-def _field(option: run.Option) -> str:
-    return option.flag.removeprefix("--").replace("-", "_")
-
-
-def _annotation(option: run.Option) -> Any:
-    if not option.metavar:
-        return Annotated[bool, typer.Option(option.flag, help=option.help, hidden=option.hidden)]
-    read = None if option.choices is None else choice(option.choices)
-    shown = typer.Option(
-        option.flag, metavar=option.metavar, help=option.help, hidden=option.hidden, parser=read
-    )
-    return Annotated[str | None, shown]
-
-
-def _program(text: str) -> str:
-    try:
-        return run.program_name(text)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-
-
-_NAME = Annotated[str, typer.Argument(metavar="NAME", parser=_program, help=run.name_help())]
-_PARAMETERS = [
-    named("name", _NAME, ...),
-    *(named(_field(one), _annotation(one), None if one.metavar else False) for one in run.OPTIONS),
-]
-app.command("run", cls=Command)(with_parameters(_call, _PARAMETERS))

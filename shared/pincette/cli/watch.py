@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
-from pincette.cli.options import integer
+from pincette.cli.readers import integer
 from pincette.cli.results import show_result
 from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, patience, screen
 
@@ -62,7 +62,7 @@ def watch(
             sys.stdout.write(event.model_dump_json() + "\n")
             sys.stdout.flush()
         elif event.kind not in PASSING:
-            console.print(line(event), soft_wrap=True)
+            console.print(line(event))
     return None
 
 
@@ -251,11 +251,11 @@ class _Lines(AbstractContextManager[None]):
         self._shown = phase
         elapsed_s = 0.0 if live is None else live.elapsed_s
         line = f"{elapsed_s:6.2f} s  {phase:<9} {newest(live)}"
-        self._console.print(line.rstrip(), soft_wrap=True, markup=False)
+        self._console.print(line.rstrip(), markup=False)
 
     def ask(self, name: str, instruction: str) -> bool:
         """Say what is waited for, and how to go on."""
-        self._console.print(_order(name, instruction), soft_wrap=True, markup=False)
+        self._console.print(_order(name, instruction), markup=False)
         return False
 
 

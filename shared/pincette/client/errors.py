@@ -6,6 +6,7 @@ from typing import Any, cast
 import httpx
 
 from pincette.api.jobs import Job
+from pincette.api.predictions import Violation
 from pincette.api.problems import TYPE
 
 
@@ -19,6 +20,11 @@ class ClientError(Exception):
     def cancelled(self) -> bool:
         """Whether a motion did not come to its end because a caller has stopped it."""
         return False
+
+    @property
+    def codes(self) -> dict[str, Any]:
+        """Codes and numbers of the error as JSON, for programs that pass it on."""
+        return {"code": self.code}
 
 
 class NoAnswerError(ClientError):
@@ -59,12 +65,17 @@ class InfeasiblePlanError(ClientError):
 
     code = "limit-violation"
 
-    def __init__(self, violations: Sequence[str]) -> None:
-        super().__init__(
-            "\n".join(["the plan breaks a limit:", *(f"  {one}" for one in violations)])
-        )
+    def __init__(self, violations: Sequence[Violation]) -> None:
+        words = [f"  {one.message}" for one in violations]
+        super().__init__("\n".join(["the plan breaks a limit:", *words]))
         self.violations = violations
-        """Each in words, with value, unit and limit."""
+        """Limits that the plan breaks, with pointer, quantity, value and limit."""
+
+    @property
+    def codes(self) -> dict[str, Any]:
+        """Its code, and each violation with quantity, value and limit."""
+        violations = [one.model_dump(mode="json") for one in self.violations]
+        return {"code": self.code, "violations": violations}
 
 
 class JobEndedError(ClientError):
@@ -93,6 +104,18 @@ class JobEndedError(ClientError):
     def outcome(self) -> str:
         """Outcome code of the job's result, such as ``slipped``; empty without a result."""
         return str((self.job.result or {}).get("outcome", ""))
+
+    @property
+    def codes(self) -> dict[str, Any]:
+        """Its code, the job's outcome, and the ending with trip, faults and numbers."""
+        ending = self.job.ending
+        return {
+            "code": self.code,
+            "job": self.job.id,
+            "state": self.job.state,
+            "outcome": self.outcome,
+            "ending": None if ending is None else ending.model_dump(mode="json"),
+        }
 
 
 class RigLatchedEndError(JobEndedError):
@@ -144,6 +167,11 @@ class ProblemError(ClientError):
     def allowed_actions(self) -> Sequence[str]:
         """What the state of the job allows instead."""
         return self._members("allowed_actions")
+
+    @property
+    def codes(self) -> dict[str, Any]:
+        """Its code, and the violations and faults of the request that it states."""
+        return {"code": self.code, "violations": self.violations, "errors": self.errors}
 
     def _members(self, name: str) -> Any:
         found: Any = self.problem.get(name)

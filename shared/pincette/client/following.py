@@ -23,7 +23,7 @@ LATCHED = ("frozen", "ramping", "latched")
 def require_feasible(plan: JobPlan) -> JobPlan:
     """Return a plan that may be run; raises InfeasiblePlanError, with each limit it breaks."""
     if not plan.feasible:
-        raise InfeasiblePlanError([violation.message for violation in plan.violations])
+        raise InfeasiblePlanError(plan.violations)
     return plan
 
 

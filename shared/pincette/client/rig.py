@@ -16,7 +16,7 @@ from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.api.simulation import SimulationCommand
 from pincette.client.call import Call, content, get, model, post
-from pincette.client.errors import ClientError, refused
+from pincette.client.errors import ClientError, NotPermittedError, refused
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
@@ -41,11 +41,16 @@ class AsyncRigHandle:
     async def status(self, limit_s: float = NEWS_S) -> RigStatus:
         """Return the state of the rig for display, after ``limit_s`` at the latest.
 
-        Without a reply by then everything is unknown, and ``reasons`` say why. Raises nothing.
+        Without a reply by then everything is unknown, and ``reasons`` say why.
+
+        Raises:
+            NotPermittedError: no key was sent, or one that may not read the rig.
         """
         try:
             once = self._transport.patient(0.0).within(limit_s)
             return status_of(await AsyncRigHandle(once, self.name).state())
+        except NotPermittedError:
+            raise
         except ClientError as error:
             return unknown_status(str(error))
 

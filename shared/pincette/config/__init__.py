@@ -12,10 +12,11 @@ if TYPE_CHECKING:
         Model,
         RecordedFreeResponse,
     )
-    from pincette.config.reading import parse_rig, parse_rig_json, read_for_stop, read_rig
+    from pincette.config.reading import parse_rig, parse_rig_json, read_rig
     from pincette.config.rig_file import RigFile
     from pincette.config.simulation import Simulation
-    from pincette.config.tables import ConfigError, Table
+    from pincette.config.tables import Table
+    from pincette.config.toml_file import ConfigError
 
 __all__ = [
     "Calibration",
@@ -33,17 +34,17 @@ __all__ = [
     "parse_calibration",
     "parse_rig",
     "parse_rig_json",
-    "read_for_stop",
     "read_rig",
 ]
 PLACES = {
     "calibration": ("Calibration", "calibrated", "parse_calibration"),
     "instruments": ("Output", "Sensor"),
     "model": ("FreeResidual", "IdentifiedFreeResponse", "Model", "RecordedFreeResponse"),
-    "reading": ("parse_rig", "parse_rig_json", "read_for_stop", "read_rig"),
+    "reading": ("parse_rig", "parse_rig_json", "read_rig"),
     "rig_file": ("RigFile",),
     "simulation": ("Simulation",),
-    "tables": ("ConfigError", "Table"),
+    "tables": ("Table",),
+    "toml_file": ("ConfigError",),
 }
 """Modules and their names. All of them take a third of a second to load, and the help of a command
 needs the laws or the orders of a simulated rig alone."""

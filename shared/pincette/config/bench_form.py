@@ -5,7 +5,7 @@ import tomllib
 from dataclasses import dataclass
 
 from pincette.config.reading import parse_rig
-from pincette.config.tables import ConfigError
+from pincette.config.toml_file import ConfigError
 
 Value = str | float | int | bool
 
@@ -67,6 +67,27 @@ ARM = (
         "position_max_um", "highest position of the tip", "µm", 90.0, "the free way of the arm"
     ),
     Question("force_max_mN", "highest force", "mN", 40.0, "what the weaker of arm and part bears"),
+    Question(
+        "slew_V_per_s",
+        "fastest change of the voltage at the amplifier's input",
+        "V/s",
+        10.0,
+        "what amplifier and arm bear; a swing of 20 mN takes 1.6 at 0.5 Hz, 16 at 5 Hz",
+    ),
+    Question(
+        "rate_um_per_s",
+        "highest speed of the tip along a path",
+        "µm/s",
+        60.0,
+        "you choose it; that swing takes 15 at 0.5 Hz, 145 at 5 Hz",
+    ),
+    Question(
+        "acceleration_um_per_s2",
+        "highest acceleration of the tip along a path",
+        "µm/s²",
+        2000.0,
+        "you choose it; that swing takes 51 at 0.5 Hz, 5060 at 5 Hz",
+    ),
 )
 PART = (
     Question("part_name", "the part", "", "glass bead 1400 µm", "a description for people"),
@@ -120,7 +141,7 @@ compliance_um_per_mN = {compliance_um_per_mN} # how far a force at the tip bends
 [limits] # voltages at the amplifier's input, gain {gain}
 voltage_min_V = {voltage_min_V}
 voltage_max_V = {voltage_max_V}
-slew_V_per_s = 10.0
+slew_V_per_s = {slew_V_per_s}
 position_min_um = {position_min_um}
 position_max_um = {position_max_um}
 force_max_mN = {force_max_mN}
@@ -133,6 +154,10 @@ stiffness_mN_per_um = {stiffness_mN_per_um} # in series with the passive arm
 
 [grip]
 force_mN = {grip_force_mN}
+
+[track] # a path that is faster is refused
+rate_um_per_s = {rate_um_per_s}
+acceleration_um_per_s2 = {acceleration_um_per_s2}
 """
 COMMENT = " # "
 COMMENTS_AT = 36

@@ -8,7 +8,8 @@ from pydantic import Field, ValidationError, field_validator
 
 from pincette.config.reading import parse_rig
 from pincette.config.rig_file import RigFile
-from pincette.config.tables import ConfigError, Table
+from pincette.config.tables import Table
+from pincette.config.toml_file import ConfigError
 from pincette.core.validation_wording import refusal
 
 CALIBRATED = (
@@ -27,6 +28,7 @@ CALIBRATED = (
     "part.contact_um",
     "part.stiffness_mN_per_um",
     "sensor.noise_um",
+    "sensor.drift_um_per_min",
 )
 """Quantities of a rig file that a calibration may replace, by table and name."""
 OF_SECOND = tuple(f"second.{name}" for name in CALIBRATED if not name.startswith("part."))

@@ -7,7 +7,8 @@ from math import inf
 
 from pincette.config.model import Model
 from pincette.config.rig_file import RigFile
-from pincette.config.tables import ConfigError
+from pincette.config.toml_file import ConfigError
+from pincette.control.arm.plant import OutputTiming
 from pincette.control.force.inverse_dynamics import inverse_dynamics
 from pincette.control.force.kalman import augmented_kalman
 from pincette.control.force.observers import (
@@ -19,10 +20,11 @@ from pincette.control.force.observers import (
     least_period_s,
 )
 from pincette.control.force.position_steps import StepLimits
-from pincette.control.force.ring import ring_kept, ring_share
+from pincette.control.force.ring import RingShares, shares_of_ring
 from pincette.control.planning.conditioning import stroke_depth_V
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import PlanLimits, acceleration_limit
+from pincette.control.response.conditioned_branch import STROKES
 from pincette.control.response.free_response import FreeResponse, FreeSample, nominal_response
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
 from pincette.control.response.identified_response import identified_response
@@ -57,6 +59,7 @@ def free_response(model: Model) -> FreeResponse:
         taught.residual_um,
         taught.growth(),
         begin_memory(model),
+        None if taught.branch is None else taught.branch.branch(),
     )
 
 
@@ -65,13 +68,20 @@ def begin_memory(model: Model) -> HysteresisState | None:
     taught = model.free_response
     if taught is None or taught.taught_V is None:
         return None
-    return poled(taught.hysteresis(), taught.taught_V)
+    from_above = taught.branch is not None
+    return poled(taught.hysteresis(), taught.taught_V, from_above=from_above)
 
 
 def conditioning_V(rig: RigFile) -> float | None:
     """Return the lowest voltage of conditioning strokes; None where they are not possible."""
     taught = rig.model.free_response
     return stroke_depth_V(None if taught is None else taught.taught_V, rig.limits.voltage_min_V)
+
+
+def _strokes(model: Model) -> int:
+    """Return the number of conditioning strokes that the model in use was measured after."""
+    branch = None if model.free_response is None else model.free_response.branch
+    return STROKES if branch is None else branch.strokes
 
 
 def identified_hysteresis(model: Model) -> HysteresisModel | None:
@@ -90,17 +100,32 @@ def residual(model: Model) -> ResidualTable | None:
     return model.residuals[0].table() if len(model.residuals) == 1 else None
 
 
-def ring_shares(model: Model, period_s: float) -> tuple[float, float]:
-    """Return the share of a ring that is an uncertainty, and the share left after a period.
+def ring_shares(rig: RigFile, assumed: OutputTiming | None = None) -> RingShares:
+    """Return what the ring of the mode adds to the uncertainty of a position.
 
-    Both are 0 where nobody has measured or stated when a voltage acts (``output_delay_s``), and for
-    observers that model the mode.
+    All are 0 for observers that model the mode.
+
+    Parameters
+    ----------
+    assumed
+        When a voltage acts, where the model does not have it (``output_delay_s``), as the drivers
+        of a rig state it; None: the shares are 0 then. Steps in parts ring so little that the usual
+        delay serves.
     """
-    if model.force_observer != "quasi_static" or model.output_delay_s is None:
-        return 0.0, 0.0
-    omega_n, zeta = model.natural_frequency_rad_per_s, model.damping_ratio
-    share = ring_share(omega_n, zeta, model.output(period_s), period_s)
-    return share, ring_kept(omega_n, zeta, period_s)
+    model, part, period_s = rig.model, rig.part, rig.rig.period_s
+    known = model.output_delay_s is not None or rig.shaping_s is not None
+    output = model.output(period_s) if known else assumed
+    if model.force_observer != "quasi_static" or output is None:
+        return RingShares()
+    return shares_of_ring(
+        model.natural_frequency_rad_per_s,
+        model.damping_ratio,
+        output._replace(delay_s=output.delay_s + (rig.shaping_s or 0.0)),
+        period_s,
+        stiffness_ratio=rig.stiffness_ratio,
+        stiffness_tolerance=part.stiffness_tolerance,
+        shaping_s=rig.shaping_s,
+    )
 
 
 def force_observer(rig: RigFile) -> ForceObserver:
@@ -155,7 +180,10 @@ def step_limits(rig: RigFile) -> StepLimits:
 
 
 def planned_rig(
-    rig: RigFile, stands_um: float | None = None, condition_V: float | None = None
+    rig: RigFile,
+    stands_um: float | None = None,
+    condition_V: float | None = None,
+    rest_um: float | None = None,
 ) -> PlannedRig:
     """Return a rig as plans take it.
 
@@ -165,10 +193,10 @@ def planned_rig(
         Where its arm stands; None: where it rests. Where the sensor cannot measure, nobody knows.
     condition_V
         Lowest voltage of the strokes that a plan begins with; None: it begins without.
+    rest_um
+        Reading of its arm at rest at 0 V; None: not known.
     """
-    limits, model, sensor = rig.limits, rig.model, rig.sensor
-    if stands_um is not None and not sensor.minimum_um <= stands_um <= sensor.maximum_um:
-        stands_um = None
+    limits, model = rig.limits, rig.model
     return PlannedRig(
         limits=PlanLimits(
             voltage_min_V=limits.voltage_min_V,
@@ -183,18 +211,34 @@ def planned_rig(
         compliance_um_per_mN=model.compliance_um_per_mN,
         period_s=rig.rig.period_s,
         x_start_um=X_START_UM,
-        stands_um=stands_um,
+        stands_um=_readable(rig, stands_um),
+        rest_um=_readable(rig, rest_um),
         free_response=identified_hysteresis(model),
         taught_V=None if model.free_response is None else model.free_response.taught_V,
         memory=begin_memory(model),
         condition_V=condition_V,
+        strokes=_strokes(model),
     )
+
+
+def _readable(rig: RigFile, x_um: float | None) -> float | None:
+    """Return a position, or None where the sensor cannot measure it."""
+    sensor = rig.sensor
+    if x_um is None or not sensor.minimum_um <= x_um <= sensor.maximum_um:
+        return None
+    return x_um
 
 
 def creep_percent_per_decade(model: Model) -> float:
     """Return the creep after a step in % of the step per decade of time."""
     free = model.free_response
     return 0.0 if free is None else free.creep_percent_per_decade
+
+
+def return_error_um(model: Model) -> float:
+    """Return the standard error of x_1 on the way back from a press; 0 where it is not known."""
+    free = model.free_response
+    return 0.0 if free is None or free.return_error_um is None else free.return_error_um
 
 
 def creep_known_s(model: Model) -> float:

@@ -159,7 +159,7 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
         period_s=rig.rig.period_s,
         force_filter_s=rig.model.force_filter_s,
         output_lag_s=rig.model.output_lag_s,
-        told=rig.model.output(rig.rig.period_s),
+        told=rig.output_timing,
         observer=force_observer(rig),
     )
 

@@ -40,7 +40,7 @@ class Sensor(Table):
     """The position sensor: driver, where it is, its range in µm."""
 
     driver: str
-    """Name as listed by ``pincette drivers``."""
+    """Name as listed by ``pincette doctor --drivers``."""
     url: Url
     """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
@@ -59,7 +59,8 @@ class Sensor(Table):
     """r.m.s., as identified; enters the force uncertainty."""
     drift_um_per_min: NotNegative = 0.0
     """Largest drift of the reading, as with the temperature of the room; it enters the force
-    uncertainty with the age of the zero. 0: none is assumed."""
+    uncertainty with the age of the zero. 0: none is assumed. The calibration ``noise`` measures
+    it at rest."""
     record: str | None = None
     """File that every byte to and from the instrument is written to."""
     options: Options = Field(default_factory=Options)
@@ -70,7 +71,7 @@ class Output(Table):
     """The voltage output that drives the amplifier."""
 
     driver: str
-    """Name as listed by ``pincette drivers``."""
+    """Name as listed by ``pincette doctor --drivers``."""
     url: Url
     """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
@@ -84,6 +85,13 @@ class Output(Table):
 
     Only its multiples are put out then. The arm remembers what was truly put out: where the output
     rounds by itself, the free response errs by more after each small to-and-fro."""
+    shaping: bool = False
+    """Write each step of the voltage in three parts (1/4, 1/2, 1/4), which leaves the mode of the
+    arm at rest. For outputs that time the parts by a clock of their own, as "nidaqmx"."""
+    shaping_interval_s: Positive | None = None
+    """Time from one part of a step to the next. Left out: half a period of the mode, half-way
+    between that of the free arm, which the calibrations frequency_response and output_timing find,
+    and that of the arm which presses the part."""
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
     """What the hardware does by itself if its host stops sending: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)

@@ -52,9 +52,10 @@ class Grip(Table):
     zero_s: Positive = 0.4
     """Time at rest before the arm moves, in which the force estimate is set to zero."""
     condition: Condition = "auto"
-    """Whether conditioning strokes come before it, three to the lowest voltage identified, without
-    which the arm's unknown past may falsify the force by some mN. ``auto``: where the estimator has
-    not followed the arm since such strokes, as after a start of the programs."""
+    """Whether a grip or a path begins with conditioning strokes to the lowest voltage identified.
+    They bring the hysteresis of the arm to a known state, and compare its stroke with that of the
+    calibration. ``auto``: wherever the model in use allows them. ``always``: a plan is refused
+    where it does not. ``never``: other motion than grips may falsify the force by some mN."""
     quick: QuickGrip = QuickGrip()
     """Of a quick grip."""
 

@@ -65,7 +65,7 @@ class Law(Table):
     __pydantic_extra__: dict[str, float] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     scheme: str = "pbsmic"
-    """Name of the law; `pincette drivers` lists the installed laws."""
+    """Name of the law; `pincette doctor --drivers` lists the installed laws."""
     set: ParameterSet | None = None
     """What the law works with: m, b, k, d of the rig ("consistent") or of the paper ("printed"), or
     those of the rig with the free response in place of the line d·u ("identified"). Without it:

@@ -2,12 +2,18 @@
 
 import hashlib
 from dataclasses import asdict
+from math import hypot
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from pincette.config.tables import NotNegative, Positive, Table
 from pincette.control.arm.plant import ArmParameters, OutputTiming, consistent_arm
+from pincette.control.response.conditioned_branch import (
+    MOST_STROKES,
+    STROKES,
+    ConditionedBranch,
+)
 from pincette.control.response.error_growth import ErrorGrowth, checked_growth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.recorded_response import RecordedBranches, Turn
@@ -17,12 +23,82 @@ USUAL_DELAY = 0.65
 """Of a period, from a sample to its voltage, where nobody has measured it."""
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
+UNEQUAL = 0.15
+"""Difference of the stroke's change between two ways, as a share of that change; assumed."""
 ASSUMED_CREEP_PERCENT = 2.0
 """Creep in % of a step per decade of time where nobody has measured it; actuators have 1 to 2."""
 
 
+class Branch(Table):
+    """The rising branch of the conditioned arm; see ``control.response.conditioned_branch``."""
+
+    voltages_V: tuple[float, ...] = Field(strict=False)
+    """Voltages of the rising branch, from the bottom of the conditioning strokes on."""
+    added_um: tuple[float, ...] = Field(strict=False)
+    """Position less the model there, 0 at the bottom."""
+    error_ways_V: tuple[float, ...] = Field(strict=False)
+    """Ways of the voltage since the zero of a conditioned grip at which the error is known."""
+    errors_um: tuple[float, ...] = Field(strict=False)
+    """Standard error of the free response there; enters the force uncertainty."""
+    places_V: tuple[float, ...] = Field(default=(), strict=False)
+    """Voltages of the places to which the way from the rest after the strokes was measured; they
+    rise."""
+    way_ratios: tuple[Annotated[float, Field(gt=0.8, lt=1.25)], ...] = Field(
+        default=(), strict=False
+    )
+    """Measured way to each of these places over what model and branch make of it."""
+    way_spread: NotNegative = 0.0
+    """Standard deviation of such a ratio from one conditioned way to the next."""
+    way_uneven: NotNegative = 0.0
+    """The same for a place that is 0.05 V or further from the measured ones."""
+    strokes: int = Field(default=STROKES, ge=STROKES, le=MOST_STROKES)
+    """Number of conditioning strokes that the branch was measured after."""
+    rest_ratio: float = Field(default=1.0, gt=0.5, lt=2.0)
+    """Measured way from the bottom to the rest after the strokes over what model and branch make of
+    it."""
+    rest_spread: NotNegative = 0.0
+    """Standard deviation of that ratio from one conditioned way to the next."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Branch":
+        self.branch()
+        return self
+
+    @classmethod
+    def from_branch(cls, branch: ConditionedBranch) -> "Branch":
+        """Return the table of a branch that was measured."""
+        return cls(
+            voltages_V=branch.voltages_V,
+            added_um=branch.added_um,
+            error_ways_V=branch.errors.ways_V,
+            errors_um=branch.errors.errors_um,
+            places_V=branch.places_V,
+            way_ratios=branch.way_ratios,
+            way_spread=branch.way_spread,
+            way_uneven=branch.way_uneven,
+            strokes=branch.strokes,
+            rest_ratio=branch.rest_ratio,
+            rest_spread=branch.rest_spread,
+        )
+
+    def branch(self) -> ConditionedBranch:
+        """Return the branch of the table; raises ValueError where it is impossible."""
+        return ConditionedBranch(
+            self.voltages_V,
+            self.added_um,
+            checked_growth(self.error_ways_V, self.errors_um),
+            self.places_V,
+            self.way_ratios,
+            self.way_spread,
+            self.way_uneven,
+            self.strokes,
+            self.rest_ratio,
+            self.rest_spread,
+        )
+
+
 class IdentifiedFreeResponse(Table):
-    """The free response as ``pincette teach`` identified it; see ``control.hysteresis``."""
+    """The identified free response, as ``pincette.engine.response_table`` prints it."""
 
     thresholds_V: tuple[float, ...] = Field(strict=False)
     """r_i of each play; the first is 0, the linear part."""
@@ -34,6 +110,8 @@ class IdentifiedFreeResponse(Table):
     """κ_j, shares of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
     """λ_i, one for each threshold; empty: no fading."""
+    return_fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
+    """μ_i, which replace λ_i while a play returns to its middle; empty: they are the same."""
     curvature_um_per_V2: float = 0.0
     """q, the growth of the stroke with the square of the voltage."""
     squares_um_per_V2: tuple[float, ...] = Field(default=(), strict=False)
@@ -59,6 +137,9 @@ class IdentifiedFreeResponse(Table):
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
     """Least and largest voltage of the motion that it was identified from; a job that presses is
     refused beyond. Without it: not known, and not checked."""
+    branch: Branch | None = None
+    """Rising branch of the arm after conditioning strokes. Without it the strokes are followed by
+    the model alone, and a changed stroke of the arm is not found."""
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
@@ -79,6 +160,7 @@ class IdentifiedFreeResponse(Table):
         taught_V: tuple[float, float] | None = None,
         creep_percent_per_decade: float = ASSUMED_CREEP_PERCENT,
         return_error_um: float | None = None,
+        branch: ConditionedBranch | None = None,
     ) -> "IdentifiedFreeResponse":
         """Return the table of a model that was identified."""
         ways_V, errors_um = ((), ()) if growth is None else growth
@@ -91,7 +173,42 @@ class IdentifiedFreeResponse(Table):
             taught_V=taught_V,
             return_error_um=return_error_um,
             creep_percent_per_decade=creep_percent_per_decade,
+            branch=None if branch is None else Branch.from_branch(branch),
         )
+
+    def stroked(self, factor: float, piezo_um_per_V: float) -> "IdentifiedFreeResponse":
+        """Return the same response with a stroke that is larger by a factor.
+
+        The stroke of an actuator is not proportional to the voltage, so that a factor that was
+        measured over one way is another one over others: the errors grow by ``UNEQUAL`` of it.
+        """
+        unequal_um_per_V = UNEQUAL * abs(factor - 1.0) * piezo_um_per_V
+
+        def times(values: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(factor * value for value in values)
+
+        def wider(ways_V: tuple[float, ...], errors_um: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(
+                hypot(error_um, unequal_um_per_V * way_V)
+                for way_V, error_um in zip(ways_V, errors_um, strict=True)
+            )
+
+        changed: dict[str, object] = {
+            "weights_um_per_V": times(self.weights_um_per_V),
+            "curvature_um_per_V2": factor * self.curvature_um_per_V2,
+            "squares_um_per_V2": times(self.squares_um_per_V2),
+            "cubes_um_per_V3": times(self.cubes_um_per_V3),
+            "errors_um": wider(self.error_ways_V, self.errors_um),
+        }
+        branch = self.branch
+        if branch is not None:
+            changed["branch"] = branch.model_copy(
+                update={
+                    "added_um": times(branch.added_um),
+                    "errors_um": wider(branch.error_ways_V, branch.errors_um),
+                }
+            )
+        return self.model_copy(update=changed)
 
     def growth(self) -> ErrorGrowth | None:
         """Error by the way since a zero; None if not known; raises ValueError where impossible."""
@@ -111,6 +228,7 @@ class IdentifiedFreeResponse(Table):
             squares_um_per_V2=self.squares_um_per_V2,
             cubes_um_per_V3=self.cubes_um_per_V3,
             bent_V=self.bent_V,
+            return_fadings_per_V=self.return_fadings_per_V,
         )
 
 

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, model_validator
 
+from pincette.config.addresses import BusAddresses, supervisor_url
 from pincette.config.notify import Mail, Webhook
 from pincette.config.tables import NotNegative, Positive, Table
 
@@ -25,7 +26,7 @@ def _place(text: str) -> str:
 Place = Annotated[str, AfterValidator(_place)]
 
 
-class Bus(Table):
+class Bus(BusAddresses, Table):
     """Where the programs listen: the router at ``port``, the others at the ports after it."""
 
     host: str = "127.0.0.1"
@@ -50,27 +51,6 @@ class Bus(Table):
     identity: str = Field(default="operator", exclude=True)
     """Name of the certificate that the tools of this machine use, if there are certificates."""
 
-    @property
-    def router_at(self) -> tuple[str, int]:
-        """Host and port of the router, whosever it is."""
-        return (self.host, self.port) if self.router is None else _at(self.router)
-
-    @property
-    def upstream_at(self) -> tuple[str, int] | None:
-        """Host and port of the laboratory server's router; None where there is none."""
-        return None if self.upstream is None else _at(self.upstream)
-
-    @property
-    def apart(self) -> bool:
-        """Whether supervisor and recorder are beside another router than the loop."""
-        return self.upstream is not None and self.served_at == "upstream"
-
-    @property
-    def served_by(self) -> tuple[str, int]:
-        """Host and port of the router that supervisor, recorder and tools are beside."""
-        above = self.upstream_at
-        return self.router_at if above is None or not self.apart else above
-
     @model_validator(mode="after")
     def _one_way(self) -> "Bus":
         if self.upstream is not None and self.router is not None:
@@ -79,11 +59,6 @@ class Bus(Table):
                 "connects upstream; leave one of them out"
             )
         return self
-
-
-def _at(place: str) -> tuple[str, int]:
-    host, _, port = place.rpartition(":")
-    return host.strip("[]"), int(port)
 
 
 class Recorder(Table):
@@ -140,8 +115,7 @@ class Supervisor(Table):
     @property
     def url(self) -> str:
         """Where REST and the page are."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'https' if self.tls else 'http'}://{host}:{self.port}"
+        return supervisor_url(self.host, self.port, tls=self.tls)
 
 
 class Sila(Table):

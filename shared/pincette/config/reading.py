@@ -1,40 +1,37 @@
 """Reads rig files: TOML, also with a base file, and JSON, as programs send it."""
 
 import reprlib
-import tomllib
-from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from pydantic import ValidationError
 
-from pincette.config.programs import Bus, Supervisor
-from pincette.config.rig_file import Rig, RigFile
+from pincette.config.rig_file import RigFile
 from pincette.config.second import completed
-from pincette.config.tables import ConfigError, Table
-from pincette.core.files import EncodingError, decoded
+from pincette.config.toml_file import (
+    BASE,
+    ConfigError,
+    Tree,
+    laid_over,
+    path_beside,
+    read_tables,
+)
 from pincette.core.validation_wording import place, refusal
 
-Tree = dict[str, Any]
-MOST_BYTES = 4 * 2**20
-"""Of a rig file; one with a measured free response is far shorter."""
 SHOWN, MOST_FAULTS = 300, 20
 """Characters of a value that a fault repeats, and faults that are listed."""
 _SHORT = reprlib.Repr()
 _SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
-BASE = "base"
-"""Names the file, beside this one, whose values hold where this one has none."""
 
 
 def read_rig(path: Path) -> RigFile:
     """Read a rig file; raises ConfigError."""
-    tables = _tables(path)
+    tables = read_tables(path)
     base = tables.pop(BASE, None)
     if base is not None:
         if not isinstance(base, str):
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: wanted the name of a rig file")
-        below = _tables(_beside(path, base))
+        below = read_tables(path_beside(path, base))
         if BASE in below:
             raise ConfigError(f"rig file {path}:\n  base = {base!r}: that file has a base itself")
         try:
@@ -47,53 +44,9 @@ def read_rig(path: Path) -> RigFile:
         raise ConfigError(f"rig file {path}:\n{error}") from error
     for name, table in {"sila": rig.sila, "foxglove": rig.foxglove}.items():
         if table.certificate is not None:
-            certificate = {"certificate": str(_beside(path, table.certificate))}
+            certificate = {"certificate": str(path_beside(path, table.certificate))}
             rig = rig.model_copy(update={name: table.model_copy(update=certificate)})
-    return rig if rig.bus.pki is None else rig.secured(_beside(path, rig.bus.pki))
-
-
-def _beside(path: Path, name: str) -> Path:
-    """Return the path of what a rig file names: beside it, else beside what a link points to."""
-    here, there = path.parent / name, path.resolve().parent / name
-    return there if there.exists() and not here.exists() else here
-
-
-NEEDED_FOR_A_STOP: Mapping[str, type[Table]] = {"rig": Rig, "bus": Bus, "supervisor": Supervisor}
-"""Tables that lead to a rig's actuator and to its supervisor."""
-
-
-def read_for_stop(path: Path) -> RigFile:
-    """Read only what leads to the actuator and the supervisor; the rest of the file may be wrong.
-
-    The other tables are absent from what is returned. Raises ConfigError where even the rig's name
-    cannot be read.
-    """
-    tables = _tables(path)
-    base = tables.pop(BASE, None)
-    if isinstance(base, str):
-        with suppress(ConfigError):
-            tables = laid_over(_tables(_beside(path, base)), tables)
-    found = {name: _valid_part(kind, tables.get(name)) for name, kind in NEEDED_FOR_A_STOP.items()}
-    if not isinstance(found["rig"], Rig):
-        raise ConfigError(f"rig file {path}: [rig] name cannot be read")
-    rig = RigFile.model_construct(**cast(Any, found))
-    return rig if rig.bus.pki is None else rig.secured(_beside(path, rig.bus.pki))
-
-
-def _valid_part(kind: type[Table], given: object) -> Table | None:
-    """Return a table without its faulty values, or None where one that is missing is needed."""
-    values = dict(cast(Tree, given)) if isinstance(given, dict) else {}
-    while True:
-        try:
-            return kind.model_validate(values)
-        except ValidationError as error:
-            faulty = {str(one["loc"][0]) for one in error.errors() if one["loc"]} & values.keys()
-            # A fault of several values together names none of them.
-            if not faulty and not values:
-                return None
-            values = {
-                name: value for name, value in values.items() if faulty and name not in faulty
-            }
+    return rig if rig.bus.pki is None else rig.secured(path_beside(path, rig.bus.pki))
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
@@ -111,35 +64,6 @@ def _fitting(below: Tree, above: Tree) -> Tree:
         if choice in own and own[choice] != base.get(choice):
             kept = {} if name == "law" else base
             result[name] = {key: value for key, value in kept.items() if key != "options"}
-    return result
-
-
-def _tables(path: Path) -> Tree:
-    try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        link = f", a link to {path.resolve(strict=False)}" if path.is_symlink() else ""
-        raise ConfigError(f"rig file {path}{link}: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(f"rig file {str(path)!r}: no file can have this name") from error
-    if len(content) > MOST_BYTES:
-        raise ConfigError(f"rig file {path}: larger than {MOST_BYTES} bytes")
-    try:
-        return tomllib.loads(decoded(content))
-    except EncodingError as error:
-        raise ConfigError(f"rig file {path}: {error}") from error
-    except (ValueError, RecursionError) as error:  # also endless digits
-        raise ConfigError(f"rig file {path} is not TOML: {error}") from error
-
-
-def laid_over(below: Tree, above: Tree) -> Tree:
-    """A tree with the values of another in place of its own, table by table."""
-    result = dict(below)
-    for key, value in above.items():
-        under = result.get(key)
-        both = isinstance(value, dict) and isinstance(under, dict)
-        result[key] = laid_over(cast(Tree, under), cast(Tree, value)) if both else value
     return result
 
 

@@ -17,12 +17,14 @@ from pincette.config.programs import Bus, Foxglove, RealTime, Recorder, Sila, Su
 from pincette.config.second import Second, check_arms
 from pincette.config.simulation import Simulation
 from pincette.config.tables import Positive, Table
+from pincette.control.arm.plant import OutputTiming
+from pincette.control.arm.shaping import LAST, shaping_interval_s
 from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.service import canonical_name, member_services
-from pincette.core.topics import LOOP
+from pincette.core.topics import LOOP, RIG_NAME
 
 ComposedName = Annotated[str, AfterValidator(canonical_name)]
 
@@ -39,7 +41,7 @@ def _apart(programs: tuple[str, ...]) -> tuple[str, ...]:
 class Rig(Table):
     """Name of the rig, its control period, its kind of time, and which services run together."""
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9-]{0,30}$")
+    name: str = Field(pattern=f"^{RIG_NAME}$")
     """Appears in every key of the bus, in records, and at the supervisor."""
     period_s: float = Field(default=0.02, gt=0, le=1.0)
     """One sample, one step of the law, one command."""
@@ -123,6 +125,36 @@ class RigFile(Table):
         check_arms(self.sensor, self.output, self.second, self.simulation)
         return self
 
+    @model_validator(mode="after")
+    def _shaping_fits(self) -> Self:
+        interval_s, period_s = self.shaping_s, self.rig.period_s
+        if self.second is not None and (interval_s or self.second.output.shaping):
+            raise ValueError(
+                "[output] shaping = true on a rig of two arms: their outputs do not share a clock; "
+                "leave shaping out, and fit an RC of 3.3 ms before each amplifier"
+            )
+        if interval_s is None:
+            if self.output.shaping_interval_s is not None:
+                raise ValueError(
+                    "[output] shaping_interval_s is given without shaping = true: add that, or "
+                    "leave the interval out"
+                )
+            return self
+        observer = self.model.force_observer
+        if observer != "quasi_static":
+            raise ValueError(
+                f'[output] shaping = true with model.force_observer = "{observer}", which '
+                'counts on steps of one part: choose "quasi_static", or leave shaping out'
+            )
+        delay_s = self.model.output(period_s).delay_s
+        if delay_s + LAST * interval_s >= period_s:
+            raise ValueError(
+                f"[output] shaping = true: the last part of a step is written "
+                f"{1e3 * (delay_s + LAST * interval_s):.2f} ms after its sample, must be below the "
+                f"period of {1e3 * period_s:g} ms: choose a longer period, or leave shaping out"
+            )
+        return self
+
     @property
     def arms(self) -> tuple["RigFile", ...]:
         """The rig as one of a single arm, for each arm; of a rig of one arm itself."""
@@ -169,6 +201,28 @@ class RigFile(Table):
         )
 
     @property
+    def shaping_s(self) -> float | None:
+        """Time from one part of a step of the voltage to the next; None: steps have one part."""
+        if not self.output.shaping:
+            return None
+        if (given_s := self.output.shaping_interval_s) is not None:
+            return given_s
+        omega_n = self.model.natural_frequency_rad_per_s
+        return shaping_interval_s(omega_n, self.stiffness_ratio)
+
+    @property
+    def stiffness_ratio(self) -> float:
+        """s_p·K_e of the part."""
+        return self.model.compliance_um_per_mN * self.part.stiffness_mN_per_um
+
+    @property
+    def output_timing(self) -> OutputTiming:
+        """When a voltage acts on the arm: a step in parts with its middle one."""
+        timing = self.model.output(self.rig.period_s)
+        shaping_s = self.shaping_s
+        return timing if shaping_s is None else timing._replace(delay_s=timing.delay_s + shaping_s)
+
+    @property
     def law_set(self) -> ParameterSet:
         """The set of a law that names none: the rig file's, or what the model in use allows."""
         return self.law.set or default_set(identified=self.model.free_response is not None)
@@ -204,6 +258,10 @@ class RigFile(Table):
     def home(self, data: Path) -> Path:
         """Where records and logs go: each rig that joins another's router has its own folder."""
         return data / JOINED / self.rig.name if self.joins else data
+
+    def simulated_arm(self, data: Path) -> Path:
+        """Return the file that keeps the simulated arm while its program does not run."""
+        return self.home(data) / "simulated-arm.json"
 
     def secured(self, pki: Path) -> "RigFile":
         """The same rig with a folder of certificates."""

@@ -8,10 +8,6 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-class ConfigError(ValueError):
-    """A rig file that cannot be used; the text names file, place, value and what is wanted."""
-
-
 class Table(BaseModel):
     """A table of the rig file."""
 

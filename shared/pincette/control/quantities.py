@@ -48,3 +48,5 @@ Document = NewType("Document", str)
 Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 LongText = Annotated[Document, Meta(max_length=MAX_DOCUMENT)]
 Items = Annotated[tuple[T, ...], Meta(max_length=MAX_ITEMS)]
+Arms = Annotated[tuple[T, ...], Meta(min_length=1, max_length=2)]
+"""One item for each driven arm."""

@@ -68,6 +68,7 @@ class FaultCode(StrEnum):
     POSITION_OUT_OF_RANGE = auto()
     SENSOR_STUCK = auto()
     MEMORY_UNKNOWN = auto()
+    MODEL_MISMATCH = auto()
     NO_APPLIED_VOLTAGE = auto()
     FORCES_DISAGREE = auto()
     ZERO_PART_HELD = auto()

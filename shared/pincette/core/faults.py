@@ -3,9 +3,10 @@
 from enum import StrEnum
 
 from pincette.control.faults import Fault, FaultCode, Value, fault
-from pincette.control.safety.causes import CAUSES, TRIPPED, Cause, Mode, Predecessor
+from pincette.control.safety.causes import AT_REST, CAUSES, TRIPPED, Cause, Mode, Predecessor
 
 __all__ = [
+    "AT_REST",
     "CAUSES",
     "TRIPPED",
     "Acted",
@@ -35,6 +36,7 @@ class Outcome(StrEnum):
     STOPPED = "stopped"
     NO_CONTACT = "no_contact"
     WRONG_STIFFNESS = "wrong_stiffness"
+    UNCERTAIN_FORCE = "uncertain_force"
     LOST = "lost"
     OVERFORCE = "overforce"
     CONTACT = "contact"

@@ -2,7 +2,13 @@
 
 import sys
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import (
+    EntryPoint,
+    EntryPoints,
+    PackageNotFoundError,
+    entry_points,
+    requires,
+)
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
@@ -75,8 +81,9 @@ def load(group: str, name: str) -> Any:
     found = [*_entries(group).select(name=name)]
     if not found:
         there = f"there are {', '.join(names(group)) or 'none'}"
-        hint = "; `pincette drivers` lists them" if group in (*DRIVERS, LAWS) else ""
-        raise PluginError(f"no {kind} {name!r} is installed; {there}{hint}")
+        hint = "; `pincette doctor --drivers` lists them" if group in (*DRIVERS, LAWS) else ""
+        remedy = f"; {command}" if (command := installation(name)) else ""
+        raise PluginError(f"no {kind} {name!r} is installed; {there}{hint}{remedy}")
     if len(found) > 1:
         both = " and ".join(sorted(origin(entry) for entry in found))
         raise PluginError(f"{kind} {name!r} is registered by {both}; uninstall all but one")
@@ -87,13 +94,16 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as error:
         raise PluginError(
             f"{kind} {name!r} ({entry.value}, {origin(entry)}) cannot be imported: "
-            f"{type(error).__name__}: {error}{_remedy(entry, error)}"
+            f"{type(error).__name__}: {error}"
         ) from error
 
 
-def _remedy(entry: EntryPoint, error: BaseException) -> str:
-    """What to install where a package of an extra is missing: it has the name of the entry."""
-    if not isinstance(error, ModuleNotFoundError) or entry.dist is None:
+def installation(name: str) -> str:
+    """Return the command that installs the extra of pincette with this name, or an empty text."""
+    try:
+        wanted = requires("pincette") or []
+    except PackageNotFoundError:  # the client alone is installed
         return ""
-    extras = entry.dist.metadata.get_all("Provides-Extra") or []
-    return f"; pip install '{entry.dist.name}[{entry.name}]'" if entry.name in extras else ""
+    package = f"pincette-{name}=="
+    found = any(one.startswith(package) for one in wanted)
+    return f"pip install 'pincette[{name}]'" if found else ""

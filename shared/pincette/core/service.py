@@ -34,22 +34,33 @@ class Acquired(FrozenRecord, frozen=True):
     drive_V: tuple[float, ...]
 
 
-class Reading(FrozenRecord, frozen=True):
-    """What the position sensor said in this tick, or why it said nothing."""
+class ArmReading(FrozenRecord, frozen=True):
+    """What the position sensor of one arm measured in this tick, or why it measured nothing."""
 
     x_um: float
     fault: Fault | None = None
     acquired: Acquired | None = None
-    second: "Reading | None" = None
-    """Of the second arm's sensor, where there is one."""
+
+
+class Reading(FrozenRecord, frozen=True):
+    """What the position sensors of all arms measured in this tick."""
+
+    arms: tuple[ArmReading, ...]
 
 
 class SetVoltage(FrozenRecord, frozen=True):
-    """An output for the instrument: put out this voltage before anything is published."""
+    """Command to the instruments: put out these voltages before anything is published."""
 
-    voltage_V: float
-    second_V: float | None = None
-    """Of the second arm's output, where there is one."""
+    voltages_V: tuple[float, ...]
+    """One for each arm."""
+
+
+class WriteParts(FrozenRecord, frozen=True):
+    """An output for the instrument: put out these voltages one after the other; the last stays."""
+
+    voltages_V: tuple[float, ...]
+    interval_s: float
+    """Time from one voltage to the next."""
 
 
 class Wave(FrozenRecord, frozen=True):
@@ -68,11 +79,9 @@ class ReadBack(FrozenRecord, frozen=True):
 
 
 class PutOut(FrozenRecord, frozen=True):
-    """What the voltage output says that it puts out."""
+    """Voltages that the outputs of all arms say they put out."""
 
-    voltage_V: float
-    second_V: float | None = None
-    """What that of the second arm says, where there is one."""
+    voltages_V: tuple[float, ...]
 
 
 class Slept(FrozenRecord, frozen=True):
@@ -87,7 +96,7 @@ class Busy(FrozenRecord, frozen=True):
     busy_s: float
 
 
-DeviceCommand = SetVoltage | Wave | CheckWave | ReadBack
+DeviceCommand = SetVoltage | WriteParts | Wave | CheckWave | ReadBack
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +141,10 @@ class Service(Generic[R, C, S, I]):
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
     """In real time, step at least this often; None: only when something comes."""
-    initialize_from_output: Callable[[C, S, float, float | None], S] | None = None
+    timer_s: Callable[[C, S], float] | None = None
+    """In real time, time from one step of the timer to the next one in a state; None: one control
+    period for a sensor, ``wake_s`` for others."""
+    initialize_from_output: Callable[[C, S, tuple[float, ...]], S] | None = None
     """Begin from the voltages that each arm's instrument puts out, whoever set them."""
     booted: Callable[[S, Predecessor], S] | None = None
     """Begin after another one, by how that has ended; None: it does not matter."""

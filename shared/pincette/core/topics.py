@@ -8,6 +8,7 @@ A key has one producer, so that a query for its newest message has one reply. A 
 service of the loop publishes has a key for each of them.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,7 +19,10 @@ NAMESPACE = "pincette"
 WIRE = 1
 """Version of keys and payloads; a change that breaks a listener raises it."""
 ROOT = f"{NAMESPACE}/v{WIRE}"
-
+RIG_NAME = r"[a-z][a-z0-9-]{0,30}"
+"""Regular expression of a rig's name."""
+PROGRAM_TOKEN = re.compile(f"{ROOT}/(?P<rig>{RIG_NAME})/live/(?P<program>[a-z][a-z0-9_-]*)")
+"""Liveliness token of a program; see ``live_key``."""
 
 EACH_SERVICE = "each service of the loop"
 """Producer of the topics that have a key for each service."""
@@ -143,6 +147,7 @@ LEASE = Request(
     messages.Ack,
     "extend the time for which the program may play",
 )
+IDLE = Request("idle", "sensor", messages.Idle, messages.Ack, "sample slowly until the next arming")
 TRIP = Request("trip", "actuator", messages.Trip, messages.Ack, "go to the safe state, latch")
 RESET = Request("reset", "actuator", messages.Reset, messages.Ack, "clear the latch")
 RECORD = Request("record", "recorder", messages.Record, messages.Ack, "begin a job's record")
@@ -175,6 +180,7 @@ REQUESTS = (
     LOAD,
     ACTION,
     LEASE,
+    IDLE,
     TRIP,
     RESET,
     SIM_COMMAND,
@@ -217,10 +223,13 @@ def live_key(rig: str, program: str) -> str:
     return f"{ROOT}/{rig}/live/{program}"
 
 
-def alive_of(token: str) -> tuple[str, str]:
-    """Rig and program of a liveliness token; see ``live_key``."""
-    rig, _, program = token.removeprefix(f"{ROOT}/").split("/")
-    return rig, program
+def alive_of(token: str) -> tuple[str, str] | None:
+    """Return rig and program of a liveliness token; None for a token that no program has.
+
+    Anything on the bus may hold a token, also one with wildcards that covers those of programs.
+    """
+    found = PROGRAM_TOKEN.fullmatch(token)
+    return None if found is None else (found["rig"], found["program"])
 
 
 def live_key_of_any_wire(rig: str) -> str:

@@ -24,6 +24,14 @@ TEXTS: Mapping[FaultCode, str] = {
         "uncertainty of the force says so; a grip, or a move of the empty arm to as high a "
         "voltage, makes them known"
     ),
+    FaultCode.MODEL_MISMATCH: (
+        "the stroke of the arm has changed by {change_percent:+.2f} % since its calibration, "
+        "explained are ±{limit_percent:.2f} %: the free response is corrected by it, and the "
+        "uncertainty of the force covers that the sensor may be the cause; beyond "
+        "{most_percent:g} % no force is zeroed. Find the cause. If it is the amplifier or the "
+        "temperature of the piezo, run the calibration gain_check and accept it; if it is the "
+        "sensor, correct its scale"
+    ),
     FaultCode.NO_APPLIED_VOLTAGE: "no voltage of the sample before",
     FaultCode.FORCES_DISAGREE: (
         "both arms hold one part, and their forces differ by {difference_mN:.2f} mN, stated "

@@ -2,52 +2,99 @@
 
 from collections.abc import Iterator
 from contextlib import closing
+from time import sleep
+from typing import cast
 
 from pincette.bus.endpoints import tool_endpoint
-from pincette.bus.protocol import BusError
+from pincette.bus.protocol import AbsentError, BusError
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
+from pincette.core.faults import Mode
+from pincette.core.messages import Status, StatusRequest
+from pincette.core.topics import STATUS
 from pincette.diagnostics import Finding, noted
+from pincette.diagnostics.hops import hop_findings, not_asked_for
 from pincette.diagnostics.instruments import Limits, margin, timing
 from pincette.engine.arming import status
 from pincette.security.identity import SecurityError
 
 ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
+SETTLE_S = 0.5
+"""Time for the router to take in the sessions of this program before it is asked, in s."""
+NOT_ASKED = "the router is not asked which other tools have declared something"
+ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
 LISTENS = "none needed: it only listens. The supervisor's own session for samples is listed, too"
 
 
 def exchanges(rig: RigFile) -> Iterator[Finding]:
-    """Compare the control period with what the programs of a running rig have measured.
+    """Report on the programs of a running rig that have an instrument, and on their exchanges.
 
-    Yields nothing if they do not answer, or in lockstep, which measures nothing.
+    A program that does not answer is missing: its instrument may keep it from starting. Yields
+    nothing if the router cannot be joined; in lockstep no exchange is measured.
     """
     try:
-        with closing(ZenohBus(tool_endpoint(rig), rig.rig.name, "doctor")) as bus:
-            sensor, actuator = (status(bus, one, ASK_S) for one in ("sensor", "actuator"))
+        bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "doctor")
     except (BusError, SecurityError):
         return
-    if sensor.exchanges and actuator.exchanges:
+    with closing(bus):
+        sensor, actuator = (_status(bus, one) for one in ("sensor", "actuator"))
+    for service, found in (("sensor", sensor), ("actuator", actuator)):
+        if found is None:
+            yield _not_running(rig, service)
+    if sensor and actuator and sensor.exchanges and actuator.exchanges:
         limits = Limits.of(rig)
         for arm, took in zip(rig.arms, sensor.exchanges, strict=True):
             yield margin(f"sensor at {arm.sensor.url}: readings", took, limits.reading_s)
+            yield from hop_findings(f"sensor at {arm.sensor.url}", took.held_s, took.line_baud)
         for arm, took in zip(rig.arms, actuator.exchanges, strict=True):
             yield margin(f"output at {arm.output.url}: exchanges", took, limits.output_s)
+            yield from hop_findings(f"output at {arm.output.url}", took.held_s, took.line_baud)
         yield timing(rig, sensor.exchanges, actuator.exchanges)
+    for name, found in (("sensor", sensor), ("output", actuator)):
+        if found is not None and found.instrument is not None:
+            yield from not_asked_for(name, found.instrument.unexpected)
+
+
+def _status(bus: ZenohBus, service: str) -> Status | None:
+    """Return the state of a service; None if it does not answer."""
+    try:
+        return status(bus, service, ASK_S)
+    except BusError:
+        return None
+
+
+def _not_running(rig: RigFile, service: str) -> Finding:
+    """Return the finding for a service with an instrument that does not answer."""
+    table = "sensor" if service == "sensor" else "output"
+    urls = " and ".join(getattr(arm, table).url for arm in rig.arms)
+    program = rig.program_of(service)
+    return Finding(
+        False,
+        f"{table} at {urls}: its program, {program}, does not answer",
+        f"read why in the log of {program}; if its instrument does not open, end the rig and run "
+        "doctor again, which then opens the instrument itself",
+    )
 
 
 def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
     """Yield what sessions other than the rig's programs have declared on its keys.
 
     Yields nothing if the router cannot be joined. Sessions that are linked to a program directly,
-    past the router, are not known to it.
+    past the router, are not known to it. While a rig on the router works, the router is not asked:
+    this question has locked routers up (see ``engine.router_watch``), and a restart of the router
+    may end a job.
     """
     if rig.bus.pki is not None:
         yield Finding(True, "bus: access lists let only the rig's programs answer on its keys")
         return
     try:
         with closing(ZenohBus(tool_endpoint(rig), rig.rig.name, "doctor")) as bus:
+            if at_work := _at_work(bus):
+                yield noted(f"bus: {', '.join(at_work)} at work: {NOT_ASKED}", ASK_LATER)
+                return
+            sleep(SETTLE_S)
             found = bus.foreign_declarations()
     except (BusError, SecurityError):
         return
@@ -60,3 +107,20 @@ def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
         yield noted(what, ANSWERS if answers else LISTENS)
     if not found:
         yield Finding(True, "bus: no other tool has declared a queryable or subscriber")
+
+
+def _at_work(bus: ZenohBus) -> list[str]:
+    """Return the rigs on the router whose actuator outputs a job's voltage, or does not answer."""
+    rigs = sorted(name for name, program in bus.alive_everywhere() if program == "actuator")
+    return [name for name in rigs if _is_at_work(bus, name)]
+
+
+def _is_at_work(bus: ZenohBus, rig: str) -> bool:
+    """Return whether a rig's actuator outputs a job's voltage, or does not answer."""
+    try:
+        reply = bus.call(STATUS["actuator"], StatusRequest(), ASK_S, rig=rig)
+    except AbsentError:
+        return False
+    except BusError:
+        return True
+    return cast(Status, reply).mode not in (Mode.IDLE, Mode.LATCHED)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import pairwise
 from math import fsum, inf, sqrt
 from pathlib import Path
@@ -14,10 +14,12 @@ from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.plugins import PluginError
 from pincette.core.service import AnyService, member_services
 from pincette.diagnostics import Finding, noted
+from pincette.diagnostics.hops import hop_findings, not_asked_for
 from pincette.engine.exchange_times import in_words, times_of
 from pincette.engine.instrument import longest_reading_s, open_for_measurement, reading_timeout_s
 from pincette.engine.process import loop_services
 from pincette.engine.timing_budget import budget, shared_timeout_s
+from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.protocols import (
     InstrumentError,
     PositionSensor,
@@ -60,10 +62,12 @@ def _of_arm(
 ) -> Iterator[Finding]:
     """Look at the instruments of one arm, and add what exchanges with them took."""
     for service in loop_services().values():
-        url = rig.sensor.url if service.instrument == "position_sensor" else rig.output.url
         if service.instrument is None:
             continue
-        device = opened_device(service, rig)
+        url = _url_of(service, rig)
+        counts = LineCounts()
+        with counting(counts):
+            device = opened_device(service, rig)
         if isinstance(device, Finding):
             yield device
             continue
@@ -79,9 +83,13 @@ def _of_arm(
                     output = cast(VoltageOutput, device)
                     yield from standing(rig, output)
                     yield questions(url, output, limits.output_s, outputs)
+                if url in counts.arrivals:
+                    hop = counts.arrivals[url].hop()
+                    yield from hop_findings(f"{_called(service)} at {url}", *astuple(hop))
             except InstrumentError as error:
                 what = f"{_called(service)}: {error}"
-                yield Finding(False, what, "see what the instrument shows")
+                yield Finding(False, what, remedy_of(error, _called(service), url))
+            yield from not_asked_for(f"{_called(service)} at {url}", counts.unexpected)
 
 
 def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | VoltageOutput | Finding:
@@ -93,9 +101,33 @@ def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | Voltage
     except ConfigError as error:
         return Finding(False, f"{_called(service)}: {error}", "mend the options in the rig file")
     except InstrumentError as error:
-        remedy = "check cable, power, address, and the url in the rig file"
+        remedy = remedy_of(error, _called(service), _url_of(service, rig))
         return Finding(False, f"{_called(service)}: {error}", remedy)
     return cast("PositionSensor | VoltageOutput", device)
+
+
+def remedy_of(error: InstrumentError, table: str, url: str) -> str:
+    """Return what to do about an instrument of a table of the rig file that fails.
+
+    An error of a port states its cause and remedy; cable and power are in doubt only where nothing
+    is known but that no proper answer came.
+    """
+    if error.code in ("cannot_open", "hung_up", "misused"):
+        return f"do what the error states; `url` in [{table}] of the rig file is the port"
+    if error.code not in ("silent", "late", "garbled"):
+        return "see what the instrument shows"
+    remedy = f"check cable, power, address, baud rate, and `url` in [{table}] of the rig file"
+    if url.startswith("socket://"):
+        remedy += (
+            "; a device server must run, have the instrument's baud rate and format, and offer a "
+            "port of raw TCP, without TLS or telnet"
+        )
+    return remedy
+
+
+def _url_of(service: AnyService, rig: RigFile) -> str:
+    """Return the url of a service's instrument."""
+    return rig.sensor.url if service.instrument == "position_sensor" else rig.output.url
 
 
 def _called(service: AnyService) -> str:

@@ -2,16 +2,24 @@
 
 import sys
 from collections.abc import Iterable, Iterator
+from math import pi
 from typing import cast
 
-from pincette.config import ConfigError, Output, RigFile, Sensor, Table
+from pincette.config import ConfigError, Output, RigFile, Sensor, Table, derived
 from pincette.config.calibration import CALIBRATED
 from pincette.core import plugins
 from pincette.core.service import member_services
 from pincette.diagnostics import Finding, noted
 from pincette.engine.process import loop_services
-from pincette.engine.timing_budget import budget, shared_timeout_s
+from pincette.engine.timing_budget import budget, shared_timeout_s, stated_output
 from pincette.instruments.options import read_options
+
+COVERAGE = 2.0
+"""Standard uncertainties in U."""
+RING_NOTED = 0.02
+"""Share of the swing of a path from which on the uncertainty by the ring is pointed out."""
+RC_S = 0.0033
+"""Time constant of the RC before the amplifier that is proposed, in s."""
 
 
 def rig_findings(rig: RigFile) -> Iterator[Finding]:
@@ -32,6 +40,7 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
         if rig.simulation is None:
             yield from untested_drivers(drivers)
         yield timing(rig)
+        yield from ring(rig)
         for arm in rig.arms:
             yield watchdog(arm)
     except plugins.PluginError as error:
@@ -71,6 +80,57 @@ def timing(rig: RigFile) -> Finding:
         words,
         "raise baud at the instrument and in options.baud (115200), or period_s in the rig file",
     )
+
+
+def ring(rig: RigFile) -> Iterator[Finding]:
+    """Return whether the steps of the voltage ring the mode, and what keeps them from it.
+
+    Judged by the path of ``[track]``, if it is a sinusoid: its steps are the largest where it is
+    fastest.
+    """
+    buffered = budget(rig).output.buffered_hz is not None
+    if rig.output.shaping and not buffered:
+        yield Finding(
+            False,
+            f"shaping: {rig.output.driver} does not time the parts of a step itself",
+            f"leave [output] shaping out, and fit an RC of {1e3 * RC_S:.1f} ms before the "
+            "amplifier",
+        )
+        return
+    output = stated_output(rig)
+    shares = derived.ring_shares(rig, output)
+    period_s, track = rig.rig.period_s, rig.track
+    if shares.pressed == 0.0 or track.shape != "sinusoid":
+        return
+    compliance = rig.model.compliance_um_per_mN
+    stroke_um = track.force_pp_mN * (compliance + 1.0 / rig.part.stiffness_mN_per_um)
+    step_um = stroke_um * pi * track.frequency_hz * period_s
+    ring_mN = COVERAGE * shares.pressed * step_um / (1.0 - shares.kept) / compliance
+    share = ring_mN / track.force_pp_mN
+    words = (
+        f"ring: the steps of a path of {track.force_pp_mN:g} mN peak to peak at "
+        f"{track.frequency_hz:g} Hz make the force uncertain by {ring_mN:.2f} mN "
+        f"({100.0 * share:.1f} %)"
+    )
+    if rig.model.output_delay_s is None and share > RING_NOTED:
+        yield noted(
+            f"{words}, which U does not count: the rig file has no model.output_delay_s",
+            f"write output_delay_s = {output.delay_s:.4g} and output_lag_s = {output.lag_s:.4g} "
+            "into [model]: what the drivers state, or what was measured",
+        )
+    if share <= RING_NOTED:
+        yield Finding(True, words)
+        return
+    remedy = (
+        "set shaping = true in [output]"
+        if buffered and rig.second is None
+        else f"fit an RC of {1e3 * RC_S:.1f} ms before the amplifier, and write output_lag_s = "
+        f"{RC_S:g} into [model]"
+    )
+    known = rig.model.output_delay_s is not None
+    lag_s = rig.model.output_lag_s if known else output.lag_s
+    calm = rig.output.shaping or lag_s >= RC_S
+    yield noted(words, "move more slowly" if calm else remedy)
 
 
 def composed(rig: RigFile) -> Iterator[Finding]:

@@ -4,7 +4,10 @@ from collections import deque
 from collections.abc import Sequence
 from statistics import median
 
+from msgspec.structs import replace
+
 from pincette.core.messages.requests import ExchangeTimes
+from pincette.instruments.line.arrivals import Arrivals
 
 KEPT = 40
 """Number of the newest exchanges that are kept."""
@@ -30,6 +33,14 @@ def times_of(took_s: Sequence[float]) -> ExchangeTimes | None:
     if not took_s:
         return None
     return ExchangeTimes(len(took_s), min(took_s), median(took_s), max(took_s))
+
+
+def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
+    """Return durations with what the arrival of answers says of a device server on the way."""
+    if arrivals is None:
+        return times
+    hop = arrivals.hop()
+    return replace(times, held_s=hop.held_s, line_baud=hop.line_baud)
 
 
 def in_words(times: ExchangeTimes) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import ceil, inf
 from time import monotonic, sleep
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from pincette.config import ConfigError, RigFile
 from pincette.core import plugins
@@ -17,14 +17,14 @@ from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.service import (
     Acquired,
     AnyService,
+    ArmReading,
     CheckWave,
     DeviceCommand,
-    PutOut,
     ReadBack,
-    Reading,
     RefusedError,
     SetVoltage,
     Wave,
+    WriteParts,
 )
 from pincette.engine.exchange_times import ExchangeRecorder
 from pincette.instruments.line.counts import LineCounts, current_counts
@@ -33,30 +33,23 @@ from pincette.instruments.protocols import (
     Block,
     BufferedSensor,
     InstrumentError,
+    PartsOutput,
     PositionSensor,
     VoltageOutput,
     WatchedOutput,
     WaveOutput,
 )
 
-
-class Both(NamedTuple):
-    """The instruments of two arms that one service has."""
-
-    first: PositionSensor | VoltageOutput
-    second: PositionSensor | VoltageOutput
-
-
-Device = PositionSensor | VoltageOutput | Both | None
+Device = PositionSensor | VoltageOutput | tuple[PositionSensor | VoltageOutput, ...] | None
+"""Device of a service; a tuple of one for each arm on a rig of two arms."""
 
 
 def of_arms(devices: Sequence[PositionSensor | VoltageOutput]) -> Device:
-    """The device of a service, or both where there are two arms."""
-    first, *others = devices
-    return Both(first, others[0]) if others else first
+    """Return the device of a service, or a tuple of both on a rig of two arms."""
+    return tuple(devices) if len(devices) > 1 else devices[0]
 
 
-ORDERS = (SetVoltage, Wave, CheckWave, ReadBack)
+ORDERS = (SetVoltage, WriteParts, Wave, CheckWave, ReadBack)
 """Outputs of a service that are for the instrument."""
 MOST_SAMPLES = 3000
 """Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
@@ -65,12 +58,21 @@ LEAST_READING_S = 0.005
 does not make a reading old."""
 WAITED_SHARE = 0.8
 """Share of that time for which a sensor is waited for."""
+NO_PARTS = (
+    "this voltage output writes no steps in parts, since it has no clock of its own: leave "
+    "[output] shaping out, and fit an RC of 3.3 ms before the amplifier"
+)
 TRIES = 3
 """Attempts to open an instrument, or to read back its voltage, before that has failed."""
 PAUSE_S = 0.05
 """Pause before another attempt where bytes came that were no answer, in s: noise may last."""
 QUESTIONS = 5
 """Number of questions to the output at each arming."""
+REOPEN_PERIODS = 1.5
+"""Time, in control periods, within which a lost line to an output may be opened again without a
+fault. A command is at most one period old when it is written, and the default age limit is 2.5."""
+SAME_V = 0.01
+"""Two voltages that differ by less than this, in V, differ by rounding only."""
 PASSING = ("silent", "late", "garbled")
 """How an exchange fails that may succeed when it is repeated."""
 
@@ -87,7 +89,7 @@ class ReadingWatch:
     """Longest time that a reading may take, in s."""
     clock: Callable[[], float] = monotonic
 
-    def too_old(self, began_s: float) -> Reading | None:
+    def too_old(self, began_s: float) -> ArmReading | None:
         """Return a fault in place of a reading that took too long; None where it did not."""
         took_s = self.clock() - began_s
         if took_s <= self.oldest_s:
@@ -96,19 +98,29 @@ class ReadingWatch:
             f"the reading took {1e3 * took_s:.1f} ms, limit {1e3 * self.oldest_s:g} ms: find what "
             "delays the line, or take a longer [rig] period_s"
         )
-        return Reading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
+        return ArmReading(0.0, fault(FaultCode.INSTRUMENT_LATE, words, took_s=took_s))
 
 
 class Instrument:
-    """What a node does with its device; each fault comes back as words, never as an exception."""
+    """The instrument of one arm; a failure is returned as a fault, never raised as an exception."""
 
     def __init__(
         self,
-        device: Device,
+        device: PositionSensor | VoltageOutput | None,
         period_s: float,
         watch: ReadingWatch | None,
         counts: LineCounts | None = None,
+        *,
+        arm: int = 0,
     ) -> None:
+        """Take a device.
+
+        Parameters
+        ----------
+        arm
+            Index of the arm in a command for all arms.
+        """
+        self._arm = arm
         self.counts = LineCounts() if counts is None else counts
         self._watch = watch
         """None in lockstep, where readings take no time."""
@@ -118,39 +130,51 @@ class Instrument:
         """Looked at once: it takes long to see whether an object has all that a protocol asks."""
         self._period_s = period_s
         self._kicked_at_s = 0.0
+        self._confirmed_V: float | None = None
+        """Voltage that the output confirmed last; None before, and after a fault."""
         self._capture_hz = 0.0
         self._later = Block((), ())
 
-    def read(self) -> Reading:
+    def read(self) -> ArmReading:
         """Read the sensor: once, or all that it has acquired since the last tick."""
         watch = self._watch
         try:
             if not self._capture_hz:
                 if watch is None:
-                    return Reading(self._device.read_um())
+                    return ArmReading(self._device.read_um())
                 began_s = watch.clock()
                 x_um = self._device.read_um()
                 self._recorder.add(watch.clock() - began_s)
-                return watch.too_old(began_s) or Reading(x_um)
+                return watch.too_old(began_s) or ArmReading(x_um)
             block = self._device.read_block()
         except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
-            return Reading(0.0, fault_of(error))
+            return ArmReading(0.0, fault_of(error))
         if not block.x_um:
-            return Reading(0.0, fault(FaultCode.NO_ACQUISITION))
+            return ArmReading(0.0, fault(FaultCode.NO_ACQUISITION))
         x_um, drive_V = (*self._later.x_um, *block.x_um), (*self._later.drive_V, *block.drive_V)
         self._later = Block(x_um[MOST_SAMPLES:], drive_V[MOST_SAMPLES:])
         acquired = Acquired(self._capture_hz, x_um[:MOST_SAMPLES], drive_V[:MOST_SAMPLES])
-        return Reading(block.x_um[-1], acquired=acquired)
+        return ArmReading(block.x_um[-1], acquired=acquired)
 
-    def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
-        """Give the output its order; returns its fault, or the voltage that it was asked for."""
+    def put_out(self, order: DeviceCommand) -> Fault | float | None:
+        """Give the output its command; return its fault, or the voltage that it has read back."""
+        confirmed_V, self._confirmed_V = self._confirmed_V, None
         try:
             if isinstance(order, SetVoltage):
+                began_s, voltage_V = self._now_s(), order.voltages_V[self._arm]
+                write = partial(self._device.write_V, voltage_V)
+                if self._done_again(write, confirmed_V, voltage_V):
+                    self._note_exchange(began_s)
+                self._confirmed_V = voltage_V
+            elif isinstance(order, WriteParts):
+                if not isinstance(self._device, PartsOutput):
+                    return fault(FaultCode.INSTRUMENT_MISUSED, NO_PARTS)
                 began_s = self._now_s()
-                self._device.write_V(order.voltage_V)
+                self._device.write_parts(order.voltages_V, order.interval_s)
                 self._note_exchange(began_s)
             elif isinstance(order, ReadBack):
-                return PutOut(self._device.read_V())
+                self._confirmed_V = found_V = float(self._device.read_V())
+                return found_V
             elif not isinstance(self._device, WaveOutput):
                 words = "the voltage output plays no waves: it has no buffer"
                 return fault(FaultCode.INSTRUMENT_MISUSED, words)
@@ -168,12 +192,41 @@ class Instrument:
             return None
         self._kicked_at_s = now
         try:
-            self._watched.keep_alive()
+            self._done_again(self._watched.keep_alive, self._confirmed_V)
         except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             return fault_of(error)
         return None
 
-    def recover(self) -> PutOut:
+    def _done_again(self, act: Callable[[], None], *expected_V: float | None) -> bool:
+        """Call the driver, and once more if the line was lost and the output keeps its voltage.
+
+        A device server that ends its client's connection, or that is restarted, leaves the output
+        as it is. So the voltage is read back over the new connection, and only one of the expected
+        voltages counts: an output that has lost its supply or was tripped has another one. Returns
+        whether the first call succeeded.
+        """
+        began_s = self._now_s()
+        try:
+            act()
+        except Exception as error:
+            watch, found = self._watch, driver_error(error)
+            if watch is None or found.code != "hung_up" or expected_V[0] is None:
+                raise
+            try:
+                found_V = float(self._device.read_V())
+            except Exception:  # noqa: BLE001  a driver from outside may raise anything
+                raise error from None
+            known = any(one is not None and abs(found_V - one) < SAME_V for one in expected_V)
+            took_s = watch.clock() - began_s
+            if not known or took_s > REOPEN_PERIODS * self._period_s:
+                raise
+            self.counts.retried += 1
+            _log.warning("%s; it keeps %.3f V, and works on after %.3f s", found, found_V, took_s)
+            act()
+            return False
+        return True
+
+    def recover(self) -> float:
         """For a reset: clear a watched output's trip, and return what is put out."""
         try:
             if self._watched is not None:
@@ -183,13 +236,13 @@ class Instrument:
             raise RefusedError(f"the voltage output cannot be reset: {found}") from error
         return self.read_back()
 
-    def read_back(self) -> PutOut:
+    def read_back(self) -> float:
         """Return the voltage that is put out; raises RefusedError where the output does not say.
 
         One wrong answer does not count: reading moves nothing, so it is tried again.
         """
         try:
-            return PutOut(float(self._read_back()))
+            return float(self._read_back())
         except Exception as error:
             found = driver_error(error)
             raise RefusedError(f"the voltage output cannot be read back: {found}") from error
@@ -208,10 +261,9 @@ class Instrument:
                 self._note_exchange(began_s)
 
     @property
-    def exchanges(self) -> tuple[ExchangeTimes, ...]:
-        """What the newest exchanges with the instrument took, for each arm; empty before."""
-        times = self._recorder.times()
-        return () if times is None else (times,)
+    def exchanges(self) -> ExchangeTimes | None:
+        """Durations of the newest exchanges with the instrument; None before the first."""
+        return self._recorder.times()
 
     def _now_s(self) -> float:
         return 0.0 if self._watch is None else self._watch.clock()
@@ -226,7 +278,8 @@ class Instrument:
                 return self._device.read_V()
             except Exception as error:
                 found = driver_error(error)
-                if found.code not in PASSING:
+                # A server may have ended a connection that was not used for long.
+                if found.code not in (*PASSING, "hung_up"):
                     raise
                 self.counts.retried += 1
                 _log.warning("%s; it is read back again", found)
@@ -314,7 +367,7 @@ def _open_both(service: AnyService, first: RigFile, second: RigFile, at_most_s: 
     except BaseException:
         one.close()
         raise
-    return None if two is None else Both(one, two)
+    return None if two is None else (one, two)
 
 
 def _open(
@@ -332,7 +385,13 @@ def _open(
     if service.instrument == "voltage_output":
         settings = rig.output.model_copy(update=patience)
         output = plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)
-        return _retried(partial(output, settings), TRIES)
+        opened = _retried(partial(output, settings), TRIES)
+        if settings.shaping and not isinstance(opened, PartsOutput):
+            opened.close()
+            raise ConfigError(
+                f"output.driver = {settings.driver!r} with shaping = true: {NO_PARTS}"
+            )
+        return opened
     return None
 
 

@@ -6,7 +6,6 @@ its neighbours in one process; what drives it hands it messages and the time.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict
 from time import monotonic
 from typing import Any
 
@@ -14,14 +13,16 @@ from pincette import __version__
 from pincette.config import Calibration, ConfigError, RigFile, calibrated, parse_calibration
 from pincette.control.safety.confirmation import differs
 from pincette.core.faults import Cause, Fault, Predecessor
+from pincette.core.idle_sampling import idle_periods
 from pincette.core.messages import Arm, Message, Reset, Sample, Status, StatusRequest
-from pincette.core.messages.requests import InstrumentCounts
+from pincette.core.messages.requests import ExchangeTimes, InstrumentCounts
 from pincette.core.service import AnyService, Busy, PutOut, ReadBack, RefusedError, Role, Slept
 from pincette.core.topics import COMMAND
 from pincette.core.wording import fault_text
 from pincette.engine.boot_note import FIRST, Before
+from pincette.engine.exchange_times import with_hop
 from pincette.engine.instrument import ORDERS, Device, ReadingWatch, longest_reading_s, published
-from pincette.engine.instrument_pair import instrument_of
+from pincette.engine.instruments import Instruments
 from pincette.engine.request_log import RequestRecorder
 from pincette.engine.synchronizer import KEPT, Pending, Synchronizer, stream_of
 from pincette.engine.timing_budget import Budget, known_budget
@@ -60,7 +61,7 @@ class Node:
         self.state: Any = service.start(self.config)
         oldest_s = longest_reading_s(self.period_s)
         watch = None if rig.lockstep else ReadingWatch(oldest_s, clock)
-        self._device = instrument_of(device, self.period_s, watch, line_counts)
+        self._device = Instruments(device, self.period_s, watch, line_counts)
         if service.booted is not None:
             self.state = service.booted(self.state, before.ended)
         if service.initialize_from_output is not None:
@@ -77,6 +78,7 @@ class Node:
         """What a tick takes, by which an arming is refused; None where that is not judged."""
         self._said: tuple[Any, ...] = ()  # outputs of the newest step
         self._drives = service.instrument == "voltage_output"
+        self._urls = [arm.output.url if self._drives else arm.sensor.url for arm in rig.arms]
         self._joins = Synchronizer(service)
         self._roles: dict[type, Role] = {item.topic.message: item.role for item in service.inputs}
         self._paced = any(item.role == "pace" for item in service.inputs)
@@ -84,12 +86,13 @@ class Node:
         self._notes = RequestRecorder(service)
         self._told_to_end: Predecessor | None = None
         self._at_rest = False
+        self._idle_periods = idle_periods(self.period_s)
 
     def _begin_from(self, found: PutOut) -> None:
         """Begin from what is put out, whoever set it."""
         if self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(
-                self.config, self.state, found.voltage_V, found.second_V
+                self.config, self.state, found.voltages_V
             )
 
     def accept(self, sample: Any, now: float) -> None:
@@ -135,13 +138,27 @@ class Node:
             return True
         # As ``patience`` counts it, to the last bit: or a driver would wait for no time, again and
         # again.
-        return not self.lockstep and now >= first.since + JOIN_WAIT_PERIODS * self.period_s
+        return not self.lockstep and now >= first.since + self._join_wait_s(first.sample)
 
     def patience(self, now: float) -> float | None:
         """Seconds until a step must be made without its partner; None where nothing waits."""
         if self.lockstep or not self._pending:
             return None
-        return max(0.0, self._pending[0].since + JOIN_WAIT_PERIODS * self.period_s - now)
+        first = self._pending[0]
+        return max(0.0, first.since + self._join_wait_s(first.sample) - now)
+
+    def _join_wait_s(self, sample: Sample | None) -> float:
+        """Return how long a step waits for its partners.
+
+        The actuator publishes the partner of an idle sensor's sample only when it has the sample,
+        so there is more time: as much as for each of the samples that are left out. A sample that
+        was lost changes nothing, since an armed loop has no time to wait.
+        """
+        newest = self._notes.newest
+        if sample is None or newest is None or newest.epoch != sample.epoch:
+            return JOIN_WAIT_PERIODS * self.period_s
+        idle = sample.seq - newest.seq >= self._idle_periods
+        return (self._idle_periods if idle else 1) * JOIN_WAIT_PERIODS * self.period_s
 
     def fire(self, now: float) -> tuple[Message, ...]:
         """Make the step that is due; returns what is to be published."""
@@ -256,7 +273,12 @@ class Node:
         if outputs and isinstance(outputs[0], ORDERS):
             fault = self._device.put_out(outputs[0])
             if isinstance(fault, Fault):
-                return fault_text(fault), noted
+                if self.lockstep:
+                    return fault_text(fault), noted
+                # The request has been obeyed; what its voltage became is for the service to judge.
+                values = self._joins.row()
+                values[0] = fault
+                return reply, (*published(outputs), *self._step(values, now), *noted)
         elif found is not None:
             self._begin_from(found)
         return reply, (*published(outputs), *noted)
@@ -277,7 +299,7 @@ class Node:
             self._device.capture(request.capture_hz)
         if self.service.initialize_from_output is not None:
             found = self._device.read_back()
-            if differs(self.state, found.voltage_V, found.second_V):
+            if differs(self.state, found.voltages_V):
                 self._begin_from(found)
             self._device.measure()
         self._check_timing()
@@ -321,11 +343,24 @@ class Node:
             predecessor=getattr(state, "predecessor", None),
             replaces=self._before.instance,
             instrument=self._instrument_counts(),
-            exchanges=self._device.exchanges,
+            exchanges=self._exchanges(),
         )
 
     def _instrument_counts(self) -> InstrumentCounts | None:
-        return InstrumentCounts(**asdict(self._device.counts)) if self._instrument else None
+        counts = self._device.counts
+        if not self._instrument:
+            return None
+        return InstrumentCounts(
+            counts.late, counts.lost, counts.unexpected, counts.reopened, counts.retried
+        )
+
+    def _exchanges(self) -> tuple[ExchangeTimes, ...]:
+        """Return what exchanges took for each arm, and what device server was found on the way."""
+        arrivals = self._device.counts.arrivals
+        return tuple(
+            with_hop(took, arrivals.get(url))
+            for took, url in zip(self._device.exchanges, self._urls, strict=False)
+        )
 
     def close(self) -> None:
         """Give the instrument back."""

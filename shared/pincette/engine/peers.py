@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from time import monotonic
 
 from pincette.bus.handshake import diagnose_link
-from pincette.bus.local_sockets import missing_socket
 from pincette.bus.topology import SessionConfig, consumers, endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
@@ -51,8 +50,6 @@ def wait_for_peers(
 def _cause(name: str, rig: RigFile, config: SessionConfig) -> str:
     """Why there may be no link to a service of this rig."""
     place = endpoint(rig.bus.host, rig.bus.port, name)
-    if apart := missing_socket(config, place):
-        return apart
     credentials = config.tls.credentials if config.tls else None
     return diagnose_link(place, credentials, program(rig.program_of(name), rig.rig.name).name)
 

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Protocol
 
 from pincette.bus.endpoints import router_endpoint, upstream_endpoint
-from pincette.bus.session import serve_router
+from pincette.bus.session import AskRouter, serve_router
+from pincette.bus.settings import lease_s
 from pincette.bus.topology import SessionConfig
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.core.listening import bound
 from pincette.engine.realtime.os_scheduling import raise_priority
+from pincette.engine.router_watch import LEASES, RouterWatch, end_process
 
 
 class OpenBus(Protocol):
@@ -63,8 +65,11 @@ def run_upstream(context: Context) -> None:
 
 def _route(context: Context, config: SessionConfig, name: str) -> None:
 
-    def wait() -> None:
+    def wait(ask: AskRouter) -> None:
+        watch = RouterWatch(ask, LEASES * lease_s(config), end_process)
+        watch.start()
         context.ready(f"routes at {config.listen[0]}")
         context.stop.wait()
+        watch.close()
 
     serve_router(config, context.rig.rig.name, wait, name)

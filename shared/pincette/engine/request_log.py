@@ -9,6 +9,8 @@ import json
 from collections.abc import Mapping
 from typing import Any, cast, get_args, get_origin, get_type_hints
 
+import msgspec
+
 from pincette.control.quantities import Document
 from pincette.control.record import field_names, replace
 from pincette.core.messages import Action, Arm, Load, Message, RequestLog, Reset, Sample, Trip
@@ -58,9 +60,22 @@ def _changes(value: Any, start_state: Any, names: tuple[str, ...]) -> dict[str, 
             change: Any = _changes(one, other, inner)
             if change:
                 found[name] = change
+        elif _are_records(one) and _are_records(other) and len(one) == len(other):
+            each = [
+                _changes(item, start, field_names(item) or ())
+                for item, start in zip(one, other, strict=True)
+            ]
+            if any(each):
+                found[name] = each
         elif one is not other and repr(one) != repr(other):  # equal numbers may differ in sign
-            found[name] = one
+            found[name] = msgspec.to_builtins(one) if isinstance(one, msgspec.Struct) else one
     return found
+
+
+def _are_records(value: Any) -> bool:
+    if type(value) is not tuple:
+        return False
+    return all(field_names(item) is not None for item in cast("tuple[Any, ...]", value))
 
 
 def _changed(start_value: Any, changes: Mapping[str, Any]) -> Any:
@@ -75,11 +90,17 @@ def _changed(start_value: Any, changes: Mapping[str, Any]) -> Any:
 
 
 def _made(hint: Any, start_value: Any, value: Any) -> Any:
+    if value is None:
+        return None
     if field_names(start_value) is not None:
         return _changed(start_value, dict(value))
     if get_origin(hint) is tuple:
-        (inner, *_) = get_args(hint)
-        return tuple([_made(inner, None, item) for item in cast("list[Any]", value)])
+        (inner, *_), items = get_args(hint), cast("list[Any]", value)
+        starts = start_value if len(start_value or ()) == len(items) else (None,) * len(items)
+        return tuple([_made(inner, start, item) for start, item in zip(starts, items, strict=True)])
+    for kind in (hint, *get_args(hint)):  # a record where a start has none
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            return msgspec.convert(value, kind)
     if isinstance(hint, type) and issubclass(hint, tuple):  # with names
         return cast(Any, hint)(*value)
     return value

@@ -5,7 +5,7 @@ from time import monotonic
 
 from pincette.engine.fleet import Child, Fleet
 
-REVIVED = ("supervisor", "recorder")
+REVIVED = ("router", "upstream", "supervisor", "recorder")
 """Programs that are restarted. They are no part of the loop, which goes on without them, and a held
 part stays held. A program of the loop is not restarted before a person has looked at the rig."""
 FIRST_S, LONGEST_S = 0.5, 10.0

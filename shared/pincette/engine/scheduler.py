@@ -6,6 +6,7 @@ a program, the run in one process and the virtual time of the tests are such dri
 """
 
 from collections.abc import Iterable, Sequence
+from math import floor
 from typing import Any
 
 from pincette.core.messages import Arm, Message, TimingRequest
@@ -18,6 +19,8 @@ from pincette.engine.timing_stats import TimingStats
 
 IDLE_S = 0.5
 """How often a loop with nothing to do looks whether it shall stop."""
+EARLY = 1.5
+"""A step of the timer that is due later than so many intervals from now is brought forward."""
 NO_CLOCK = "in lockstep no clock is kept, and so nothing is late"
 
 Outputs = tuple[Message, ...]
@@ -68,6 +71,24 @@ class Task:
         wake_s = node.service.wake_s
         return None if node.lockstep or wake_s is None else wake_s(node.config)
 
+    def _until_next_s(self) -> float | None:
+        """Return the time from one step of the timer to the next one in the present state."""
+        interval_s, timer_s = self.interval_s, self.node.service.timer_s
+        if interval_s is None or timer_s is None:
+            return interval_s
+        return timer_s(self.node.config, self.node.state)
+
+    def _hasten(self, now: float) -> None:
+        """Bring the next step of the timer forward where the state asks for steps more often.
+
+        The step stays on the grid of the shorter interval.
+        """
+        if self.due_at is None or self.node.service.timer_s is None:
+            return
+        ahead_s, until_next_s = self.due_at - now, self._until_next_s()
+        if until_next_s is not None and ahead_s > EARLY * until_next_s:
+            self.due_at -= floor(ahead_s / until_next_s) * until_next_s
+
     def begin(self, now: float) -> None:
         """Start the timer: its first step is one interval from now."""
         interval_s = self.interval_s
@@ -95,6 +116,7 @@ class Task:
             self.sequence_filter.begin(request.epoch, now)
             if stats is not None:
                 stats.begin(request.epoch, node.missed)
+        self._hasten(now)
         return answer, outputs
 
     def wait_s(self, now: float) -> float:
@@ -123,6 +145,7 @@ class Task:
             self.stats.fired(self.node.newest, self._stepped_s, self._said)
             self.stats.published(now)
         self.node.look_ahead()
+        self._hasten(now)
 
     def tick(self, now: float) -> Outputs:
         """Make the step of the timer; ``finish_tick`` once its outputs are published."""
@@ -136,7 +159,7 @@ class Task:
             self.stats.clocked(self.due_at, self._stepped_s, self._said)
             self.stats.published(now)
         self.node.look_ahead()
-        interval_s = self.interval_s
+        interval_s = self._until_next_s()
         if self.due_at is None or interval_s is None:
             return
         late = int((now - self.due_at) / interval_s)

@@ -3,7 +3,11 @@
 from pincette.config import RigFile
 from pincette.control.planning.teaching import teaching_program
 from pincette.control.record import replace
-from pincette.control.response.identification import Identification, identify_free_response
+from pincette.control.response.identification import (
+    ALL,
+    Identification,
+    identify_free_response,
+)
 from pincette.control.response.recording import Recording, record_free_response
 from pincette.core.faults import Outcome
 from pincette.core.messages import Estimate, Telemetry
@@ -29,14 +33,16 @@ def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
         Where the motion does not end, or the model leaves more of it than ``LARGEST_RESIDUAL``.
     """
     voltage_V, x_um = free_motion(rig, to_limits=to_limits)
-    found = identify_free_response(voltage_V, x_um, rig.rig.period_s)
+    # A simulated arm of the Bouc-Wen class would be identified by its own equation.
+    plays = ALL._replace(beside=())
+    found = identify_free_response(voltage_V, x_um, rig.rig.period_s, candidates=plays)
     limit_um = LARGEST_RESIDUAL * (max(x_um) - min(x_um))
     if found.residual_um > limit_um:
         raise ValueError(
             f"the model leaves {found.residual_um:.3f} µm r.m.s., limit {limit_um:.3f} µm: "
             f"{100.0 * LARGEST_RESIDUAL:g} % of the range. Teaching takes the arm as one without a "
-            "past, and this one seems to have one: run `pincette calibrate free_response`, which "
-            "strokes it first, for the second of two arms with `--arm 2`"
+            "past, and this one seems to have one: run `pincette job calibrate free_response`, "
+            "which strokes it first, for the second of two arms with `--arm 2`"
         )
     return found
 

@@ -7,6 +7,8 @@ from math import inf
 from typing import cast
 
 from pincette.config import ConfigError, Output, RigFile, Sensor
+from pincette.control.arm.plant import OutputTiming
+from pincette.control.arm.shaping import LAST
 from pincette.core import plugins
 from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.service import AnyService
@@ -15,6 +17,8 @@ from pincette.instruments.protocols import Timing
 PATIENCE_WAKES = 1.5
 """For how many looks of an actuator at its clock its program may wait for a silent sensor: with the
 third it takes itself for one that was not run, and leaves the time out of every age."""
+RESPONSE_TIME_CONSTANTS = 3.0
+"""Time constants within the response that the driver of an output states: it settles to 5 %."""
 EXCHANGE_RESERVE = 1.25
 """By how much an exchange may exceed its time on the line, since an instrument thinks before it
 answers: with less to spare, each answer would come too late."""
@@ -30,6 +34,8 @@ class Budget:
     computing_s: float
     second: tuple[Timing, Timing] | None = None
     """Of the second arm's sensor and output, which are read and written after the first's."""
+    parts_s: float = 0.0
+    """Time from the first part of a step of the voltage to the last one; 0: it has one part."""
     sensor_measured_s: tuple[float, ...] = ()
     """Measured duration of a reading, for each arm; empty where nothing was measured."""
     output_measured_s: tuple[float, ...] = ()
@@ -73,6 +79,7 @@ class Budget:
             + self.sensor.response_s
             + self.output_s
             + self.output.response_s
+            + self.parts_s
             + self.second_s
             + self.computing_s
         )
@@ -80,11 +87,11 @@ class Budget:
     @property
     def loop_s(self) -> float:
         """Sum of what the loop waits for and computes, in s: all but the output's response."""
-        return self.total_s - self.output.response_s
+        return self.total_s - self.output.response_s - self.parts_s
 
     @property
     def fits(self) -> bool:
-        """Whether the loop keeps the period.
+        """True if the loop keeps the period.
 
         As the drivers state it, a sample, its command and the output's response must end within the
         period. Measured exchanges are longer by what the machine takes, so only what the loop waits
@@ -105,6 +112,7 @@ class Budget:
             ("sensor response", self.sensor.response_s, ""),
             ("command exchange", self.output_s, _source(self.output, self.output_measured_s[:1])),
             ("output response", self.output.response_s, ""),
+            ("parts of a step", self.parts_s, ""),
             ("second arm's exchanges", self.second_s, ""),
             ("computing", self.computing_s, ""),
         )
@@ -139,7 +147,8 @@ def budget(rig: RigFile) -> Budget:
         for arm in rig.arms
     ]
     second = others[0] if others else None
-    return Budget(rig.rig.period_s, *first, rig.realtime.computing_s, second)
+    parts_s = LAST * (rig.shaping_s or 0.0)
+    return Budget(rig.rig.period_s, *first, rig.realtime.computing_s, second, parts_s)
 
 
 def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
@@ -180,6 +189,18 @@ def _lets_go_s(arm: RigFile) -> float:
     if own_s is not None:
         return max(0.0, own_s)
     return inf if arm.output.on_silence == "holds" else 0.0
+
+
+def stated_output(rig: RigFile) -> OutputTiming:
+    """Return when a voltage acts as the drivers state it; at once where they state nothing."""
+    try:
+        timing = budget(rig)
+    except (ConfigError, plugins.PluginError):
+        return OutputTiming()
+    delay_s = timing.sensor.exchange_s + timing.computing_s + timing.output.exchange_s
+    return OutputTiming(
+        min(delay_s, rig.rig.period_s), timing.output.response_s / RESPONSE_TIME_CONSTANTS
+    )
 
 
 def known_budget(rig: RigFile) -> Budget | None:

@@ -15,6 +15,7 @@ import termios
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -23,6 +24,7 @@ from urllib.parse import urlsplit
 import serial
 
 from pincette.config.instruments import NO_RFC2217
+from pincette.instruments.line.arrivals import BITS_PER_BYTE, Arrivals
 from pincette.instruments.line.counts import current_counts
 from pincette.instruments.line.exclusive import (
     device_in_use,
@@ -38,7 +40,6 @@ from pincette.instruments.protocols import InstrumentError, Link
 
 __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
-BITS_PER_BYTE = 10
 QUIET_BYTES = 3
 QUIET_S, QUIET_SHARE = 0.001, 0.5
 """After a failed exchange, and at most so much of a timeout: the next one needs the rest."""
@@ -48,7 +49,12 @@ UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
 no byte is given up by the system."""
 REMEDIES = {
     errno.ECONNREFUSED: (
-        "connection refused; is the instrument switched on, or `pincette run rig` started?"
+        "connection refused; is the instrument switched on, does the device server listen at this "
+        "TCP port, or is `pincette run rig` started?"
+    ),
+    **dict.fromkeys(
+        (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN),
+        "its host cannot be reached; is it switched on, and is the network connected?",
     ),
     errno.ENOENT: "no such device; is the adapter plugged in, or `pincette run rig` started?",
     errno.EACCES: "permission denied; may this user open serial ports (group dialout)?",
@@ -59,6 +65,9 @@ REMEDIES = {
     ),
 }
 """Why a port does not open, and what to do, by the system's number of the error."""
+
+NO_DEVICE = re.compile(r"(tcp://|telnet://|raw://)?[^/:]+:[0-9]+$")
+"""A TCP port that is written without its scheme, or with one that is not known."""
 
 _log = logging.getLogger(__name__)
 
@@ -132,22 +141,28 @@ def _opened(
     recorder = Recorder(Path(record), url, terminator, clock) if record else None
     if recorder is not None:
         on_open = recorder.opening(on_open)
+    counts = current_counts()
+    where = _Address()
+    arrivals = Arrivals(baud) if url.startswith("socket://") else None
     try:
         link = Line(
             url=url,
-            open_port=partial(_open_port, url, baud, timeout_s),
+            open_port=partial(_open_port, url, baud, timeout_s, where),
             timeout_s=timeout_s,
             quiet_s=max(exchange_s(QUIET_BYTES, baud), min(QUIET_S, QUIET_SHARE * timeout_s)),
             terminator=terminator,
             matching=matching,
             on_open=on_open,
             clock=clock,
-            counts=current_counts(),
+            counts=counts,
+            arrivals=arrivals,
         )
     except InstrumentError:
         if recorder is not None:
             recorder.close()
         raise
+    if arrivals is not None:
+        counts.arrivals[url] = arrivals
     return link if recorder is None else RecordingLink(link, recorder)
 
 
@@ -156,13 +171,24 @@ def exchange_s(count: int, baud: int) -> float:
     return count * BITS_PER_BYTE / baud
 
 
-def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
+@dataclass(slots=True)
+class _Address:
+    """Address at which a host was reached first; None before.
+
+    A port that is opened again is looked for there, since a name server that does not answer would
+    keep the loop waiting for seconds.
+    """
+
+    found: tuple[str, int] | None = None
+
+
+def _open_port(url: str, baud: int, timeout_s: float, where: _Address, within_s: float) -> Port:
     """Open a port for this program alone, a socket within ``within_s``; raises InstrumentError."""
     if url.startswith("rfc2217://"):
         raise InstrumentError(f"{url}: {NO_RFC2217}", "cannot_open")
     try:
         if url.startswith("socket://"):
-            return _SocketPort(url, min(timeout_s, within_s), timeout_s)
+            return _SocketPort(url, where, min(timeout_s, within_s), timeout_s)
         with ExitStack() as locks:
             if url.startswith("/"):
                 locks.enter_context(uucp_lock(url))
@@ -177,7 +203,7 @@ def _open_port(url: str, baud: int, timeout_s: float, within_s: float) -> Port:
     except Exception as error:  # a handler of pyserial's urls may raise anything
         if isinstance(error, OSError) and error.errno == errno.EWOULDBLOCK:
             raise device_in_use(url) from error
-        raise InstrumentError(f"{url}: {_why_closed(error)}", "cannot_open") from error
+        raise InstrumentError(f"{url}: {_why_closed(url, error)}", "cannot_open") from error
 
 
 def _lower_latency(url: str, port: serial.Serial) -> None:
@@ -188,7 +214,13 @@ def _lower_latency(url: str, port: serial.Serial) -> None:
         _log.info("%s: no low latency mode (%s)", url, error)
 
 
-def _why_closed(error: Exception) -> str:
+def _why_closed(url: str, error: Exception) -> str:
+    if isinstance(error, socket.gaierror):
+        return f"its host name does not resolve ({error.strerror}); check it, or write the address"
+    if isinstance(error, TimeoutError):
+        return "its host does not answer; is it switched on, and is the network connected?"
+    if NO_DEVICE.match(url):
+        return f"no device and no url; for a TCP port write socket://{url.rpartition('/')[2]}"
     unknown = f"cannot be opened ({type(error).__name__}: {error}); check the url in the rig file"
     # The number is told by pyserial's own error, or for ``socket://`` by the one behind it.
     behind = (error, error.__context__)
@@ -254,11 +286,25 @@ def _of_one_kind() -> Generator[None]:
         raise OSError(str(error)) from error
 
 
+def _host_and_port(url: str) -> tuple[str, int]:
+    """Return host and port of a url; raises ValueError where it names none."""
+    parts = urlsplit(url)
+    if not parts.hostname or not parts.port:
+        raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535")
+    return parts.hostname.replace("%25", "%"), parts.port  # a zone may be escaped: RFC 6874
+
+
+def _address_of(connected: socket.socket) -> str:
+    """Return the numeric address, with the zone of a link-local one, of a socket's other end."""
+    return socket.getnameinfo(connected.getpeername(), socket.NI_NUMERICHOST)[0]
+
+
 class _SocketPort:
     """A TCP connection that sends each write at once, locked against other programs of this host.
 
     It replaces pyserial's own, which waits 5 s for a host that does not answer and 0.3 s at each
-    close. ``timeout_s`` bounds the connection, not the resolution of the host's name.
+    close. ``timeout_s`` bounds the connection. The first one also resolves the host's name, which
+    is not bounded.
 
     Raises
     ------
@@ -270,16 +316,13 @@ class _SocketPort:
         Where nobody listens there, or not within ``timeout_s``.
     """
 
-    def __init__(self, url: str, timeout_s: float, write_timeout_s: float) -> None:
-        parts = urlsplit(url)
-        if not parts.hostname or not parts.port:
-            raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535")
+    def __init__(self, url: str, where: _Address, timeout_s: float, write_timeout_s: float) -> None:
+        host, port = where.found or _host_and_port(url)
         # Many serial servers end one client's connection, or mix both, where a second one comes.
-        with lock_address(url, parts.hostname, parts.port) as lock:
-            self._socket = socket.create_connection(
-                (parts.hostname, parts.port), timeout=max(timeout_s, 1e-3)
-            )
+        with lock_address(url, host, port) as lock:
+            self._socket = socket.create_connection((host, port), timeout=max(timeout_s, 1e-3))
             self._lock = lock.pop_all()
+        where.found = _address_of(self._socket), port
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # Or what was sent to a host that is gone is sent again for a quarter of an hour.
         most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))

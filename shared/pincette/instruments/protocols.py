@@ -119,6 +119,19 @@ class WaveOutput(VoltageOutput, Protocol):
 
 
 @runtime_checkable
+class PartsOutput(VoltageOutput, Protocol):
+    """A voltage output that writes a step in parts by a clock of its own."""
+
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
+        """Put out one voltage each ``interval_s``, the first at once; the last one stays.
+
+        Return when the instrument has accepted all of them. A later write ends the parts at once.
+        Raises InstrumentError.
+        """
+        ...
+
+
+@runtime_checkable
 class WatchedOutput(VoltageOutput, Protocol):
     """A voltage output that goes to a safe value by itself where its host has gone silent."""
 

@@ -232,9 +232,9 @@ def listed(folder: Path) -> list[dict[str, Any]]:
 
 def newest(records: Path, count: int) -> list[Path]:
     """Return the folders of the records that were written to last; raises OSError."""
-    found = [path.parent for path in records.glob(f"*/{LIVE}") if not path.parent.is_symlink()]
-    alive = [folder for folder in found if not folder.name.startswith(DOOMED)]
-    return sorted(alive, key=lambda folder: folder.stat().st_mtime)[-count:]
+    found = {path.parent for name in (LIVE, MANIFEST) for path in records.glob(f"*/{name}")}
+    kept = [one for one in found if not one.is_symlink() and not one.name.startswith(DOOMED)]
+    return sorted(kept, key=lambda folder: folder.stat().st_mtime)[-count:]
 
 
 def damaged(folder: Path) -> list[str]:

@@ -3,6 +3,7 @@
 # Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
 # or old; so the loss by a kill is bounded in bytes and in time.
 
+import errno
 import json
 import os
 from collections import Counter
@@ -35,6 +36,7 @@ class Unbuffered:
     """A file whose every write is the operating system's before it returns."""
 
     def __init__(self, path: Path, mode: str = "xb") -> None:
+        self._path = path
         self._file: IO[bytes] = cast("IO[bytes]", path.open(mode, buffering=0))
 
     def write(self, data: bytes) -> int:
@@ -54,6 +56,17 @@ class Unbuffered:
     def sync(self) -> None:
         """Wait until the file is on the disk; raises OSError."""
         os.fsync(self._file.fileno())
+
+    def require_in_place(self) -> None:
+        """Raise OSError if its path does not lead to this file any more."""
+        own = os.fstat(self._file.fileno())
+        try:
+            found = self._path.stat()
+        except FileNotFoundError:
+            found = None
+        if found is None or not os.path.samestat(own, found):
+            text = "removed, moved or replaced while it was written"
+            raise OSError(errno.ESTALE, text, str(self._path))
 
     def duplicate(self) -> int:
         """Return another descriptor of the open file, which its owner closes."""
@@ -204,11 +217,15 @@ class McapFile:
         return self._stream.duplicate()
 
     def finish(self, closing: Mapping[str, str]) -> None:
-        """Write how it ended and the summary, and close; raises OSError."""
+        """Write how it ended and the summary, and close.
+
+        Raises OSError, also if the file is not at its path any more.
+        """
         self.flush()
         self._writer.add_metadata(CLOSING, dict(closing))
         self._writer.finish()
         self._stream.sync()
+        self._stream.require_in_place()
         self._stream.close()
 
     def abandon(self) -> None:

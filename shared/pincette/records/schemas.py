@@ -2,7 +2,7 @@
 
 # Other tools can decode a record with what is in it. Names, units included, are those of the
 # classes. ``float | None`` becomes an optional field, a class with fields a nested message, a tuple
-# a repeated field.
+# a repeated field, and a union of records a nested message with one field for each of them.
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,10 +55,12 @@ def _schema(kind: type[M]) -> Schema[M]:
     pool.Add(file)
     full_name = f"{PACKAGE}.{kind.__name__}"
     proto: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(full_name))
-    from_proto = _reader(kind)
+    from_proto, node = _reader(kind), inspect.type_info(kind)
+    as_sent = _by_tag if _has_union(node) else _unchanged
 
     def pack(message: M) -> bytes:
-        return cast(bytes, proto(**msgspec.to_builtins(message)).SerializeToString())
+        tree = as_sent(node, msgspec.to_builtins(message))
+        return cast(bytes, proto(**tree).SerializeToString())
 
     def unpack(payload: bytes) -> M:
         return cast(M, from_proto(proto.FromString(payload)))
@@ -105,6 +107,11 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> 
         node, optional, repeated = _plain(field.type)
         entry = into.field.add(name=field.name, number=number)
         entry.label = _Proto.LABEL_REPEATED if repeated else _Proto.LABEL_OPTIONAL
+        if isinstance(node, inspect.UnionType):
+            entry.type = _Proto.TYPE_MESSAGE
+            entry.type_name = f".{full_name}.{_union_name(field)}"
+            _describe_union(node, into.nested_type.add(name=_union_name(field)), full_name)
+            continue
         if isinstance(node, inspect.StructType):
             nested = node.cls
             entry.type = _Proto.TYPE_MESSAGE
@@ -120,6 +127,80 @@ def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> 
             into.oneof_decl.add(name=f"_{field.name}")
 
 
+def _union_name(field: inspect.Field) -> str:
+    return field.name.capitalize()
+
+
+def _describe_union(
+    node: inspect.UnionType, into: descriptor_pb2.DescriptorProto, within: str
+) -> None:
+    """Describe a union of records as a message with one field for each, of which one is set."""
+    full_name, records = f"{within}.{into.name}", _records(node)
+    into.oneof_decl.add(name=records[0].tag_field)
+    for number, record in enumerate(records, start=1):
+        type_name = f".{full_name}.{record.cls.__name__}"
+        into.field.add(
+            name=str(record.tag),
+            number=number,
+            label=_Proto.LABEL_OPTIONAL,
+            type=_Proto.TYPE_MESSAGE,
+            type_name=type_name,
+            oneof_index=0,
+        )
+        _describe(record.cls, into.nested_type.add(), full_name)
+
+
+def _records(node: inspect.UnionType) -> list[inspect.StructType]:
+    """Return the records of a union, in its order."""
+    return [item for item in node.types if isinstance(item, inspect.StructType)]
+
+
+def _has_union(node: inspect.Type) -> bool:
+    """Return whether a union of records is somewhere within a type."""
+    match node:
+        case inspect.Metadata():
+            return _has_union(node.type)
+        case inspect.StructType():
+            return any(_has_union(field.type) for field in node.fields)
+        case inspect.UnionType():
+            return len(_records(node)) > 1 or any(_has_union(item) for item in node.types)
+        case inspect.VarTupleType():
+            return _has_union(node.item_type)
+        case _:
+            return False
+
+
+def _unchanged(_node: inspect.Type, value: Any) -> Any:
+    return value
+
+
+def _by_tag(node: inspect.Type, value: Any) -> Any:
+    """Return a tree of values with each record of a union in the field that its tag names."""
+    if value is None:
+        return None
+    match node:
+        case inspect.Metadata():
+            return _by_tag(node.type, value)
+        case inspect.UnionType():
+            records = {record.tag: record for record in _records(node)}
+            if len(records) < 2:
+                return _by_tag(next(t for t in node.types if not _is_none(t)), value)
+            tag_field = str(next(iter(records.values())).tag_field)
+            fields = {name: inner for name, inner in value.items() if name != tag_field}
+            return {value[tag_field]: _by_tag(records[value[tag_field]], fields)}
+        case inspect.StructType():
+            types = {field.name: field.type for field in node.fields}
+            return {name: _by_tag(types[name], inner) for name, inner in value.items()}
+        case inspect.VarTupleType():
+            return [_by_tag(node.item_type, item) for item in value]
+        case _:
+            return value
+
+
+def _is_none(node: inspect.Type) -> bool:
+    return isinstance(node, inspect.NoneType)
+
+
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
     """Whether two names have one form in JSON, as ``cycles`` and ``cycle_s``: no proto3 then."""
     names = [field.name.replace("_", "").lower() for field in described.field]
@@ -128,10 +209,12 @@ def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
 
 def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
     """Make optional fields those of proto2, where every field is one."""
-    for field in described.field:
-        field.ClearField("proto3_optional")
-        field.ClearField("oneof_index")
-    described.ClearField("oneof_decl")
+    # A message that stands for a union has no optional fields, and keeps its choice.
+    if any(field.proto3_optional for field in described.field):
+        for field in described.field:
+            field.ClearField("proto3_optional")
+            field.ClearField("oneof_index")
+        described.ClearField("oneof_decl")
     for inner in described.nested_type:
         _without_proto3(inner)
 
@@ -140,8 +223,9 @@ def _plain(node: inspect.Type) -> tuple[inspect.Type, bool, bool]:
     """Type without its frame, whether it may be None, whether there are several."""
     match node:
         case inspect.UnionType():
-            (inner,) = (item for item in node.types if not isinstance(item, inspect.NoneType))
-            return _plain(inner)[0], True, False
+            inner = [item for item in node.types if not _is_none(item)]
+            optional = len(inner) < len(node.types)
+            return (_plain(inner[0])[0] if len(inner) == 1 else node), optional, False
         case inspect.VarTupleType():
             return _plain(node.item_type)[0], False, True
         case inspect.Metadata():
@@ -171,7 +255,9 @@ def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
     name = field.name
     inner, optional, repeated = _plain(field.type)
     read: Callable[[Any], Any] = _same
-    if isinstance(inner, inspect.StructType):
+    if isinstance(inner, inspect.UnionType):
+        read = _union_reader(inner, described)
+    elif isinstance(inner, inspect.StructType):
         read = _reader(inner.cls, described)
     elif isinstance(inner, inspect.EnumType):
         read = inner.cls
@@ -182,6 +268,26 @@ def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
     if optional:
         return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
     return lambda proto: read(getattr(proto, name))
+
+
+def _union_reader(node: inspect.UnionType, described: Any = None) -> Callable[[Any], Any]:
+    """Return how the message that stands for a union is read; see ``_reader``."""
+    records = _records(node)
+    there = None if described is None else described.fields_by_name
+    readers: dict[str, Callable[[Any], Any]] = {}
+    for record in records:
+        tag = str(record.tag)
+        if there is None:
+            readers[tag] = _reader(record.cls)
+        elif tag in there:
+            readers[tag] = _reader(record.cls, there[tag].message_type)
+    tag_field = str(records[0].tag_field)
+
+    def read(proto: Any) -> Any:
+        tag = proto.WhichOneof(tag_field)
+        return readers[tag](getattr(proto, tag))
+
+    return read
 
 
 def _same(value: Any) -> Any:

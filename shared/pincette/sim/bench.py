@@ -189,4 +189,5 @@ def _setting(
         script.put_out(rig.put_out, f"{prefix}output"),
         lambda table, one: script.link(f"{prefix}{table}", one),
         beside,
+        script.put_out_wave(rig.put_out_wave, f"{prefix}output"),
     )

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from pincette.bus.local_sockets import named_to_programs
 from tests.bench.loop.composed import composed_over_realtime
 from tests.bench.loop.contestant import Contestant
-from tests.bench.loop.figures import cpu_us, own, own_us_per_hop, rate, ratios, tail_ms
+from tests.bench.loop.figures import cpu_us, own, rate, ratios, tail_ms
 from tests.bench.loop.machine import stolen_s
 from tests.bench.loop.plot import draw
 from tests.bench.loop.real import bench_rig, real_loop
@@ -33,7 +32,7 @@ PLOT = Path("bench.png")
 
 def main(words: Sequence[str] | None = None) -> None:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(prog="pincette bench", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.loop", description=__doc__)
     parser.add_argument("--ticks", type=int, default=TICKS, help="of a block; %(default)s")
     parser.add_argument("--blocks", type=int, default=BLOCKS, help="%(default)s")
     given = parser.parse_args(words)
@@ -51,8 +50,6 @@ def main(words: Sequence[str] | None = None) -> None:
         rig, other = bench_rig(), bench_rig()
         secured = other.secured(folder_for(folder / "pki", other.rig.name).path)
         loop = stack.enter_context(real_loop("loop", folder / "plain", rig))
-        with named_to_programs():  # as the units for systemd and `pincette up --sockets` have it
-            local = stack.enter_context(real_loop("local", folder / "local", bench_rig()))
         third = bench_rig()
         simulated = stack.enter_context(real_loop("simulated", folder / "rig", third, plant=True))
         mtls = stack.enter_context(real_loop("mtls", folder / "mtls", secured))
@@ -61,7 +58,7 @@ def main(words: Sequence[str] | None = None) -> None:
         whole = stack.enter_context(zenoh_ring("whole", "whole"))
         coded = stack.enter_context(zenoh_ring("coded", "coded"))
         sockets = stack.enter_context(socket_ring("sockets"))
-        contestants = (loop, local, simulated, mtls, bare, whole, coded, routed, sockets)
+        contestants = (loop, simulated, mtls, bare, whole, coded, routed, sockets)
         for block in range(1, given.blocks + 1):
             for contestant in contestants:
                 contestant.measure(given.ticks)
@@ -70,9 +67,6 @@ def main(words: Sequence[str] | None = None) -> None:
     summary = ratios(loop, bare) | {
         "lockstep_over_realtime": rate(simulated.blocks) * rig.rig.period_s,
         "bare_over_realtime": rate(bare.blocks) * rig.rig.period_s,
-        "local_over_bare": rate(local.blocks) / rate(bare.blocks),
-        "local_p99_over_bare": tail_ms(local.blocks, 0.99) / tail_ms(bare.blocks, 0.99),
-        "local_own_us_per_hop": own_us_per_hop(local, bare),
         "mtls_over_plain": rate(mtls.blocks) / rate(loop.blocks),
         "mtls_p99_over_plain": tail_ms(mtls.blocks, 0.99) / tail_ms(loop.blocks, 0.99),
         "loop_over_whole": rate(loop.blocks) / rate(whole.blocks),
@@ -108,9 +102,7 @@ def _tell(contestants: tuple[Contestant, ...], summary: dict[str, float], period
         print(f"{one.name:<12}{rate_per_s:9.0f}{shown}{spent_us:9.0f}")
     print(
         f"loop over bare ring {summary['loop_over_bare']:.2f}, p99 {summary['p99_over_bare']:.2f}, "
-        f"own {summary['own_us_per_hop']:.0f} µs a hop (local sockets "
-        f"{summary['local_over_bare']:.2f}, {summary['local_p99_over_bare']:.2f}, "
-        f"{summary['local_own_us_per_hop']:.0f} µs); at T = {period_ms:g} ms "
+        f"own {summary['own_us_per_hop']:.0f} µs a hop; at T = {period_ms:g} ms "
         f"{summary['lockstep_over_realtime']:.1f} times real time (bare ring "
         f"{summary['bare_over_realtime']:.1f}, composed {summary['composed_over_realtime']:.0f}); "
         "bench.json and bench.png written"

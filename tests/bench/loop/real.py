@@ -9,7 +9,8 @@ from time import perf_counter
 from pincette.bus.endpoints import program_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move
 from pincette.core.faults import Mode
 from pincette.core.messages import Reset
 from pincette.core.topics import LOOP, RESET
@@ -31,7 +32,7 @@ def bench_rig() -> RigFile:
 
 def resting(ticks: int, period_s: float) -> Program:
     """A program that rests for a number of ticks; the law regulates all along."""
-    return Program((Segment("rest", "free", ticks * period_s, x_to_um=0.0),), GUARDS, 2.17)
+    return Program((Move("rest", ticks * period_s, to_um=(0.0,)),), GUARDS, 2.17)
 
 
 @contextmanager

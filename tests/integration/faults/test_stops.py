@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive
 from pincette.core.faults import Cause
 from pincette.core.messages import Arm, Load, Reset, Trip
 from tests.support.reactions import RAMP_S
@@ -17,7 +18,7 @@ BUS_S = 0.003
 PLACES_IN_THE_PERIOD = (0.03, 0.2, 0.45, 0.7, 0.96)
 WATCHDOG_S, TICK_S = 0.5, 0.05
 HOLD = Program(
-    segments=(Segment("hold", "voltage", 0.4),),
+    segments=(Drive("hold", 0.4),),
     guards=PROGRAM.guards,
     contact_stiffness_mN_per_um=PROGRAM.contact_stiffness_mN_per_um,
     begins_held=True,
@@ -140,7 +141,7 @@ def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() ->
     loop.run(loop.now_s + 0.3)
     state = loop.node("actuator").state
     assert (state.mode, state.cause) == ("latched", "restart")
-    assert abs(state.voltage_V - stood_V) <= 0.001
+    assert abs(state.arms[0].voltage_V - stood_V) <= 0.001
     assert loop.put_out[-1][1] == stood_V
     loop.reset()
     loop.run(loop.now_s + 0.2)

@@ -19,6 +19,8 @@ from tests.support.campaign.hysteresis import Hysteresis
 
 CREEP_TIMES_S = tuple(0.05 * 10.0 ** (0.5 * step) for step in range(9))
 SUBSTEP_S, MODE_SUBSTEP_S = 1e-3, 2.5e-4
+TOUCH_STEPS = 40
+"""Parts of a substep in which the tip touches the part or leaves it."""
 OUTPUT_STEP_V = 20.0 / 2**14
 
 
@@ -168,30 +170,40 @@ class Arm:
     def _ring(self, span_s: float) -> None:
         """Advance the tip by its mode, free or pressed."""
         steps = max(1, math.ceil(span_s / MODE_SUBSTEP_S - 1e-9))
-        dt_s = span_s / steps
-        sigma = self.damping * self.omega_per_s
         for _ in range(steps):
-            part = self.part
-            pressed = part is not None and self.x_um > part.contact_um
-            rest_um, omega2 = self._free_um, self.omega_per_s**2
-            if pressed:
-                assert part is not None
-                kappa = self.compliance_um_per_mN * part.stiffness_mN_per_um
-                rest_um = (self._free_um + kappa * part.contact_um) / (1.0 + kappa)
-                omega2 *= 1.0 + kappa
-            damped = math.sqrt(omega2 - sigma**2)
-            away_um, speed = self.x_um - rest_um, self.speed_um_per_s
-            decay, cos, sin = (
-                math.exp(-sigma * dt_s),
-                math.cos(damped * dt_s),
-                math.sin(damped * dt_s),
-            )
-            quadrature = (speed + sigma * away_um) / damped
-            self.x_um = rest_um + decay * (away_um * cos + quadrature * sin)
-            self.speed_um_per_s = decay * (
-                speed * cos - (sigma * quadrature + damped * away_um) * sin
-            )
+            x_um, speed = self.x_um, self.speed_um_per_s
+            pressed = self._pressed()
+            self._swing(span_s / steps, pressed=pressed)
+            if self._pressed() is not pressed:
+                # A touch within the step: taken at its end alone it would gain energy.
+                self.x_um, self.speed_um_per_s = x_um, speed
+                for _ in range(TOUCH_STEPS):
+                    self._swing(span_s / steps / TOUCH_STEPS, pressed=self._pressed())
             self._give_way()
+
+    def _pressed(self) -> bool:
+        part = self.part
+        return part is not None and self.x_um > part.contact_um
+
+    def _swing(self, dt_s: float, *, pressed: bool) -> None:
+        """Advance the tip by a time within which it stays free, or pressed."""
+        sigma, part = self.damping * self.omega_per_s, self.part
+        rest_um, omega2 = self._free_um, self.omega_per_s**2
+        if pressed:
+            assert part is not None
+            kappa = self.compliance_um_per_mN * part.stiffness_mN_per_um
+            rest_um = (self._free_um + kappa * part.contact_um) / (1.0 + kappa)
+            omega2 *= 1.0 + kappa
+        damped = math.sqrt(omega2 - sigma**2)
+        away_um, speed = self.x_um - rest_um, self.speed_um_per_s
+        decay, cos, sin = (
+            math.exp(-sigma * dt_s),
+            math.cos(damped * dt_s),
+            math.sin(damped * dt_s),
+        )
+        quadrature = (speed + sigma * away_um) / damped
+        self.x_um = rest_um + decay * (away_um * cos + quadrature * sin)
+        self.speed_um_per_s = decay * (speed * cos - (sigma * quadrature + damped * away_um) * sin)
 
     def _give_way(self) -> None:
         part = self.part

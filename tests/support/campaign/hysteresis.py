@@ -5,7 +5,9 @@ motion in V of the same scale: ``y = (1 - share)·u + share·H(u)``, with H(u) c
 swings, and keeps its memory over all calls.
 """
 
+import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal, Protocol
 
 import numpy as np
@@ -13,7 +15,9 @@ from numpy.typing import NDArray
 
 Class = Literal["relays", "plays", "Bouc-Wen"]
 CLASSES: tuple[Class, ...] = ("relays", "plays", "Bouc-Wen")
-GRID = 56
+NODES = 16
+WIDEST_V, TABLE_STEP_V = 5.0, 0.02
+"""Range and step of the table of relays; between its entries the motion bends by some nm."""
 SCALED_V = 4.0
 PLAYS = 16
 WIDEST_SHARE = 0.93
@@ -37,44 +41,80 @@ class Hysteresis(Protocol):
         ...
 
 
-class RelayGrid:
-    """Relays with thresholds on a grid, Gaussian in their mean and in their half width.
+class RelayField:
+    """Infinitely many relays, Gaussian in their mean and half-normal in their half width.
 
     A relay turns up where u rises beyond mean + half, and down where it falls below mean - half.
     Far from saturation, the spreads are several times the drive. The motion is scaled to that of
     the line between -4 and 4 V.
+
+    The relays are integrated, not counted: 56 by 56 of them, spread over 15 V, would move the tip
+    in steps of more than 1 µm, and no actuator does so. The memory of the field is its turning
+    points (Everett's integral).
     """
 
     def __init__(self, mean_spread_V: float, half_spread_V: float) -> None:
-        means = np.linspace(-2.6, 2.6, GRID) * mean_spread_V
-        halves = (np.arange(GRID) + 0.5) / GRID * 2.6 * half_spread_V
-        mean, half = (axis.ravel() for axis in np.meshgrid(means, halves))
-        weight = np.exp(-0.5 * (mean / mean_spread_V) ** 2 - 0.5 * (half / half_spread_V) ** 2)
-        self.up: NDArray[np.float64] = mean + half
-        self.down: NDArray[np.float64] = mean - half
-        self.weight: NDArray[np.float64] = weight / weight.sum()
+        self._table = everett(mean_spread_V, half_spread_V)
         self.share = 0.0
-        self.scale_V = 1.0
+        self.scale_V = SCALED_V / self._between(-SCALED_V, SCALED_V)
         self.u_V, self.sum = 0.0, 0.0
-        self.state: NDArray[np.float64] = np.where(mean < 0.0, 1.0, -1.0)
-        unpoled = self.state.copy()
-        sums: list[float] = []
-        for u_V in (SCALED_V, -SCALED_V, SCALED_V):
-            self.to(u_V)
-            sums.append(self.sum)
-        self.scale_V = 2.0 * SCALED_V / (sums[2] - sums[1])
-        self.state, self.u_V = unpoled, 0.0
-        self.sum = float(self.weight @ self.state)
+        self.turns: list[tuple[float, float]] = []
+        """Turning points of the voltage that are remembered, and the sum at each."""
 
     def to(self, u_V: float) -> float:
         if u_V != self.u_V:
-            if u_V > self.u_V:
-                self.state[self.up <= u_V] = 1.0
-            else:
-                self.state[self.down >= u_V] = -1.0
-            self.u_V = u_V
-            self.sum = float(self.weight @ self.state)
+            begin_V = self.turns[-1][0] if self.turns else 0.0
+            if (u_V - self.u_V) * (self.u_V - begin_V) < 0.0:
+                self.turns.append((self.u_V, self.sum))
+            while self.turns and self._closes(u_V):
+                del self.turns[-2:]
+            self.u_V, self.sum = u_V, self._sum(u_V)
         return (1.0 - self.share) * u_V + self.share * self.scale_V * self.sum
+
+    def _closes(self, u_V: float) -> bool:
+        """Return whether the branch from the last turning point has come round its loop."""
+        begin_V = self.turns[-1][0]
+        end_V = self.turns[-2][0] if len(self.turns) > 1 else -begin_V
+        return (u_V - end_V) * (end_V - begin_V) > 0.0
+
+    def _sum(self, u_V: float) -> float:
+        """Sum of the relays, each 1 or -1, on the branch from the last turning point."""
+        if not self.turns:
+            return math.copysign(self._between(-abs(u_V), abs(u_V)), u_V)
+        begin_V, begin = self.turns[-1]
+        turned = self._between(min(u_V, begin_V), max(u_V, begin_V))
+        return begin + math.copysign(2.0 * turned, u_V - begin_V)
+
+    def _between(self, low_V: float, high_V: float) -> float:
+        """Share of the relays that turn down above ``low_V`` and up below ``high_V``."""
+        at_low, at_high = [(u_V + WIDEST_V) / TABLE_STEP_V for u_V in (low_V, high_V)]
+        i, j = int(at_low), int(at_high)
+        p, q = at_low - i, at_high - j
+        near, far = self._table[i], self._table[i + 1]
+        return (1.0 - p) * (near[j] + q * (near[j + 1] - near[j])) + p * (
+            far[j] + q * (far[j + 1] - far[j])
+        )
+
+
+@lru_cache(maxsize=1)
+def everett(mean_spread_V: float, half_spread_V: float) -> list[list[float]]:
+    """Tabulate the share of relays that turn down above a voltage and up below another.
+
+    Rows are the lower voltage and columns the upper one, from ``-WIDEST_V`` to ``WIDEST_V``. A
+    relay of half width h has its mean between low + h and high - h, which h integrates.
+    """
+    grid = np.linspace(-WIDEST_V, WIDEST_V, round(2.0 * WIDEST_V / TABLE_STEP_V) + 1)
+    low, high = np.meshgrid(grid, grid, indexing="ij")
+    longest = 0.5 * np.maximum(0.0, high - low)
+    fine = np.linspace(-WIDEST_V, WIDEST_V, 4 * len(grid))
+    normal = np.array([0.5 * math.erf(u_V / (math.sqrt(2.0) * mean_spread_V)) for u_V in fine])
+    found = np.zeros_like(low)
+    for node, weight in zip(*np.polynomial.legendre.leggauss(NODES), strict=True):
+        half = 0.5 * (node + 1.0) * longest
+        density = np.exp(-0.5 * (half / half_spread_V) ** 2)
+        within = np.interp(high - half, fine, normal) - np.interp(low + half, fine, normal)
+        found += weight * density * within
+    return (found * longest / (half_spread_V * math.sqrt(2.0 * math.pi))).tolist()
 
 
 class PlayStack:
@@ -118,7 +158,9 @@ class BoucWen:
 def _shape(kind: Class, chance: np.random.Generator, *, far: bool) -> Hysteresis:
     if kind == "relays":
         low_V, high_V = (3.0, 6.0) if far else (0.8, 2.0)
-        return RelayGrid(float(chance.uniform(low_V, high_V)), float(chance.uniform(low_V, high_V)))
+        return RelayField(
+            float(chance.uniform(low_V, high_V)), float(chance.uniform(low_V, high_V))
+        )
     if kind == "plays":
         return PlayStack(float(chance.uniform(1.0, 3.0)), float(chance.uniform(0.0, 3.0)))
     b = float(chance.uniform(0.6, 1.6))

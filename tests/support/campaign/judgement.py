@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from tests.support.campaign.hysteresis import CLASSES
 from tests.support.campaign.treatment import Gripped, Treated
 
 QUIET_UM = 0.05
@@ -28,12 +29,15 @@ def peak_limit(treated: Treated) -> float:
 
 
 def too_hard(rows: Sequence[Treated]) -> list[Gripped]:
-    """Return the grips whose true force was above its limit."""
+    """Return the grips whose true force was above its limit.
+
+    A part that presses the resting arm harder than the plan does so before the job begins.
+    """
     return [
         grip
         for row in rows
         for grip in row.grips
-        if grip.peak_mN > peak_limit(row) * grip.wish.force_mN
+        if grip.peak_mN > peak_limit(row) * max(grip.wish.force_mN, grip.begin_mN)
     ]
 
 
@@ -102,10 +106,47 @@ def table(rows: Sequence[Treated]) -> str:
     for event in EVENTS:
         grips = [grip for row in rows for grip in row.grips if grip.events == event]
         lines.append(_row(event, grips, hard))
-    for kind in ("relays", "plays", "Bouc-Wen"):
+    for kind in CLASSES:
         grips = [grip for row in rows if row.drawn.kind == kind for grip in row.grips]
         lines.append(_row(kind, grips, hard))
     return "\n".join(lines)
+
+
+def run_page(rows: Sequence[Treated], commit: str, wished: int) -> str:
+    """Return the results of a run in Markdown: what was run, the tables, and each miss.
+
+    Parameters
+    ----------
+    commit
+        Commit of the product that was run.
+    wished
+        Number of rigs that the run was to have.
+    """
+    seeds = [row.drawn.seed for row in rows]
+    lines = [
+        f"Commit `{commit}`, seeds {min(seeds)} to {max(seeds)}: {len(rows)} of {wished} rigs.",
+        "",
+        table(rows),
+        "",
+        "| class | rigs | brought up |",
+        "| --- | --- | --- |",
+    ]
+    for kind in CLASSES:
+        of_kind = [row for row in rows if row.drawn.kind == kind]
+        lines.append(f"| {kind} | {len(of_kind)} | {sum(not row.failed for row in of_kind)} |")
+    lines += ["", "| rig | what misses a target |", "| --- | --- |"]
+    lines += [f"| {row.drawn.label} | {words} |" for row in rows for words in _misses(row)]
+    return "\n".join(lines)
+
+
+def _misses(row: Treated) -> list[str]:
+    """Return in words what misses a target on one rig, for a cell of a table."""
+    hard = too_hard([row])
+    grips = [
+        grip for grip in row.grips if grip in hard or grip.beyond or grip.wrong or grip.last_wrong
+    ]
+    found = [row.failed] if row.failed else []
+    return [words.replace("|", "/").strip() for words in (*found, *map(str, grips))]
 
 
 def _row(name: str, grips: Sequence[Gripped], hard: Sequence[Gripped]) -> str:

@@ -18,8 +18,8 @@ from pincette.core.messages import Estimate, Message, Reset, Telemetry
 from pincette.core.topics import ESTIMATE, RESET, TELEMETRY, Topic
 from pincette.sim.bench import Bench
 from pincette.sim.instruments.fitting import Fitted, Setting, simulated_driver
+from pincette_supervisor.jobs.bring_up import checklist
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.model.checklist import checklist
 from tests.support.campaign.arm import Truth
 from tests.support.campaign.drawing import Drawn
 from tests.support.office import Office
@@ -54,7 +54,7 @@ class Laboratory:
 
     def __init__(self, drawn: Drawn, data: Path) -> None:
         self.drawn, self.arm, self.data = drawn, drawn.arm, data
-        self._bench = _bench(drawn)
+        self._bench = bench_of(drawn)
         self.watched = Watched()
         self._open()
 
@@ -92,19 +92,19 @@ class Laboratory:
         name = manager.create(REQUEST.validate_python(body), predict=False)[0].id
         waited = 0
         for _ in range(LONGEST_TICKS):
-            if manager.index.is_over(name):
+            if manager.index.is_recorded(name):
                 break
             steps.pass_()
             view = self._newest_view()
             if view is None or not view.playing:
                 continue
             job = manager.active
-            if job is None or "continue" not in manager.index.job(name).allowed_actions:
+            if job is None or job.status.waiting is None:
                 waited = 0
                 continue
             waited += 1
             if waited == HANDS_TICKS:
-                progress = manager.index.job(name).progress
+                progress = job.status.progress
                 weight_mN = None if progress is None else progress.weight_mN
                 self.arm.hang(weight_mN or 0.0)
                 manager.perform(name, "continue", "person")
@@ -112,11 +112,13 @@ class Laboratory:
             raise TimeoutError(f"{body} goes on after {LONGEST_TICKS} ticks")
         if self.office.faults:
             raise self.office.faults[0]
+        manager.context.write_queue.flush()
         return manager.index.job(name)
 
     def reset(self) -> None:
         """Clear the actuator's latch, as a person does who has seen its cause."""
         manager = self.office.manager
+        self.office.steps.pass_(HANDS_TICKS)
         manager.context.health.refresh(force=True)
         if manager.context.health.latched() is not None:
             manager.latch.reset("person")
@@ -136,7 +138,11 @@ class Laboratory:
                 return ""
             needs = [need.code for need in step.needs]
             self.arm.part = None if "part_removed" in needs else self.drawn.planned_part()
-            job = self.run(step.request)
+            request = step.request
+            if left < tries and step.calibration == "free_response":
+                # The person has looked: no part is there.
+                request = request | {"no_part": True}
+            job = self.run(request)
             self.arm.hang(0.0)
             if job.state != "succeeded":
                 self.reset()
@@ -159,7 +165,7 @@ def laboratory(drawn: Drawn, data: Path) -> Generator[Laboratory]:
         opened.close()
 
 
-def _bench(drawn: Drawn) -> Bench:
+def bench_of(drawn: Drawn) -> Bench:
     """Put the instruments' simulated bytes around the arm."""
     rig, arm = drawn.rig, cast(Any, drawn.arm)
     assert rig.simulation is not None

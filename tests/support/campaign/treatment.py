@@ -3,10 +3,12 @@
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
 from pincette.api.jobs import Job
+from pincette.api.predictions import Violation
 from pincette.control.planning.program import Program
 from pincette_supervisor.problems import ProblemError
 from tests.support.campaign.arm import Part
@@ -17,6 +19,8 @@ SKIPPED_S = 0.5
 """Begin of a hold that its mean force leaves out, as the product's result does."""
 RANGE_UM, RANGE_V = 0.5, 0.01
 """Tolerance of the stated range of position and voltage, for the ring and the output step."""
+LOUDER = 1.1
+"""Contact force over its uncertainty, where a plan was refused because of it."""
 LAST = 5
 """Samples at the end of a job whose mean force is compared."""
 MARKS = ("position_step", "warnings", "unverified", "model_mismatch", "marks")
@@ -35,6 +39,8 @@ class Gripped:
     outcome: str
     cause: str = ""
     peak_mN: float = 0.0
+    begin_mN: float = 0.0
+    """True force as the job began: that of a part which presses the resting arm."""
     beyond: str = ""
     """Quantity whose stated range the arm has left; empty: none."""
     held_mN: float | None = None
@@ -133,7 +139,8 @@ def _grip(opened: Laboratory, wish: GripWish) -> Gripped:
         setattr(arm, name, getattr(arm, name) * factor)
     if wish.restart_s is not None:
         opened.restart(wish.restart_s)
-    arm.part = Part(rig.part.contact_um + wish.contact_off_um, stiffness)
+    # Where the part was as the rig was brought up: ``part.contact_um`` is a reading that drifts.
+    arm.part = Part(drawn.contact_um + wish.contact_off_um, stiffness)
     if wish.presses_um is not None:
         arm.part = Part(arm.x_um - wish.presses_um, stiffness)
         arm.rest(0.5)
@@ -169,7 +176,12 @@ def _grip(opened: Laboratory, wish: GripWish) -> Gripped:
 def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripped:
     manager = opened.office.manager
     try:
-        program = manager.plan(REQUEST.validate_python(body)).program
+        planned = manager.plan(REQUEST.validate_python(body))
+        if louder_mN := _contact_force_mN(planned.plan.violations):
+            body = body | {"contact_force_mN": louder_mN}
+            planned = manager.plan(REQUEST.validate_python(body))
+        program = planned.program
+        begin_mN = opened.arm.force_mN
         job = opened.run(body)
     except ProblemError:
         # A person whose quick grip is refused tries the gentle profile.
@@ -186,6 +198,7 @@ def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripp
         outcome=str(result.get("outcome", job.state)),
         cause="" if job.state == "succeeded" else f"{job.state}: {job.cause}"[:160],
         peak_mN=opened.arm.peak_mN,
+        begin_mN=begin_mN,
         beyond=_beyond(watched, program),
         held_mN=held_mN,
         uncertainty_mN=result.get("force_uncertainty_mN"),
@@ -195,6 +208,14 @@ def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripp
         last_true_mN=_mean([one.truth.force_mN for one in last]),
         marked=_marked(job),
     )
+
+
+def _contact_force_mN(violations: Sequence[Violation]) -> float | None:
+    """Return the contact force that a person states where the plan says that it is uncertain."""
+    for found in violations:
+        if found.pointer == "/contact_force_mN" and found.quantity == "force":
+            return ceil(10.0 * LOUDER * found.limit) / 10.0
+    return None
 
 
 def _true_held(watched: Watched, opened: Laboratory) -> float | None:
@@ -217,6 +238,8 @@ def _beyond(watched: Watched, program: Program) -> str:
     if planned is None:
         return "unstated"
     truths = [one.truth for one in watched.samples.values()]
+    if not truths:
+        return ""
     furthest_um = max(truth.x_um for truth in truths)
     voltages_V = [truth.voltage_V for truth in truths]
     high_um, voltage = planned.position_max_um, planned.voltage

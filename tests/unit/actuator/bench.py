@@ -1,5 +1,8 @@
 """An actuator that is armed and fed by hand, in its own time."""
 
+from msgspec.structs import replace
+
+from pincette.control.safety.arm import ArmLimits
 from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits
@@ -13,12 +16,9 @@ from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, start, step
 
 T = 0.02
-CONFIG = SafetyLimits(
-    period_s=T,
-    lockstep=False,
-    age=AgeLimits(limit_s=0.05, limit_ticks=2, grace_s=1.0, wake_s=T / 4, excused_s=10 * T),
-    voltage=VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=2.0, sweep_V=0.1),
-    monitors=MonitorLimits(
+ARM = ArmLimits(
+    VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=2.0, sweep_V=0.1),
+    MonitorLimits(
         period_s=T,
         force_mN=50.0,
         force_samples=3,
@@ -29,6 +29,12 @@ CONFIG = SafetyLimits(
         position_max_um=79.0,
         position_samples=3,
     ),
+)
+CONFIG = SafetyLimits(
+    period_s=T,
+    lockstep=False,
+    age=AgeLimits(limit_s=0.05, limit_ticks=2, grace_s=1.0, wake_s=T / 4, excused_s=10 * T),
+    arms=(ARM,),
     ramp_s=0.035,
     freeze_s=0.5,
     safe_V=0.0,
@@ -68,9 +74,18 @@ def play(
     return state, outputs
 
 
+def with_voltages(state: State, *voltages_V: float) -> State:
+    """Return the state with its arms at other voltages."""
+    arms = [
+        replace(arm, voltage_V=voltage_V)
+        for arm, voltage_V in zip(state.arms, voltages_V, strict=True)
+    ]
+    return replace(state, arms=tuple(arms))
+
+
 def holding(voltage_V: float = 1.0, *, held: bool) -> State:
     state, _ = play(armed(), (position(0), 0.0), (command(0, voltage_V, held=held), 0.004))
-    assert state.voltage_V == voltage_V
+    assert state.arms[0].voltage_V == voltage_V
     return state
 
 

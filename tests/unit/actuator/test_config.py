@@ -5,6 +5,7 @@ from math import pi
 import pytest
 
 from pincette.config import ConfigError
+from pincette.control.safety.arm import ArmLimits
 from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.state import SafetyLimits
@@ -52,18 +53,22 @@ def test_every_limit_comes_from_its_place(time: str) -> None:
             wake_s=pi / 2437.8,
             excused_s=10.0 * 0.01,
         ),
-        voltage=VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05, 20.0 / 2**14),
-        monitors=MonitorLimits(
-            period_s=0.01,
-            force_mN=1.5 * 30.0,
-            force_samples=4,
-            following_um=2.0,
-            following_s=0.02,
-            following_samples=8,
-            position_min_um=-10.0 - 0.2 * 100.0,
-            position_max_um=90.0 + 0.2 * 100.0,
-            position_samples=2,
-            fastest_um_per_s=8.0 * demo_rig().model.piezo_um_per_V,
+        arms=(
+            ArmLimits(
+                VoltageLimits(-2.0, 5.0, 8.0 * 0.01, 0.05, 20.0 / 2**14),
+                MonitorLimits(
+                    period_s=0.01,
+                    force_mN=1.5 * 30.0,
+                    force_samples=4,
+                    following_um=2.0,
+                    following_s=0.02,
+                    following_samples=8,
+                    position_min_um=-10.0 - 0.2 * 100.0,
+                    position_max_um=90.0 + 0.2 * 100.0,
+                    position_samples=2,
+                    fastest_um_per_s=8.0 * demo_rig().model.piezo_um_per_V,
+                ),
+            ),
         ),
         ramp_s=0.03,
         freeze_s=7.0,

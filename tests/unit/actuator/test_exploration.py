@@ -12,6 +12,7 @@ from itertools import product
 from math import nan
 
 from pincette.control.record import replace
+from pincette.control.safety.arm import ArmLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.faults import Cause
 from pincette.core.messages import Arm, Command, Message, Position, Reset, Trip
@@ -20,17 +21,22 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, start, step
 
-from .bench import CONFIG, EPOCH, OFF, OWNER, WAKE, T
+from .bench import ARM, CONFIG, EPOCH, OFF, OWNER, WAKE, T
 
 LIMITS = replace(
     CONFIG,
     age=replace(CONFIG.age, limit_s=0.03, limit_ticks=1, grace_s=0.01),
     # A quarter of the slew spans the range: how far a move may go in less is tested by itself.
-    voltage=VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=4.0, sweep_V=0.1),
-    monitors=replace(CONFIG.monitors, force_samples=2, position_samples=2),
+    arms=(
+        ArmLimits(
+            VoltageLimits(min_V=-0.5, max_V=0.5, slew_V=4.0, sweep_V=0.1),
+            replace(ARM.monitors, force_samples=2, position_samples=2),
+        ),
+    ),
     ramp_s=0.015,
     freeze_s=0.025,
 )
+VOLTAGE = LIMITS.arms[0].voltage
 QUARTER_S = T / 4
 Key = tuple[object, ...]
 OLDEST = 7
@@ -101,18 +107,18 @@ class Place:
         return (
             state.mode,
             state.cause == "boot",
-            round(state.voltage_V, 6),
+            round(state.arms[0].voltage_V, 6),
             state.part_held,
             age(state.fresh_s) if state.mode == "armed" else 0,
             age(state.since_s) if state.mode in ("frozen", "ramping") else 0,
-            round(state.ramp_from_V, 6) if state.mode == "ramping" else 0,
+            round(state.arms[0].ramp_from_V, 6) if state.mode == "ramping" else 0,
             seen,
             min(FURTHEST, self.seq - state.taken_seq),
             min(2, self.seq - state.answered_seq),
             None
             if (waits := state.pending) is None
             else (min(FURTHEST, self.seq - waits.seq), waits.valid),
-            (state.watches.force.count, state.watches.position.count),
+            (state.arms[0].watches.force.count, state.arms[0].watches.position.count),
             state.unconfirmed,
         )
 
@@ -173,9 +179,10 @@ def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tu
 def check(seen: Seen) -> None:
     """What must hold of every event in every state."""
     event, before, after = seen.event, seen.before, seen.after
-    change_V = after.voltage_V - before.voltage_V
+    (old,), (new,) = before.arms, after.arms
+    change_V = new.voltage_V - old.voltage_V
     assert after.mode in LEADS_TO[before.mode], seen
-    assert LIMITS.voltage.min_V <= after.voltage_V <= LIMITS.voltage.max_V
+    assert VOLTAGE.min_V <= new.voltage_V <= VOLTAGE.max_V
     if (before.mode, after.mode) in (("latched", "idle"), ("frozen", "idle")):
         assert event == "reset" or (event, before.cause) == ("unacknowledged", "boot")
     if before.mode != "armed" and after.mode == "armed":
@@ -183,18 +190,19 @@ def check(seen: Seen) -> None:
     if after.taken_seq > before.taken_seq:
         assert before.mode == "armed"
         assert event not in ("owner", "epoch", "nan", "invalid", "late")
-        assert abs(change_V) <= LIMITS.voltage.slew_V + 1e-12
+        assert abs(change_V) <= VOLTAGE.slew_V + 1e-12
     elif after.mode in ("ramping", "latched") and before.mode != "latched":
         # The first step is ahead by a quarter of its own, whether it comes with the trip or after.
-        ahead = 2 if before.mode != "ramping" or before.voltage_V == before.ramp_from_V else 1
-        span_V = abs(after.ramp_from_V - LIMITS.safe_V)
+        begins = before.mode != "ramping" or old.voltage_V == old.ramp_from_V
+        ahead = 2 if begins else 1
+        span_V = abs(new.ramp_from_V - LIMITS.safe_V)
         assert abs(change_V) <= span_V * ahead * QUARTER_S / LIMITS.ramp_s + 1e-9
-        assert abs(after.voltage_V - LIMITS.safe_V) <= abs(before.voltage_V - LIMITS.safe_V)
+        assert abs(new.voltage_V - LIMITS.safe_V) <= abs(old.voltage_V - LIMITS.safe_V)
     else:
         assert change_V == 0.0, seen
     for output in seen.outputs:
         if isinstance(output, SetVoltage):
-            assert output.voltage_V == after.voltage_V
+            assert output.voltages_V == (new.voltage_V,)
 
 
 def explored() -> tuple[dict[Key, Place], Counter[tuple[str, str]]]:
@@ -229,7 +237,7 @@ def check_latched(place: Place) -> None:
     if here.state.mode != "latched" or place.state.mode != "latched":
         assert here.state.mode == "latched"
         # An output that never says where it stands is written no more, and told as unconfirmed.
-        assert here.state.voltage_V == LIMITS.safe_V or here.state.unconfirmed
+        assert here.state.arms[0].voltage_V == LIMITS.safe_V or here.state.unconfirmed
 
 
 def test_no_event_in_any_state_breaks_a_rule_and_only_a_reset_ends_a_trip() -> None:

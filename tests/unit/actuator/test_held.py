@@ -40,7 +40,7 @@ def rearmed(state: State, now: float = 0.2) -> State:
 def test_a_reset_while_frozen_keeps_part_and_voltage(lockstep: bool) -> None:
     config = LOCKSTEP if lockstep else CONFIG
     state, _, outputs = handle(config, frozen(), Reset(acknowledge=True), 0.1)
-    assert (state.mode, state.voltage_V, state.part_held) == ("idle", 1.0, True)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 1.0, True)
     (applied,) = outputs
     assert isinstance(applied, Applied)
     assert (applied.state, applied.part_held, applied.final) == ("idle", True, True)
@@ -62,19 +62,19 @@ def test_a_part_that_the_output_has_let_go_is_not_held_after_the_reset(
     found_V: float, held: bool
 ) -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
-    state = initialize_from_output(CONFIG, state, found_V)
-    assert (state.voltage_V, state.part_held) == (found_V, held)
+    state = initialize_from_output(CONFIG, state, (found_V,))
+    assert (state.arms[0].voltage_V, state.part_held) == (found_V, held)
 
 
 def test_what_was_reset_is_kept_beyond_the_time_of_a_freeze() -> None:
     state, _, _ = handle(CONFIG, frozen(), Reset(acknowledge=True), 0.1)
     state = waking(state, 0.1, 5.0)
-    assert (state.mode, state.voltage_V, state.part_held) == ("idle", 1.0, True)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 1.0, True)
 
 
 def test_without_a_reset_a_freeze_ends_in_its_ramp() -> None:
     state = waking(frozen(), 0.01, 0.6)
-    assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
 def test_a_reset_while_ramping_is_refused() -> None:
@@ -89,7 +89,7 @@ def test_a_fault_after_the_reset_still_freezes(when: str) -> None:
     if when == "before the first command":
         state = rearmed(state)
     state, _, _ = handle(CONFIG, state, Trip(Cause.SUPERVISOR), 0.3)
-    assert (state.mode, state.cause, state.voltage_V) == ("frozen", "supervisor", 1.0)
+    assert (state.mode, state.cause, state.arms[0].voltage_V) == ("frozen", "supervisor", 1.0)
 
 
 def test_no_command_in_time_after_the_arming_freezes_too() -> None:
@@ -117,7 +117,7 @@ def test_let_go_ramps_with_a_part_and_out_of_a_freeze() -> None:
     )
     assert (state.mode, state.cause) == ("ramping", "estop")
     state = waking(state, 0.2, 0.3)
-    assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
 def test_let_go_while_frozen_does_nothing_more_once_it_is_latched() -> None:
@@ -137,21 +137,21 @@ def test_a_trip_states_the_words_of_who_asked(words: str, faults: tuple[Fault, .
 def test_in_lockstep_an_idle_part_is_kept_or_let_go_at_once() -> None:
     state, _, _ = handle(LOCKSTEP, frozen(), Reset(acknowledge=True), 0.1)
     kept, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ESTOP), 0.1)
-    assert (kept.mode, kept.voltage_V, kept.part_held) == ("latched", 1.0, True)
+    assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 1.0, True)
     assert not any(isinstance(output, SetVoltage) for output in outputs)
     again, _, _ = handle(LOCKSTEP, kept, Reset(acknowledge=True), 0.1)
-    assert (again.mode, again.voltage_V, again.part_held) == ("idle", 1.0, True)
+    assert (again.mode, again.arms[0].voltage_V, again.part_held) == ("idle", 1.0, True)
     free, _, outputs = handle(LOCKSTEP, state, Trip(Cause.ABORT, release_now=True), 0.1)
-    assert (free.mode, free.voltage_V, free.part_held) == ("latched", 0.0, False)
-    assert outputs[0] == SetVoltage(0.0)
+    assert (free.mode, free.arms[0].voltage_V, free.part_held) == ("latched", 0.0, False)
+    assert outputs[0] == SetVoltage((0.0,))
 
 
 def test_in_lockstep_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
     state, _, _ = handle(LOCKSTEP, holding(held=False), Trip(Cause.ESTOP), 0.004)
     assert state.mode == "ramping"
     state, _, outputs = handle(LOCKSTEP, state, Reset(acknowledge=True), 0.004)
-    assert (state.mode, state.voltage_V) == ("idle", 0.0)
-    assert outputs[0] == SetVoltage(0.0)
+    assert (state.mode, state.arms[0].voltage_V) == ("idle", 0.0)
+    assert outputs[0] == SetVoltage((0.0,))
 
 
 def test_a_part_handed_over_by_the_last_command_is_kept() -> None:
@@ -160,4 +160,4 @@ def test_a_part_handed_over_by_the_last_command_is_kept() -> None:
     final = given._replace(command=replace(given.command, final=True))
     state, _ = play(holding(held=True), (position(1), 0.02), (final, 0.024))
     state = waking(state, 0.024, 2.0)
-    assert (state.mode, state.part_held, state.voltage_V) == ("idle", True, 1.0)
+    assert (state.mode, state.part_held, state.arms[0].voltage_V) == ("idle", True, 1.0)

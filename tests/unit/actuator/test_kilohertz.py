@@ -35,7 +35,7 @@ def run(*, held: bool) -> tuple[State, float]:
         command = Command(EPOCH, seq, OWNER, voltage_V, held, False, False, True)
         state, _ = step(LIMITS, state, Inputs(None, None, position), sample_s)
         state, _ = step(LIMITS, state, Inputs(None, command, None), sample_s + WAY_S)
-    assert (state.mode, state.voltage_V) == ("armed", HIGHEST_V)
+    assert (state.mode, state.arms[0].voltage_V) == ("armed", HIGHEST_V)
     return state, sample_s
 
 
@@ -46,9 +46,9 @@ def silence(state: State, from_s: float, for_s: float) -> list[Put]:
         now = from_s + look * LIMITS.age.wake_s
         state, outputs = step(LIMITS, state, WAKE, now)
         found += [
-            (now, one.voltage_V, state.mode) for one in outputs if isinstance(one, SetVoltage)
+            (now, one.voltages_V[0], state.mode) for one in outputs if isinstance(one, SetVoltage)
         ]
-        found += [(now, state.voltage_V, state.mode)]
+        found += [(now, state.arms[0].voltage_V, state.mode)]
     return found
 
 

@@ -60,7 +60,7 @@ def test_a_force_beyond_the_hard_limit_lets_go_in_the_same_cycle(held: bool) -> 
     assert (state.mode, state.cause) == ("ramping", "force")
     drive, echo = outputs[-2:]
     assert isinstance(drive, SetVoltage)
-    assert 0.0 < drive.voltage_V < 1.0
+    assert 0.0 < drive.voltages_V[0] < 1.0
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered) == (3, "ramping", False)
     assert "55.0 mN, limit 50.0 mN" in cause_words(echo)
@@ -81,7 +81,7 @@ def test_in_lockstep_the_trip_ends_its_tick() -> None:
 def test_in_lockstep_a_command_that_is_nonsense_ends_its_tick_too() -> None:
     state, _ = step(LOCKSTEP, armed(), position(0), 0.0)
     state, outputs = step(LOCKSTEP, state, told(0, voltage_V=nan), 0.0)
-    assert outputs[0] == SetVoltage(0.0)
+    assert outputs[0] == SetVoltage((0.0,))
     assert (state.refused, state.mode) == (1, "armed")
 
 
@@ -117,7 +117,7 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     state, _ = play(armed(), (told(0), 0.001), (told(0, owner=9, voltage_V=3.0), 0.0015))
     assert state.pending is not None
     state, outputs = play(state, (position(0), 0.002))
-    assert outputs[0] == SetVoltage(1.0)
+    assert outputs[0] == SetVoltage((1.0,))
     assert (state.refused, state.taken_seq) == (1, 0)
 
 
@@ -125,7 +125,7 @@ def test_one_that_comes_with_the_sample_does_not_either() -> None:
     state, _ = play(armed(), (told(0), 0.001))
     both = told(0, owner=9, voltage_V=3.0)._replace(position=position(0).position)
     _, outputs = play(state, (both, 0.002))
-    assert outputs[0] == SetVoltage(1.0)
+    assert outputs[0] == SetVoltage((1.0,))
 
 
 def test_what_waited_when_it_tripped_is_refused_when_its_sample_comes() -> None:
@@ -148,7 +148,7 @@ def test_in_lockstep_a_command_before_its_sample_ends_the_tick_after_a_trip(trip
         state, _, _ = handle(LOCKSTEP, state, Trip(Cause.ABORT), 0.02)
     state, outputs = step(LOCKSTEP, state, position(1), 0.02)
     order, echo = outputs
-    assert order == SetVoltage(state.voltage_V)
+    assert order == SetVoltage((state.arms[0].voltage_V,))
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered) == (1, "frozen", False)
 
@@ -177,7 +177,7 @@ def test_an_output_that_does_not_confirm_the_ramp_is_left_to_its_watchdog() -> N
     assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.015))
     assert outputs == [], "nothing is written before it has said where it stands"
-    state, _ = play(state, (Inputs(PutOut(1.0), None, None), 0.015))
+    state, _ = play(state, (Inputs(PutOut((1.0,)), None, None), 0.015))
     assert not may_kick_watchdog(state, 0.015)
     state, outputs = play(state, (WAKE, 0.016))
     assert isinstance(outputs[0], SetVoltage)

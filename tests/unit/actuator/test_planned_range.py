@@ -12,14 +12,14 @@ from pincette_actuator.state import State
 from pincette_actuator.step import start
 
 from . import test_two_arms as two
-from .bench import CONFIG, EPOCH, OWNER, command, play, position
+from .bench import ARM, CONFIG, EPOCH, OWNER, command, play, position, with_voltages
 
 PLANNED = VoltageRange(-0.2, 2.5)
 
 
-def armed(planned: VoltageRange | None, at_V: float = 0.0) -> State:
+def armed(planned: VoltageRange | None, present_V: float = 0.0) -> State:
     state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
-    state = replace(state, voltage_V=at_V)
+    state = with_voltages(state, present_V)
     return handle(CONFIG, state, Arm(EPOCH, OWNER, "", voltage=planned), 0.0)[0]
 
 
@@ -29,7 +29,9 @@ def asked(state: State, *voltages_V: float) -> list[tuple[float, int]]:
     for seq, voltage_V in enumerate(voltages_V):
         now = 0.02 * seq
         state, _ = play(state, (position(seq), now), (command(seq, voltage_V), now + 0.004))
-        found.append((state.voltage_V, state.limits_active & (VOLTAGE_MAX | VOLTAGE_MIN)))
+        found.append(
+            (state.arms[0].voltage_V, state.arms[0].limits_active & (VOLTAGE_MAX | VOLTAGE_MIN))
+        )
     return found
 
 
@@ -52,8 +54,8 @@ def test_a_plan_widens_no_limit_of_the_rig() -> None:
 
 def test_an_output_outside_the_plan_comes_nearer_and_goes_no_further_out() -> None:
     """An earlier job has left it there; nothing jumps at the arming."""
-    state = armed(PLANNED, at_V=3.5)
-    assert state.voltage_V == 3.5
+    state = armed(PLANNED, present_V=3.5)
+    assert state.arms[0].voltage_V == 3.5
     assert asked(state, 3.8, 3.5, 3.0, 3.2) == [
         (3.5, VOLTAGE_MAX),
         (3.5, 0),
@@ -65,7 +67,7 @@ def test_an_output_outside_the_plan_comes_nearer_and_goes_no_further_out() -> No
 def test_the_next_arming_brings_its_own_range() -> None:
     state = armed(PLANNED)
     after, _, _ = handle(CONFIG, replace(state, mode="idle"), Arm(EPOCH, OWNER, ""), 0.0)
-    assert after.planned is None
+    assert after.arms[0].planned is None
 
 
 def test_each_arm_of_two_has_its_own_range() -> None:
@@ -74,19 +76,18 @@ def test_each_arm_of_two_has_its_own_range() -> None:
     state, _, _ = handle(two.BOTH, state, request, 0.0)
     told = two.command(0, 1.5, SecondCommand(1.5))
     state, _ = two.play(state, (two.position(0), 0.0), (told, 0.004))
-    assert state.second is not None
-    assert (state.voltage_V, state.second.voltage_V) == (1.5, 0.7)
-    assert state.second.limits_active & VOLTAGE_MAX
+    assert [arm.voltage_V for arm in state.arms] == [1.5, 0.7]
+    assert state.arms[1].limits_active & VOLTAGE_MAX
 
 
 @pytest.mark.parametrize(
     ("present_V", "low_V", "high_V"), [(1.0, -0.2, 2.5), (3.0, -0.2, 3.0), (-0.5, -0.5, 2.5)]
 )
 def test_limits_are_narrowed_to_the_plan(present_V: float, low_V: float, high_V: float) -> None:
-    narrowed = within(CONFIG.voltage, PLANNED, present_V)
+    narrowed = within(ARM.voltage, PLANNED, present_V)
     assert (narrowed.min_V, narrowed.max_V) == (low_V, high_V)
-    assert narrowed.slew_V == CONFIG.voltage.slew_V
-    assert within(CONFIG.voltage, None, present_V) is CONFIG.voltage
+    assert narrowed.slew_V == ARM.voltage.slew_V
+    assert within(ARM.voltage, None, present_V) is ARM.voltage
 
 
 def test_a_range_is_around_its_voltages_and_the_rest() -> None:

@@ -32,13 +32,15 @@ def test_a_tick_between_two_questions_is_answered_and_asks_nothing() -> None:
 
 def test_one_that_answers_but_cannot_say_stands_where_it_was_told() -> None:
     state, _ = play(holding(held=False), (FAILED, 0.01), (OVERLOADED, 0.011))
-    assert (state.mode, state.voltage_V, state.located) == ("ramping", 1.0, True)
+    assert (state.mode, state.arms[0].voltage_V, state.located) == ("ramping", 1.0, True)
     _, outputs = play(state, (WAKE, 0.012))
     assert isinstance(outputs[0], SetVoltage)
 
 
 def test_one_that_stands_at_the_safe_voltage_is_left_in_peace() -> None:
-    state, _ = play(holding(held=False), (FAILED, 0.01), (Inputs(PutOut(0.0), None, None), 0.011))
+    state, _ = play(
+        holding(held=False), (FAILED, 0.01), (Inputs(PutOut((0.0,)), None, None), 0.011)
+    )
     assert (state.mode, state.unconfirmed) == ("latched", False)
     _, outputs = play(state, (WAKE, 0.011 + T))
     assert not [output for output in outputs if isinstance(output, SetVoltage)]

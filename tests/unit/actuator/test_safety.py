@@ -17,6 +17,7 @@ from pincette_actuator.requests import handle
 from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start, step
 
 from .bench import (
+    ARM,
     CONFIG,
     EPOCH,
     OFF,
@@ -53,7 +54,7 @@ def test_only_a_boot_after_no_death_is_reset_without_an_acknowledgement() -> Non
 
 def test_a_good_command_is_put_out_before_it_is_published() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0), 0.004))
-    assert outputs[0] == SetVoltage(1.0)
+    assert outputs[0] == SetVoltage((1.0,))
     applied = outputs[1]
     assert isinstance(applied, Applied)
     assert (applied.seq, applied.voltage_V, applied.answered) == (0, 1.0, True)
@@ -64,7 +65,7 @@ def test_a_command_that_overtakes_its_sample_waits_for_it() -> None:
     state, outputs = play(armed(), (command(0), 0.001))
     assert outputs == []
     _, outputs = play(state, (position(0), 0.002))
-    assert outputs[0] == SetVoltage(1.0)
+    assert outputs[0] == SetVoltage((1.0,))
 
 
 @pytest.mark.parametrize("seq", [0, 1])
@@ -75,7 +76,7 @@ def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_rep
     state, outputs = play(armed(), *before, (command(seq, 1.02), 0.021))
     assert (state.refused, fault_text(state.refusal)) == (1, f"command {seq} after 1")
     _, outputs = play(state, (position(1), 0.022))
-    assert outputs[0] == SetVoltage(1.01)
+    assert outputs[0] == SetVoltage((1.01,))
 
 
 @pytest.mark.parametrize(("epoch", "owner"), [(EPOCH, 6), (12, OWNER)])
@@ -84,7 +85,7 @@ def test_commands_of_others_are_refused_and_counted(epoch: int, owner: int) -> N
     state, outputs = play(armed(), (position(0), 0.0), (foreign, 0.004))
     assert outputs == []
     assert state.refused == 1
-    assert state.voltage_V == 0.0
+    assert state.arms[0].voltage_V == 0.0
 
 
 def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothing() -> None:
@@ -99,7 +100,7 @@ def test_older_and_equal_commands_are_refused() -> None:
     state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(1), 0.024))
     state, outputs = play(state, (command(1, 2.0), 0.025), (command(0, 3.0), 0.026))
     assert outputs == []
-    assert (state.refused, state.voltage_V) == (2, 1.0)
+    assert (state.refused, state.arms[0].voltage_V) == (2, 1.0)
 
 
 def test_a_late_command_is_refused_by_the_age_of_its_sample() -> None:
@@ -123,7 +124,7 @@ def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
         state, _ = play(state, (inputs, now))
         if begun is None and state.mode == "ramping":
             begun = now
-        if safe is None and state.voltage_V == CONFIG.safe_V:
+        if safe is None and state.arms[0].voltage_V == CONFIG.safe_V:
             safe = now
     assert begun is not None
     assert begun <= 0.060
@@ -137,16 +138,16 @@ def test_the_ramp_has_no_step_larger_than_its_share() -> None:
     state, previous = holding(2.0, held=False), 2.0
     for inputs, now in wakes(0.005, 0.12):
         state, _ = play(state, (inputs, now))
-        assert abs(state.voltage_V - previous) <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
-        previous = state.voltage_V
+        assert abs(state.arms[0].voltage_V - previous) <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
+        previous = state.arms[0].voltage_V
 
 
 def test_held_part_is_frozen_for_a_bounded_time_then_ramped() -> None:
     state = holding(2.0, held=True)
     state, _ = play(state, *wakes(0.005, 0.5))
-    assert (state.mode, state.voltage_V) == ("frozen", 2.0)
+    assert (state.mode, state.arms[0].voltage_V) == ("frozen", 2.0)
     state, _ = play(state, *wakes(0.5, 0.7))
-    assert (state.mode, state.voltage_V, state.part_held) == ("latched", 0.0, False)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
 def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
@@ -154,7 +155,7 @@ def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
     state, _ = play(state, (position(5), 0.122))
     state, outputs = play(state, (command(5, 3.0), 0.124))
     assert outputs == []
-    assert (state.voltage_V, state.refused) == (0.0, 1)
+    assert (state.arms[0].voltage_V, state.refused) == (0.0, 1)
     with pytest.raises(RefusedError, match="reset it first"):
         handle(CONFIG, state, Arm(12, OWNER, ""), 0.2)
     state, _, _ = handle(CONFIG, state, Reset(acknowledge=True), 0.3)
@@ -169,7 +170,7 @@ def test_estop_acts_with_the_next_wake(held: bool) -> None:
     assert isinstance(published[0], Applied)
     assert (published[0].state, published[0].seq) == ("frozen" if held else "ramping", 1)
     state, outputs = play(state, (WAKE, 0.010))
-    assert (state.voltage_V < 2.0) is not held
+    assert (state.arms[0].voltage_V < 2.0) is not held
     assert any(isinstance(output, SetVoltage) for output in outputs) is not held
 
 
@@ -183,18 +184,18 @@ def test_told_to_end_it_ramps_to_the_safe_voltage_first(held: bool) -> None:
             break
         state, _ = play(state, (WAKE, now))
         now += T / 4
-    assert state.voltage_V == CONFIG.safe_V
+    assert state.arms[0].voltage_V == CONFIG.safe_V
     assert now <= 0.01 + CONFIG.ramp_s + T / 4
 
 
 def test_a_restarted_actuator_ramps_from_the_voltage_it_finds() -> None:
-    state = initialize_from_output(CONFIG, start(CONFIG), 2.0)
-    assert (state.mode, state.voltage_V) == ("latched", 2.0)
+    state = initialize_from_output(CONFIG, start(CONFIG), (2.0,))
+    assert (state.mode, state.arms[0].voltage_V) == ("latched", 2.0)
     state, _, _ = handle(CONFIG, state, Trip(Cause.SUPERVISOR), 0.0)
     state, outputs = play(state, (WAKE, 0.0))
     drive = outputs[0]
     assert isinstance(drive, SetVoltage)
-    assert 2.0 - drive.voltage_V <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
+    assert 2.0 - drive.voltages_V[0] <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
 def test_the_first_cause_is_kept() -> None:
@@ -236,9 +237,9 @@ def test_whatever_is_commanded_the_voltage_keeps_its_limits(
     for index, (seq, voltage_V) in enumerate(commands):
         now = 0.001 * index
         state, _ = play(state, (position(index), now), (command(seq, voltage_V), now))
-        assert CONFIG.voltage.min_V <= state.voltage_V <= CONFIG.voltage.max_V
-        assert abs(state.voltage_V - previous) <= CONFIG.voltage.slew_V + 1e-12
-        previous = state.voltage_V
+        assert ARM.voltage.min_V <= state.arms[0].voltage_V <= ARM.voltage.max_V
+        assert abs(state.arms[0].voltage_V - previous) <= ARM.voltage.slew_V + 1e-12
+        previous = state.arms[0].voltage_V
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.045), st.floats(-1.0, 4.0)), max_size=60))
@@ -246,8 +247,9 @@ def test_in_whatever_pattern_commands_arrive_the_voltage_slews_no_faster(
     arrivals: list[tuple[float, float]],
 ) -> None:
     """Two of them right after each other move no further than the time between them allows."""
-    limits = replace(CONFIG, voltage=replace(CONFIG.voltage, slew_V=0.2))
-    rate_V_per_s = limits.voltage.slew_V / T
+    slow = replace(ARM, voltage=replace(ARM.voltage, slew_V=0.2))
+    limits = replace(CONFIG, arms=(slow,))
+    rate_V_per_s = slow.voltage.slew_V / T
     state, now, moves = armed(limits), 0.0, [(-T, 0.0)]
     for seq, (gap_s, voltage_V) in enumerate(arrivals):
         now += gap_s
@@ -255,11 +257,11 @@ def test_in_whatever_pattern_commands_arrive_the_voltage_slews_no_faster(
         state, _ = step(limits, state, command(seq, voltage_V), now)
         if state.mode != "armed":
             break
-        if state.voltage_V != moves[-1][1]:
-            moves.append((now, state.voltage_V))
+        if state.arms[0].voltage_V != moves[-1][1]:
+            moves.append((now, state.arms[0].voltage_V))
     for (before_s, before_V), (at_s, at_V) in pairwise(moves):
         assert abs(at_V - before_V) <= rate_V_per_s * (at_s - before_s + 1e-6)
-        assert abs(at_V - before_V) <= limits.voltage.slew_V + 1e-12
+        assert abs(at_V - before_V) <= slow.voltage.slew_V + 1e-12
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60))

@@ -1,16 +1,18 @@
 """What the actuator excuses while its machine stood still, and for how long."""
 
+from pincette.core.messages import Arm, Reset
 from pincette.core.service import Busy
-from pincette_actuator.step import Inputs
+from pincette_actuator.requests import handle
+from pincette_actuator.step import Inputs, start
 
-from .bench import CONFIG, WAKE, T, command, holding, play, position, wakes
+from .bench import CONFIG, EPOCH, OWNER, WAKE, T, command, holding, play, position, wakes
 
 
 def test_a_standstill_of_its_own_is_no_age() -> None:
     """The machine stood for 40 ms: the command that follows is taken, as it is in time."""
     state, _ = play(holding(held=True), *wakes(0.005, 0.02))
     state, _ = play(state, (WAKE, 0.065), (position(1), 0.066), (command(1, 1.5), 0.068))
-    assert (state.mode, state.voltage_V, state.standstills) == ("armed", 1.5, 1)
+    assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("armed", 1.5, 1)
 
 
 def test_after_a_standstill_silence_trips_within_its_own_length() -> None:
@@ -32,9 +34,9 @@ def test_standstills_are_excused_up_to_a_bound() -> None:
 def test_a_standstill_makes_no_jump_in_the_ramp() -> None:
     state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
     assert state.mode == "ramping"
-    before_V = state.voltage_V
+    before_V = state.arms[0].voltage_V
     state, _ = play(state, (WAKE, 0.2))
-    assert before_V - state.voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
+    assert before_V - state.arms[0].voltage_V <= 2 * 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
 
 
 def test_what_its_own_program_did_is_no_standstill() -> None:
@@ -52,10 +54,22 @@ def test_a_ramp_goes_on_by_its_clock_while_its_program_waits_for_its_sensor() ->
         # With the write of the ramp's voltage it is more than two looks at the clock.
         now += wait_s + 0.6 * CONFIG.age.wake_s
         state, _ = play(state, (Inputs(Busy(wait_s), None, None), now))
-    assert (state.mode, state.voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)
+    assert (state.mode, state.arms[0].voltage_V, state.standstills) == ("latched", CONFIG.safe_V, 0)
 
 
 def test_where_the_machine_stood_still_too_that_is_left_out() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.02))
     state, _ = play(state, (Inputs(Busy(0.006), None, None), 0.065))
     assert (state.mode, state.standstills) == ("armed", 1)
+
+
+def test_looks_at_rest_that_come_seldom_are_no_standstills() -> None:
+    """None of them lengthens the first age after an arming."""
+    state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
+    state, _ = play(state, *((WAKE, 0.05 * look) for look in range(1, 20)))
+    assert (state.mode, state.standstills) == ("idle", 0)
+    state, _, _ = handle(CONFIG, state, Arm(EPOCH, OWNER, ""), 1.0)
+    state, _ = play(state, *wakes(1.004, 1.0 + CONFIG.age.grace_s + CONFIG.age.limit_s - 0.001))
+    assert state.mode == "armed"
+    state, _ = play(state, (WAKE, 1.0 + CONFIG.age.grace_s + CONFIG.age.limit_s + 0.001))
+    assert (state.mode, state.cause, state.standstills) == ("ramping", "command_age", 0)

@@ -34,7 +34,7 @@ def test_a_sweep_begins_once_and_is_looked_after() -> None:
         (command(3), 0.064),
     )
     orders = [output for output in outputs if not isinstance(output, Applied)]
-    assert orders == [Wave(SweptVoltages(SWEEP, 1.0), 4_000.0), CheckWave(), SetVoltage(1.0)]
+    assert orders == [Wave(SweptVoltages(SWEEP, 1.0), 4_000.0), CheckWave(), SetVoltage((1.0,))]
     assert state.sweep is None
 
 
@@ -65,4 +65,4 @@ def test_a_trip_ends_the_sweep_by_the_ramp() -> None:
     assert (state.mode, state.sweep) == ("ramping", None)
     _, outputs = play(state, (WAKE, 0.035))
     assert isinstance(outputs[0], SetVoltage)
-    assert 0.0 < outputs[0].voltage_V < 1.0
+    assert 0.0 < outputs[0].voltages_V[0] < 1.0

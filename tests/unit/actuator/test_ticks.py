@@ -98,7 +98,7 @@ def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
     doubted = replace(holding(held=False), unconfirmed=True)
     state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, asked, None), 0.024))
     assert outputs == [
-        SetVoltage(1.5),
+        SetVoltage((1.5,)),
         Applied(
             epoch=EPOCH,
             seq=1,
@@ -116,7 +116,7 @@ def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
         ),
     ]
     assert (state.answered_seq, state.unconfirmed, state.pending) == (1, False, None)
-    assert (state.watches.aim_um, state.watches.seq) == (1.0, 1)
+    assert (state.arms[0].watches.aim_um, state.arms[0].watches.seq) == (1.0, 1)
 
 
 def test_a_sweep_that_has_broken_off_leaves_the_output_unconfirmed() -> None:
@@ -135,7 +135,7 @@ def test_a_final_sweep_is_none() -> None:
     final = Inputs(None, replace(last, final=True), None)
     state, outputs = play(holding(held=False), (position(1), 0.02), (final, 0.024))
     assert (state.mode, state.sweep) == ("idle", None)
-    assert outputs[0] == SetVoltage(1.0)
+    assert outputs[0] == SetVoltage((1.0,))
 
 
 def test_an_arming_leaves_nothing_of_the_one_before() -> None:

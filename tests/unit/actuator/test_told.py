@@ -11,7 +11,20 @@ from pincette.core.service import PutOut, ReadBack, SetVoltage, Slept
 from pincette_actuator.state import applied_of
 from pincette_actuator.step import Inputs, initialize_from_output
 
-from .bench import CONFIG, EPOCH, OFF, OWNER, WAKE, T, armed, holding, play, position, wakes
+from .bench import (
+    CONFIG,
+    EPOCH,
+    OFF,
+    OWNER,
+    WAKE,
+    T,
+    armed,
+    holding,
+    play,
+    position,
+    wakes,
+    with_voltages,
+)
 
 FAILED = Inputs(OFF, None, None)
 COMMAND = Command(EPOCH, 0, OWNER, 1.0, False, False, False, True, segment=3, segment_tick=7)
@@ -40,7 +53,9 @@ def test_a_tick_is_answered_once_while_the_output_is_asked() -> None:
 
 
 def test_an_output_that_is_told_something_has_not_yet_said_where_it_is() -> None:
-    state, _ = play(holding(held=False), (FAILED, 0.01), (Inputs(PutOut(0.9), None, None), 0.011))
+    state, _ = play(
+        holding(held=False), (FAILED, 0.01), (Inputs(PutOut((0.9,)), None, None), 0.011)
+    )
     assert (state.mode, state.located) == (Mode.RAMPING, True)
     state, outputs = play(state, (WAKE, 0.012))
     assert isinstance(outputs[0], SetVoltage)
@@ -48,7 +63,9 @@ def test_an_output_that_is_told_something_has_not_yet_said_where_it_is() -> None
 
 
 def test_what_the_output_says_is_told_of_the_newest_tick() -> None:
-    _, outputs = play(holding(held=True), (FAILED, 0.01), (Inputs(PutOut(0.9), None, None), 0.011))
+    _, outputs = play(
+        holding(held=True), (FAILED, 0.01), (Inputs(PutOut((0.9,)), None, None), 0.011)
+    )
     assert [one.seq for one in echoes([*outputs])] == [0, 0]
 
 
@@ -82,6 +99,6 @@ def test_a_doubt_is_told_beside_the_cause_of_a_freeze_alone() -> None:
 def test_after_a_restart_a_part_is_let_go_nearer_to_the_safe_voltage(
     found_V: float, held: bool
 ) -> None:
-    kept = replace(holding(held=True), voltage_V=2.0)
-    state = initialize_from_output(changed(CONFIG, safe_V=1.0), kept, found_V)
-    assert (state.voltage_V, state.part_held) == (found_V, held)
+    kept = with_voltages(holding(held=True), 2.0)
+    state = initialize_from_output(changed(CONFIG, safe_V=1.0), kept, (found_V,))
+    assert (state.arms[0].voltage_V, state.part_held) == (found_V, held)

@@ -8,13 +8,11 @@ from msgspec.structs import replace
 
 from pincette.control.safety.confirmation import (
     READ_BACK_V,
-    begun,
     differs,
     found,
     waits_for_read_back,
 )
 from pincette.control.safety.latch import at_safe, ramped, shutdown, trip
-from pincette.control.safety.second import SecondArm, SecondLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.faults import Cause, FaultCode, Mode, fault
 from pincette.core.messages import Applied, Arm, Command, Position, Reset, Trip
@@ -25,9 +23,9 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start, step
 
-from .bench import CONFIG, EPOCH, OWNER, WAKE, T
+from .bench import ARM, CONFIG, EPOCH, OWNER, WAKE, T, with_voltages
 
-BOTH = dataclasses.replace(CONFIG, second=SecondLimits(CONFIG.voltage, CONFIG.monitors))
+BOTH = dataclasses.replace(CONFIG, arms=(ARM, ARM))
 FAILED = Inputs(fault(FaultCode.INSTRUMENT_SILENT, "no answer", arm=2), None, None)
 
 
@@ -63,18 +61,13 @@ def at(first_V: float, second_V: float, *, held: bool = False) -> State:
         (position(0), 0.0),
         (command(0, first_V, SecondCommand(second_V), held=held), 0.004),
     )
-    assert (state.voltage_V, of_second(state).voltage_V) == (first_V, second_V)
+    assert (state.arms[0].voltage_V, state.arms[1].voltage_V) == (first_V, second_V)
     return state
-
-
-def of_second(state: State) -> SecondArm:
-    assert state.second is not None
-    return state.second
 
 
 def test_both_voltages_are_put_out_and_told_together() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0, 1.0, SecondCommand(3.0)), T + 0.001))
-    assert outputs[0] == SetVoltage(1.0, 2.0)
+    assert outputs[0] == SetVoltage((1.0, 2.0))
     applied = outputs[1]
     assert isinstance(applied, Applied)
     assert applied.second is not UNSET
@@ -94,12 +87,12 @@ def test_an_arm_that_rests_lends_the_other_none_of_its_time() -> None:
 
 def test_the_second_arm_slews_by_the_time_too() -> None:
     state, _ = play(at(1.0, 1.0), (position(1), T), (command(1, 1.0, SecondCommand(4.0)), T))
-    assert of_second(state).voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
+    assert state.arms[1].voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
 
 def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round() -> None:
     state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0, UNSET), 0.004))
-    assert (state.voltage_V, of_second(state).voltage_V, state.refused) == (0.0, 0.0, 1)
+    assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
     assert fault_text(state.refusal) == (
         "command 0: it is for 1 driven arms, the rig has 2: start all programs with the same rig "
         "file"
@@ -108,7 +101,7 @@ def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round
     one, _, _ = handle(CONFIG, one, Arm(EPOCH, OWNER, ""), 0.0)
     for inputs, now in ((position(0), 0.0), (command(0, 1.0, SecondCommand(1.0)), 0.004)):
         one, _ = step(CONFIG, one, inputs, now)
-    assert (one.voltage_V, one.refused) == (0.0, 1)
+    assert (one.arms[0].voltage_V, one.refused) == (0.0, 1)
     assert "it is for 2 driven arms, the rig has 1" in fault_text(one.refusal)
 
 
@@ -125,7 +118,7 @@ def test_a_command_is_refused_whole_for_what_is_no_number_of_the_second_arm() ->
         (SecondCommand(1.0, x_d_um=float("inf")), "no position"),
     ):
         state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0, second), 0.004))
-        assert (state.voltage_V, state.refused) == (0.0, 1)
+        assert (state.arms[0].voltage_V, state.refused) == (0.0, 1)
         assert fault_text(state.refusal).startswith("command 0: second arm: ")
         assert words in fault_text(state.refusal)
 
@@ -138,17 +131,17 @@ def test_the_second_arm_beyond_its_position_limits_trips_both(held: bool) -> Non
     assert (state.cause, state.mode) == (Cause.POSITION, Mode.FROZEN if held else Mode.RAMPING)
     assert fault_text(state.faults[0]).startswith("second arm: 90.00 µm")
     state, _ = play(state, *[(WAKE, 3 * T + 0.005 * k) for k in range(200)])
-    assert (state.mode, state.voltage_V, of_second(state).voltage_V) == ("latched", 0.0, 0.0)
+    assert (state.mode, state.arms[0].voltage_V, state.arms[1].voltage_V) == ("latched", 0.0, 0.0)
 
 
 def test_a_sample_that_is_none_of_either_arm_is_not_held_against_it() -> None:
     state = at(1.0, 2.0)
     state, _ = play(state, (position(1, second=None), T), (position(2, second=90.0), 2 * T))
-    assert of_second(state).watches.position.count == 1
+    assert state.arms[1].watches.position.count == 1
     invalid = Position(EPOCH, 3, 3 * T, 0.0, False, None, SecondPosition(1.0, True))
     state, _ = play(state, (Inputs(None, None, invalid), 3 * T))
-    assert state.arrivals[-1].x_um is None
-    assert of_second(state).watches.position.count == 0
+    assert state.arrivals[-1].x_um == (None, 1.0)
+    assert state.arms[1].watches.position.count == 0
 
 
 def feed(state: State, seqs: range, force_mN: float, x_d_um: float, *, held: bool) -> State:
@@ -213,7 +206,7 @@ def test_neither_is_written_until_both_are_read_back(held: bool) -> None:
     assert waits_for_read_back(BOTH, state)
     state, outputs = play(state, (WAKE, 0.012))
     assert not [one for one in outputs if isinstance(one, SetVoltage)]
-    state, _ = play(state, (Inputs(PutOut(1.0, 2.0), None, None), 0.013))
+    state, _ = play(state, (Inputs(PutOut((1.0, 2.0)), None, None), 0.013))
     assert state.mode == (Mode.FROZEN if held else Mode.RAMPING)
     assert state.part_held == held
     _, outputs = play(state, (WAKE, 0.018))
@@ -222,28 +215,28 @@ def test_neither_is_written_until_both_are_read_back(held: bool) -> None:
 
 def test_where_one_output_has_let_go_by_itself_a_freeze_ends_and_the_other_follows() -> None:
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
-    state, _ = play(state, (Inputs(PutOut(1.0, 0.0), None, None), 0.011))
+    state, _ = play(state, (Inputs(PutOut((1.0, 0.0)), None, None), 0.011))
     assert (state.mode, state.part_held, state.unconfirmed) == (Mode.RAMPING, False, True)
     state, outputs = play(state, *[(WAKE, 0.011 + 0.005 * k) for k in range(12)])
     written = [one for one in outputs if isinstance(one, SetVoltage)]
-    assert {one.second_V for one in written} == {0.0}
-    assert written[-1] == SetVoltage(0.0, 0.0)
+    assert {one.voltages_V[1] for one in written} == {0.0}
+    assert written[-1] == SetVoltage((0.0, 0.0))
     assert state.mode == Mode.LATCHED
 
 
 def test_an_output_that_cannot_say_stands_where_it_was_told() -> None:
     invalid = Inputs(fault(FaultCode.INSTRUMENT_INVALID, "overloaded"), None, None)
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01), (invalid, 0.011))
-    assert (state.voltage_V, of_second(state).voltage_V, state.located) == (1.0, 2.0, True)
+    assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.located) == (1.0, 2.0, True)
     state, _ = play(at(0.0, 2.0), (FAILED, 0.01), (invalid, 0.011))
-    assert (state.mode, of_second(state).voltage_V) == (Mode.RAMPING, 2.0)
+    assert (state.mode, state.arms[1].voltage_V) == (Mode.RAMPING, 2.0)
 
 
 def test_both_at_the_safe_voltage_are_at_rest_and_one_alone_is_not() -> None:
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01))
-    one = found(BOTH, state, 0.0, 0.011, 2.0)
+    one = found(BOTH, state, (0.0, 2.0), 0.011)
     assert one.mode == Mode.RAMPING
-    both = found(BOTH, state, 0.0, 0.011, 0.0)
+    both = found(BOTH, state, (0.0, 0.0), 0.011)
     assert both.mode == Mode.LATCHED
 
 
@@ -252,52 +245,51 @@ def test_a_frozen_part_is_left_to_the_watchdogs_where_one_output_is_not_known() 
     state, _ = play(at(1.0, 2.0, held=True), (FAILED, 0.01))
     assert state.mode == Mode.FROZEN
     assert not may_kick_watchdog(BOTH, state, 0.02)
-    known = found(BOTH, state, 1.0, 0.02, 2.0)
+    known = found(BOTH, state, (1.0, 2.0), 0.02)
     assert may_kick_watchdog(BOTH, known, 0.02)
 
 
 def test_a_shutdown_waits_for_both_arms() -> None:
     state = at(1.0, 2.0)
-    alone = replace(state, voltage_V=0.0)
+    alone = with_voltages(state, 0.0, 2.0)
     alone, at_rest = shutdown(BOTH, alone, 1.0)
     assert (alone.mode, at_rest) == (Mode.RAMPING, False)
     assert shutdown(BOTH, at_safe(BOTH, state), 1.0)[1]
 
 
 def test_a_ramp_of_the_second_arm_alone_is_told() -> None:
-    state = replace(at(1.0, 2.0), voltage_V=0.0)
+    state = with_voltages(at(1.0, 2.0), 0.0, 2.0)
     state = ramped(trip(BOTH, state, Cause.ESTOP, 0.01), 0.01)
     _, outputs = play(state, (WAKE, 0.012))
     assert isinstance(outputs[0], SetVoltage)
-    assert outputs[0].voltage_V == 0.0
-    assert 0.0 < (outputs[0].second_V or 0.0) < 2.0
+    first_V, second_V = outputs[0].voltages_V
+    assert first_V == 0.0
+    assert 0.0 < second_V < 2.0
 
 
 def test_it_begins_from_what_both_put_out() -> None:
-    state = initialize_from_output(BOTH, at(1.0, 2.0, held=True), 1.0, 2.0)
+    state = initialize_from_output(BOTH, at(1.0, 2.0, held=True), (1.0, 2.0))
     assert state.part_held
-    state = initialize_from_output(BOTH, state, 1.0, 0.4)
-    assert (of_second(state).voltage_V, state.part_held) == (0.4, False)
-    assert begun(BOTH, state, 1.0).second == state.second
-    assert differs(state, 1.0, 0.5)
-    assert not differs(state, 1.0, 0.4)
-    assert not differs(state, 1.0)
-    assert differs(state, 1.2, 0.4)
-    rests = replace(state, second=SecondArm(0.0))
-    assert not differs(rests, 1.0, READ_BACK_V)
-    assert differs(rests, 1.0, 1.1 * READ_BACK_V)
+    state = initialize_from_output(BOTH, state, (1.0, 0.4))
+    assert (state.arms[1].voltage_V, state.part_held) == (0.4, False)
+    assert differs(state, (1.0, 0.5))
+    assert not differs(state, (1.0, 0.4))
+    assert differs(state, (1.2, 0.4))
+    rests = with_voltages(state, 1.0, 0.0)
+    assert not differs(rests, (1.0, READ_BACK_V))
+    assert differs(rests, (1.0, 1.1 * READ_BACK_V))
 
 
 def test_a_trip_between_two_ticks_of_lockstep_opens_both() -> None:
     lockstep = dataclasses.replace(BOTH, lockstep=True)
     state, _, _ = handle(lockstep, start(lockstep), Reset(acknowledge=True), 0.0)
-    state = replace(state, second=SecondArm(1.0))
+    state = with_voltages(state, 0.0, 1.0)
     _, _, outputs = handle(lockstep, state, Trip(Cause.ESTOP, release_now=True), 0.0)
-    assert outputs[0] == SetVoltage(0.0, 0.0)
+    assert outputs[0] == SetVoltage((0.0, 0.0))
 
 
 def test_an_arming_takes_over_both_voltages() -> None:
-    assert "second" in SERVICE.state_snapshot
+    assert "arms" in SERVICE.state_snapshot
     state, _ = play(at(1.0, 2.0), (FAILED, 0.01))
     assert "second arm: no answer" in applied_text(
         next(one for one in play(state, (WAKE, 1.0))[1] if isinstance(one, Applied))

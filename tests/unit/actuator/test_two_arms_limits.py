@@ -8,10 +8,10 @@ from msgspec.structs import replace
 
 from pincette.config import ConfigError, RigFile, parse_rig, read_rig
 from pincette.config.reading import laid_over
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.confirmation import begun, found
 from pincette.control.safety.latch import trip
 from pincette.control.safety.monitors import UNSEEN
-from pincette.control.safety.second import SecondArm, SecondLimits
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Arm
 from pincette.core.messages.second import SecondCommand
@@ -19,24 +19,26 @@ from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
 from pincette_actuator.step import start, step
 
-from .bench import CONFIG, EPOCH, OWNER
-from .test_two_arms import BOTH, armed, at, command, of_second, position
+from .bench import ARM, EPOCH, OWNER
+from .test_two_arms import BOTH, armed, at, command, position
 
 
 def test_each_output_puts_out_multiples_of_its_own_step() -> None:
     steps = dataclasses.replace(
         BOTH,
-        voltage=dataclasses.replace(CONFIG.voltage, step_V=0.25),
-        second=SecondLimits(dataclasses.replace(CONFIG.voltage, step_V=0.125), CONFIG.monitors),
+        arms=tuple(
+            dataclasses.replace(ARM, voltage=dataclasses.replace(ARM.voltage, step_V=step_V))
+            for step_V in (0.25, 0.125)
+        ),
     )
     state = armed()
     for inputs, now in ((position(0), 0.0), (command(0, 1.1, SecondCommand(1.1)), 0.004)):
         state, _ = step(steps, state, inputs, now)
-    assert (state.voltage_V, of_second(state).voltage_V) == (1.0, 1.125)
-    back = begun(steps, state, 1.01, 1.13)
-    assert (back.voltage_V, of_second(back).voltage_V) == (1.0, 1.125)
-    back = found(steps, trip(steps, state, Cause.ESTOP, 0.005), 0.76, 0.006, 0.88)
-    assert (back.voltage_V, of_second(back).voltage_V) == (0.75, 0.875)
+    assert (state.arms[0].voltage_V, state.arms[1].voltage_V) == (1.0, 1.125)
+    back = begun(steps, state, (1.01, 1.13))
+    assert (back.arms[0].voltage_V, back.arms[1].voltage_V) == (1.0, 1.125)
+    back = found(steps, trip(steps, state, Cause.ESTOP, 0.005), (0.76, 0.88), 0.006)
+    assert (back.arms[0].voltage_V, back.arms[1].voltage_V) == (0.75, 0.875)
 
 
 @pytest.mark.parametrize(
@@ -48,21 +50,21 @@ def test_a_part_is_let_go_where_either_output_has_let_go(
     safe_V: float, found_V: float, second_V: float, held: bool
 ) -> None:
     limits = dataclasses.replace(BOTH, safe_V=safe_V)
-    assert begun(limits, at(1.0, 2.0, held=True), found_V, second_V).part_held == held
+    assert begun(limits, at(1.0, 2.0, held=True), (found_V, second_V)).part_held == held
 
 
 def test_what_is_no_number_of_the_first_arm_is_refused_however_good_the_second_is() -> None:
     state = armed()
     for inputs, now in ((position(0), 0.0), (command(0, 1e6, SecondCommand(1.0)), 0.004)):
         state, _ = step(BOTH, state, inputs, now)
-    assert (state.voltage_V, of_second(state).voltage_V, state.refused) == (0.0, 0.0, 1)
+    assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
 
 
 def test_an_arming_forgets_what_was_seen_of_the_second_arm() -> None:
     state = replace(at(1.0, 2.0), mode=Mode.IDLE)
-    assert of_second(state).watches != UNSEEN
+    assert state.arms[1].watches != UNSEEN
     again, _, _ = handle(BOTH, state, Arm(EPOCH + 1, OWNER, ""), 1.0)
-    assert again.second == SecondArm(2.0)
+    assert again.arms[1] == ArmOutput(2.0)
 
 
 def rig(*changes: dict[str, object]) -> RigFile:
@@ -74,12 +76,11 @@ def rig(*changes: dict[str, object]) -> RigFile:
 
 def test_limits_of_the_second_arm_are_its_own() -> None:
     made = configure(rig({"second": {"limits": {"voltage_max_V": 3.0}}}))
-    assert made.second is not None
-    assert (made.voltage.max_V, made.second.voltage.max_V) == (4.0, 3.0)
-    assert made.second.monitors == made.monitors
+    first, second = made.arms
+    assert (first.voltage.max_V, second.voltage.max_V) == (4.0, 3.0)
+    assert first.monitors == second.monitors
     made = configure(rig({"second": {"output": {"step_V": 0.0003}}}))
-    assert made.second is not None
-    assert (made.voltage.step_V, made.second.voltage.step_V) == (0.001220703125, 0.0003)
+    assert [arm.voltage.step_V for arm in made.arms] == [0.001220703125, 0.0003]
     with pytest.raises(ConfigError, match=r"safe_V = 0.0 V is outside 0.5..3.0 V of \[second"):
         configure(rig({"second": {"limits": {"voltage_min_V": 0.5, "voltage_max_V": 3.0}}}))
 
@@ -87,4 +88,4 @@ def test_limits_of_the_second_arm_are_its_own() -> None:
 @pytest.mark.parametrize("end", ["voltage_min_V", "voltage_max_V"])
 def test_a_safe_voltage_may_be_at_the_end_of_the_second_range(end: str) -> None:
     made = configure(rig({"safety": {"safe_V": 0.5}, "second": {"limits": {end: 0.5}}}))
-    assert made.safe_V == start(made).voltage_V == 0.5
+    assert made.safe_V == start(made).arms[0].voltage_V == 0.5

@@ -14,7 +14,7 @@ from pincette.cli.main import main
 from pincette.cli.model import show_model, show_proposal
 from pincette.cli.results import show_plan, show_result
 from pincette.cli.watch import follow
-from tests.support.command_line import command_of, parsed, request_of
+from tests.support.command_line import parsed, request_of
 from tests.unit.client import desk
 
 VALUE: dict[str, Any] = {
@@ -117,12 +117,3 @@ def test_who_follows_is_told_once_what_is_waited_for() -> None:
 def test_the_words_of_the_model() -> None:
     assert parsed("model", "use", "3").params["version"] == 3
     assert parsed("model", "accept", "20260301").params["name"] == "20260301"
-
-
-def test_calibrate_is_short_for_a_job() -> None:
-    short = request_of("calibrate", "noise", "--duration-s", "3")
-    assert short == request_of("job", "calibrate", "noise", "--duration-s", "3")
-    for name in ("noise", "compliance"):
-        assert {one.name for one in command_of(["calibrate", name])[0].params} == {
-            one.name for one in command_of(["job", "calibrate", name])[0].params
-        }

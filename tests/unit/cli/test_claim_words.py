@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from pincette.api.access import Claim
+from pincette.api.rigs import Rig
 from pincette.cli import Exit
 from pincette.cli.main import main
 from tests.unit.client import desk
@@ -20,13 +21,14 @@ def test_a_shell_claims_a_rig_and_every_command_sends_its_secret(
 ) -> None:
     monkeypatch.setenv("PINCETTE_CLAIM", "")  # put back at the end, whatever the command sets
     claim = desk.example(Claim)
-    supervisor = at(httpx.Response(200, json=claim), desk.rig(claim=claim), desk.rig())
+    listed = httpx.Response(200, json={"rigs": [desk.example(Rig, claim=claim)]})
+    supervisor = at(httpx.Response(200, json=claim), listed, desk.rig())
     assert main(["claim", "take", "--lease-s", "30", "--note", "night", *AT]) == Exit.DONE
     name, _, secret = capsys.readouterr().out.strip().partition("=")
     assert name == "export PINCETTE_CLAIM"
     assert json.loads(supervisor.asked[-1].content) == {"lease_s": 30.0, "note": "night"}
     monkeypatch.setenv("PINCETTE_CLAIM", secret)
-    assert main(["claim", "show", *AT]) == Exit.DONE
-    assert "claimed by cell-7 for another 42 s: night run" in capsys.readouterr().out
+    assert main(["rigs", "--json"]) == Exit.DONE
+    assert json.loads(capsys.readouterr().out)[0]["claim"] == claim
     assert main(["claim", "give-back", *AT]) == Exit.DONE
     assert {one.headers["x-claim"] for one in supervisor.asked} == {secret}

@@ -50,7 +50,7 @@ def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert ended.value.code == Exit.USAGE
     said = capsys.readouterr().err
     assert "did you mean sensor?" in said
-    assert "router, sila, supervisor" in said
+    assert "router, supervisor" in said
 
 
 def test_certificates_on_the_fly_are_made_for_what_is_composed_then_and_later(

@@ -1,4 +1,4 @@
-"""`pincette drivers` lists what is there, whole or broken, and a missing one is named."""
+"""`pincette doctor --drivers` lists what is there, whole or broken, and a missing one is named."""
 
 import importlib
 import sys
@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pincette.cli.doctor import Driver, installed
+from pincette.cli.catalogue import Driver, installed
 from pincette.cli.main import main
+from pincette.cli.run import program_name
 from pincette.core import plugins
 
 Install = Callable[[str, str, str], None]
@@ -78,7 +79,7 @@ def test_a_driver_may_say_nothing_of_itself(
 ) -> None:
     install("drivers-bare", "bare", OPENER)
     assert found("bare") == Driver("bare", "drivers-bare 2.1", None, ())
-    assert main(["drivers"]) == 0
+    assert main(["doctor", "--drivers"]) == 0
     said = capsys.readouterr().out
     assert (
         "  bare, from drivers-bare 2.1\n"
@@ -105,7 +106,7 @@ def test_a_broken_driver_is_listed_and_breaks_nothing(
     cause: str,
 ) -> None:
     install(distribution, "a_broken_one", source)
-    assert main(["drivers"]) == 0
+    assert main(["doctor", "--drivers"]) == 0
     said = capsys.readouterr().out
     assert f"  a_broken_one, from {distribution} 2.1\n      cannot be used: " in said
     assert f"cannot be imported: {cause}" in said
@@ -114,12 +115,16 @@ def test_a_broken_driver_is_listed_and_breaks_nothing(
 
 
 def test_an_extra_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "sila2", None)
-    monkeypatch.setitem(sys.modules, "sila2.framework", None)
-    for loaded in [name for name in sys.modules if name.startswith("pincette_sila")]:
-        monkeypatch.delitem(sys.modules, loaded)
-    with pytest.raises(plugins.PluginError, match=r"No module named .*; pip install 'pincette\[s"):
-        plugins.load(plugins.PROGRAMS, "sila")
+    def wanted(_name: str) -> list[str]:
+        return ["pincette-sensor9==0.1.0; extra == 'sensor9'", "rich>=15"]
+
+    monkeypatch.setattr(plugins, "requires", wanted)
+    for group in (plugins.PROGRAMS, plugins.POSITION_SENSORS):
+        with pytest.raises(plugins.PluginError, match=r"; pip install 'pincette\[sensor9\]'$"):
+            plugins.load(group, "sensor9")
+    with pytest.raises(ValueError, match=r"not installed: pip install 'pincette\[sensor9\]'$"):
+        program_name("sensor9")
+    assert plugins.installation("rich") == ""
 
 
 def test_a_name_that_two_distributions_give_is_refused(install: Install) -> None:
@@ -139,7 +144,7 @@ def test_a_driver_that_is_not_there_is_named_beside_those_that_are(group: str) -
     there = ", ".join(plugins.names(group))
     assert str(raised.value) == (
         f"no {plugins.DRIVERS[group]} 'none_such' is installed; there are {there}; "
-        "`pincette drivers` lists them"
+        "`pincette doctor --drivers` lists them"
     )
 
 
@@ -147,4 +152,4 @@ def test_another_kind_of_plug_in_is_not_looked_for_among_the_drivers() -> None:
     with pytest.raises(plugins.PluginError) as raised:
         plugins.load(plugins.PROGRAMS, "none_such")
     assert "pincette.programs 'none_such'" in str(raised.value)
-    assert "pincette drivers" not in str(raised.value)
+    assert "pincette doctor --drivers" not in str(raised.value)

@@ -65,12 +65,19 @@ def test_a_key_is_shown_once_and_listed_without_itself(
     assert "revoked" in capsys.readouterr().out
 
 
+def test_a_list_of_lost_keys_fails(tmp_path: Path) -> None:
+    assert keys(tmp_path, "list") == Exit.DONE
+    assert keys(tmp_path, "add", "ann") == Exit.DONE
+    (tmp_path / "keys.json").unlink()
+    assert keys(tmp_path, "list") == Exit.FAILED
+
+
 def test_what_cannot_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert keys(tmp_path, "add", "ann") == Exit.DONE
     assert keys(tmp_path, "add", "ann") == Exit.FAILED
     assert "take another name" in capsys.readouterr().err
     assert keys(tmp_path, "revoke", "bob") == Exit.FAILED
-    assert "no key 'bob' is in force" in capsys.readouterr().err
+    assert "no key or user 'bob' is in force" in capsys.readouterr().err
     assert keys(tmp_path, "add", "eve", "--days", "0") == Exit.USAGE
     assert keys(tmp_path, "add", "Ann (admin)") == Exit.USAGE
     (tmp_path / "supervisor.sqlite").write_text("no journal")

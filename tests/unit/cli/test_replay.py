@@ -39,7 +39,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Recorded:
         def read(path: Path) -> Recording:
             return found[path.stem]
 
-        monkeypatch.setattr("pincette.records.mcap_reading.read", read)
+        monkeypatch.setattr("pincette.engine.replay.recorded.read", read)
 
     return place
 
@@ -57,7 +57,7 @@ def test_a_record_is_repeated_to_the_last_bit(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(list(played())))
-    assert main(["replay", "job"]) == 0
+    assert main(["records", "replay", "job"]) == 0
     count = sum(isinstance(message, Estimate) for message in played())
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["estimator", f"{count}", f"{count}", "0"] in rows
@@ -69,14 +69,14 @@ def test_the_first_difference_is_said(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(wrong()))
-    assert main(["replay", "job", "--service", "estimator", "--json"]) == 1
+    assert main(["records", "replay", "job", "--service", "estimator", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)
     (estimator,) = found["services"]
     assert (estimator["different"], estimator["stopped"]) == (2, "")
     first = estimator["first"]
     assert (first["topic"], first["seq"], first["field"]) == ("estimate", 40, "force_mN")
     assert first["recorded"] - first["replayed"] == pytest.approx(1e-12, rel=1e-3)
-    assert main(["replay", "job", "--service", "estimator"]) == 1
+    assert main(["records", "replay", "job", "--service", "estimator"]) == 1
     assert "estimate 40, force_mN:" in capsys.readouterr().out
 
 
@@ -84,7 +84,7 @@ def test_another_force_leads_to_another_command(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(wrong()), good=recording(list(played())))
-    assert main(["replay", "good", "job", "--json"]) == 1
+    assert main(["records", "replay", "good", "job", "--json"]) == 1
     good, bad = json.loads(capsys.readouterr().out)
     assert (good["record"], bad["record"]) == ("good", "job")
     assert [one["different"] for one in good["services"]] == [0, 0, 0]
@@ -99,7 +99,7 @@ def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFi
         for message in played()
     ]
     recorded(job=recording(turned))
-    assert main(["replay", "job", "--service", "estimator", "--json"]) == 1
+    assert main(["records", "replay", "job", "--service", "estimator", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)
     first = found["services"][0]["first"]
     assert (first["seq"], str(first["recorded"]), str(first["replayed"])) == (0, "-0.0", "0.0")
@@ -108,14 +108,14 @@ def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFi
 def test_what_cannot_be_replayed_is_said(
     recorded: Recorded, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    assert main(["replay", str(tmp_path)]) == 1
+    assert main(["records", "replay", str(tmp_path)]) == 1
     assert "job.mcap cannot be read" in capsys.readouterr().err
     recorded(job=Recording(ABOUT, None, []))
-    assert main(["replay", "job"]) == 1
+    assert main(["records", "replay", "job"]) == 1
     assert "holds no rig.json" in capsys.readouterr().err
     older: list[Message] = [message for message in played() if not isinstance(message, RequestLog)]
     recorded(job=recording(older))
-    assert main(["replay", "job"]) == 1
+    assert main(["records", "replay", "job"]) == 1
     told = capsys.readouterr().out
     for name in ("estimator", "controller", "actuator"):
         assert f"{name}: not repeated from here on: its arming is not in the record" in told

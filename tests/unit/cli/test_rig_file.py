@@ -29,7 +29,7 @@ def test_elsewhere_the_ways_out_are_named(
 ) -> None:
     monkeypatch.delenv("PINCETTE_RIG", raising=False)
     monkeypatch.chdir(tmp_path)
-    assert main(["topics"]) == 1
+    assert main(["doctor", "--topics"]) == 1
     said = capsys.readouterr().err
     assert str(tmp_path) in said
     assert "--rig FILE" in said

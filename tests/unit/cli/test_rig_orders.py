@@ -9,7 +9,7 @@ from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import RefusalError
 from pincette.cli import CliError
 from pincette.cli.main import main
-from pincette.cli.rigs import listing, operation_rows, read
+from pincette.cli.simulated import listing, operation_rows, read
 from pincette.config import parse_rig, read_rig
 from pincette.core.messages import Ack, Message, SimCommand
 from pincette.core.topics import SIM_COMMAND

@@ -16,6 +16,7 @@ from pincette.api.predictions import Margin, Prediction, Violation
 from pincette.api.results import MotionResult
 from pincette.cli import results
 from pincette.cli.results import show_plan, show_result
+from pincette.cli.screen import Screen
 from pincette.cli.watch import follow, left, newest, phase_of, share
 from tests.unit.client import desk
 
@@ -62,7 +63,9 @@ def job_of(**changes: Any) -> Job:
 
 def screen(*, terminal: bool) -> tuple[Console, io.StringIO]:
     out = io.StringIO()
-    return Console(file=out, width=80, force_terminal=terminal, color_system=None), out
+    if not terminal:
+        return Screen(out), out
+    return Console(file=out, width=80, force_terminal=True, color_system=None), out
 
 
 def spaced(text: str) -> str:
@@ -78,8 +81,8 @@ def test_a_result_has_every_figure_with_its_unit() -> None:
         "job j succeeded",
         "hold 6.80 s 4.00 s",
         "outcome gripped",
-        "contact position 30.77 µm",
-        "contact stiffness 2.035 mN/µm",
+        "contact position, mean over the load 30.77 µm",
+        "contact stiffness, mean over the load 2.035 mN/µm",
         "force held 19.34 mN ± 1.59 mN",
         "its ± assumes model.forgotten_mN",
         "force asked for 20.00 mN",
@@ -120,7 +123,7 @@ def test_what_is_not_known_is_said() -> None:
     job = job_of(id="j", state="failed", cause="no_contact: [x]", record=None, result=nothing)
     show_result(job, console)
     assert "no_contact: [x]" in out.getvalue()
-    assert "contact position not known" in spaced(out.getvalue())
+    assert "contact position, mean over the load not known" in spaced(out.getvalue())
     assert "force held not known" in spaced(out.getvalue())
     assert "force asked for 20.00 mN" in spaced(out.getvalue())
 

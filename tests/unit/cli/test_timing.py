@@ -1,6 +1,7 @@
-"""``pincette timing``, and what ``pincette records show`` says of a loop's punctuality."""
+"""``pincette latency --of-rig``, and what ``pincette job show`` says of a loop's punctuality."""
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def test_how_punctual_a_loop_is_is_shown(
 ) -> None:
     told = LoopTiming.model_validate(desk.example(LoopTiming))
     at(httpx.Response(200, json=told.model_dump()))
-    assert main(["timing", *AT]) == Exit.DONE
+    assert main(["latency", "--of-rig", *AT]) == Exit.DONE
     shown = capsys.readouterr().out
     assert [line.split() for line in shown.splitlines()[2:]] == [
         ["estimator", "lateness", "1000", "0.094", "0.310", "0.550", "0.720", "0"],
@@ -33,13 +34,17 @@ def test_how_punctual_a_loop_is_is_shown(
     ]
     silent: dict[str, Any] = {"programs": [], "silent": {"sensor": "in lockstep no clock is kept"}}
     at(httpx.Response(200, json=silent))
-    assert main(["timing", *AT]) == Exit.FAILED
+    assert main(["latency", "--of-rig", *AT]) == Exit.FAILED
     assert capsys.readouterr().out == "sensor: in lockstep no clock is kept\n"
     content = told.model_dump_json().encode()
     (tmp_path / "timing.json").write_bytes(content)
     sha256 = hashlib.sha256(content).hexdigest()
     file = desk.example(Artifact, name="timing.json", sha256=sha256)
     listed = httpx.Response(200, json={"artifacts": [file]})
-    at(desk.job(), listed, listed, httpx.Response(200, content=content))
-    assert main(["records", "show", NAME]) == Exit.DONE
+    replies = [desk.job(record="data/j"), listed, listed, httpx.Response(200, content=content)]
+    at(*replies)
+    assert main(["job", "show", NAME]) == Exit.DONE
     assert "estimator   execution" in capsys.readouterr().out
+    at(*replies[:2])
+    assert main(["job", "show", NAME, "--json"]) == Exit.DONE
+    assert json.loads(capsys.readouterr().out)["files"] == [file]

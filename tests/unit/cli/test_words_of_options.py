@@ -15,17 +15,27 @@ from pincette.cli.main import main
 def test_an_option_without_its_unit_is_refused(
     given: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["job", "grip", given, "15", "--dry-run"]) == 2
+    assert main(["job", "grip", given, "15"]) == 2
     told = capsys.readouterr().err
     assert "No such option" in told
     assert meant in told
 
 
-def test_the_start_of_an_option_without_a_unit_is_enough(
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize(
+    "words",
+    [["job", "grip", "--no-wai"], ["estop", "--rig-nam", "demo"], ["run", "rig", "--dat=."]],
+)
+def test_an_option_cannot_be_abbreviated(
+    words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["job", "grip", "--dry-r", "--url", "http://127.0.0.1:9"]) == 3
-    assert "no supervisor answers" in capsys.readouterr().err
+    assert main(words) == 2
+    assert "No such option" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["grip", "track", "calibrate"])
+def test_a_kind_of_job_is_no_command(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([kind]) == 2
+    assert f"pincette job {kind}" in capsys.readouterr().err
 
 
 def test_a_rig_file_is_not_taken_for_the_name_of_a_rig(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ import pytest
 from pincette.api.jobs import Job
 from pincette.api.plans import Plan
 from pincette.api.problems import REMEDIES
+from pincette.cli.bring_up import path_warnings
 from pincette.client import ForeignAnswerError, NoAnswerError, ProblemError, WaitTimeoutError
 from pincette.client.errors import RAISED
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -153,6 +154,13 @@ def test_a_plan_is_asked_for_without_a_job() -> None:
     assert isinstance(plan, Plan)
     assert supervisor.asked[0].url.params["dry_run"] == "true"
     assert "Idempotency-Key" not in supervisor.asked[0].headers
+
+
+def test_bring_up_shows_the_warnings_of_the_rig_s_own_path() -> None:
+    warned = {**desk.example(Plan), "warnings": ["fit an RC of 3.3 ms"]}
+    supervisor = Desk(httpx.Response(200, json=warned))
+    assert path_warnings(supervisor.supervisor().rig("demo")) == ["fit an RC of 3.3 ms"]
+    assert json.loads(supervisor.asked[0].content)["kind"] == "track"
 
 
 def test_why_a_rig_cannot_start() -> None:

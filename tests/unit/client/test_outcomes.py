@@ -3,14 +3,12 @@
 from typing import get_args
 
 import pytest
-from mcp.server.mcpserver.exceptions import ToolError
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.jobs import Job
 from pincette.api.results import OutcomeCode, PositionStep
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.client import JobEndedError
-from pincette.mcp.server import told
 from pincette_supervisor.results.job_table import csv_of, table_of
 from tests.unit.client.desk import example
 
@@ -33,13 +31,6 @@ def test_a_client_gets_the_code_of_a_job_that_has_failed(outcome: str) -> None:
 def test_a_job_without_a_result_has_no_outcome() -> None:
     without = Job.model_validate(example(Job, state="failed", result=None))
     assert JobEndedError("job x failed", without).outcome == ""
-
-
-@pytest.mark.parametrize("outcome", BAD)
-def test_an_agent_is_told_the_code(outcome: str) -> None:
-    error = JobEndedError("job x failed", ended(outcome))
-    with pytest.raises(ToolError, match=rf"^job-failed \({outcome}\): "), told():
-        raise error
 
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pincette.control.laws.parameters import Gain, LawSpec
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Press
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import LARGEST, LARGEST_INT, LAST_SEQ
 from pincette.core.codec import MAX_BYTES, decode, encode
@@ -29,7 +30,7 @@ FAULTS = st.none() | st.builds(
 POSITIONS = st.builds(Position, EPOCH, SEQ, T_S, X_UM, st.booleans(), FAULTS)
 COMMANDS = st.builds(Command, EPOCH, SEQ, EPOCH, VOLTAGE_V, *[st.booleans() for _ in range(4)])
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
-LOAD = Load(Program((Segment("hold", "force", None, force_to_mN=20.0),), GUARDS, 2.17))
+LOAD = Load(Program((Press("hold", None, to_mN=20.0),), GUARDS, 2.17))
 POSITION = Position(7, 3, 0.06, 12.5, True)
 
 
@@ -58,7 +59,7 @@ LAWS = st.builds(
 
 @given(st.lists(LAWS, max_size=4))
 def test_the_laws_of_a_program_travel_unchanged(laws: list[LawSpec]) -> None:
-    segments = (Segment("load", "force", 1.0, force_to_mN=20.0, law=len(laws)),)
+    segments = (Press("load", 1.0, law=len(laws), to_mN=20.0),)
     load = Load(replace(LOAD.program, segments=segments, laws=tuple(laws)))
     assert decode(Load, encode(load)) == load
 

@@ -7,7 +7,8 @@ from msgspec.structs import replace
 from pincette.control.arm.plant import PROMPT, consistent_arm, discretize
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.laws.definition import LawSettings
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
@@ -53,13 +54,13 @@ QUIET = Estimate(
 def program(laws: tuple[LawSettings, ...] = (), **of: int) -> Program:
     """A grip; ``of`` names the law of a phase."""
     segments = (
-        Segment("zero", "zero", 0.1),
-        Segment("approach", "free", 0.6, x_to_um=10.0),
-        Segment("contact", "seek", 1.0, x_to_um=14.0),
-        Segment("load", "force", 0.6, force_to_mN=20.0),
-        Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
-        Segment("unload", "force", 0.6, force_to_mN=0.0),
-        Segment("retreat", "free", 0.6, x_to_um=0.0),
+        Rest("zero", 0.1),
+        Move("approach", 0.6, to_um=(10.0,)),
+        Seek("contact", 1.0, to_um=(14.0,)),
+        Press("load", 0.6, to_mN=20.0),
+        Press("hold", 0.4, to_mN=20.0, move_s=0.2),
+        Press("unload", 0.6, to_mN=0.0),
+        Move("retreat", 0.6, to_um=(0.0,)),
     )
     chosen = tuple(replace(segment, law=of.get(segment.phase, 0)) for segment in segments)
     return Program(chosen, GUARDS, K_E, tuple(law.spec() for law in laws))

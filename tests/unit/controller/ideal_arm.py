@@ -3,8 +3,10 @@
 import pytest
 from msgspec.structs import replace
 
+from pincette.control.planning.contact_line import LoadLine
 from pincette.control.planning.path_shapes import sinusoid
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move, Press, Rest, Seek, Track
 from pincette.core.faults import Fault
 from pincette.core.messages import Estimate
 from pincette_controller.player import advance, begin
@@ -15,13 +17,13 @@ K_E = 2.0
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
 PROGRAM = Program(
     (
-        Segment("zero", "zero", 0.1, guarded=True),
-        Segment("approach", "free", 0.4, x_to_um=10.0, guarded=True),
-        Segment("contact", "seek", 1.0, x_to_um=14.0),
-        Segment("load", "force", 0.4, force_to_mN=20.0),
-        Segment("hold", "force", 0.4, force_to_mN=20.0, move_s=0.2),
-        Segment("unload", "force", 0.4, force_to_mN=0.0),
-        Segment("retreat", "free", 0.4, x_to_um=0.0, guarded=True),
+        Rest("zero", 0.1, guarded=True),
+        Move("approach", 0.4, guarded=True, to_um=(10.0,)),
+        Seek("contact", 1.0, to_um=(14.0,)),
+        Press("load", 0.4, to_mN=20.0),
+        Press("hold", 0.4, to_mN=20.0, move_s=0.2),
+        Press("unload", 0.4, to_mN=0.0),
+        Move("retreat", 0.4, guarded=True, to_um=(0.0,)),
     ),
     GUARDS,
     K_E,
@@ -31,13 +33,19 @@ TRACK = replace(
     PROGRAM,
     segments=(
         *PROGRAM.segments[:4],
-        Segment("load", "force", 0.4, force_to_mN=10.0),
-        Segment("settle", "force", 0.4, force_to_mN=10.0, move_s=0.2),
-        Segment("track", "path", SWING.duration_s, path=SWING),
+        Press("load", 0.4, to_mN=10.0),
+        Press("settle", 0.4, to_mN=10.0, move_s=0.2),
+        Track("track", SWING.duration_s, force=SWING),
         *PROGRAM.segments[5:],
     ),
 )
 BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, None, 0.0, 0, 0, False, False, True)
+
+
+def line_of(player: Player) -> LoadLine:
+    """Return the contact line that the references follow."""
+    assert player.entry.line is not None
+    return player.entry.line
 
 
 class Arm:
@@ -53,12 +61,12 @@ class Arm:
         self.lost = False
         self.uncertainty_mN = BLANK.force_uncertainty_mN
         self.zeroed: float | None = None
-        self.player: Player = begin(program, 0.0)
+        self.player: Player = begin(program, BLANK, T)
         self.phases: list[str] = []
         self.seq = 0
 
     def estimate(self) -> Estimate:
-        x = self.player.x_r_um
+        x = self.player.ref.x_um
         force = 0.0 if self.lost else self.stiffness * max(0.0, x - self.contact_um)
         age = None if self.zeroed is None else (self.seq - self.zeroed) * T
         return replace(

@@ -3,17 +3,19 @@
 import pytest
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.conditioning import conditioning
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Move, Ramp
 from pincette.core.faults import Fault, FaultCode
 from pincette_controller.actions import keep, let_go, may_keep, pause, release, retract, stop, waits
-from pincette_controller.player import advance
+from pincette_controller.player import advance, begin
 
 from .ideal_arm import BLANK, GUARDS, PROGRAM, Arm, T
 
 KEEPS = Program(
     (
-        Segment("hold", "voltage", None),
-        Segment("unload", "voltage", 0.4, voltage_to_V=0.0),
+        Drive("hold", None),
+        Drive("unload", 0.4, courses=(Ramp(0.0),)),
     ),
     GUARDS,
     1.0,
@@ -21,9 +23,9 @@ KEEPS = Program(
 )
 MOVES = Program(
     (
-        Segment("zero", "voltage", 0.1, zeroes=True),
-        Segment("move", "free", 0.6, x_to_um=14.0, guarded=True),
-        Segment("rest", "free", 0.2, x_to_um=14.0, guarded=True),
+        Drive("zero", 0.1, zeroes=True),
+        Move("move", 0.6, guarded=True, to_um=(14.0,)),
+        Move("rest", 0.2, guarded=True, to_um=(14.0,)),
     ),
     replace(GUARDS, zero_needed=False),
     1.0,
@@ -37,7 +39,7 @@ def test_let_go_unloads_and_ends_where_the_arm_is_then() -> None:
     arm.until()
     assert arm.phases[-1] == "unload"
     assert (arm.player.outcome, arm.player.held) == ("stopped", False)
-    assert arm.player.x_r_um == pytest.approx(12.0)
+    assert arm.player.ref.x_um == pytest.approx(12.0)
 
 
 def test_retract_goes_back_with_a_part_and_without_one() -> None:
@@ -52,7 +54,7 @@ def test_retract_goes_back_with_a_part_and_without_one() -> None:
     arm.player = retract(PROGRAM, arm.player)
     arm.until()
     assert arm.phases[-2:] == ["contact", "retreat"]
-    assert arm.player.x_r_um == pytest.approx(0.0)
+    assert arm.player.ref.x_um == pytest.approx(0.0)
 
 
 def test_retract_without_a_retreat_is_a_stop() -> None:
@@ -74,35 +76,34 @@ def test_a_part_is_kept_only_at_rest_and_stays_held() -> None:
 
 
 def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> None:
-    arm = Arm(program=KEEPS)
     at_V = replace(BLANK, applied_V=2.5)
-    player = replace(arm.player, applied_V=2.5, from_V=2.5, voltage_V=2.5)
+    player = begin(KEEPS, replace(BLANK, applied_V=2.5), T)
     assert not waits(player)
     for _ in range(100):
         player = advance(KEEPS, player, at_V, T)
-        assert (player.voltage_V, player.held, player.ended) == (2.5, True, False)
+        assert (player.ref.voltages_V[0], player.held, player.ended) == (2.5, True, False)
     player = release(KEEPS, player)
     voltages: list[float] = []
     while not player.ended:
         assert player.held
         player = advance(KEEPS, player, at_V, T)
-        voltages.append(player.voltage_V)
+        voltages.append(player.ref.voltages_V[0])
     assert (player.outcome, player.held) == ("released", False)
     assert voltages[-1] == pytest.approx(0.0)
     assert voltages == sorted(voltages, reverse=True)
 
 
 def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
-    player = replace(Arm(program=KEEPS).player, applied_V=2.5, voltage_V=2.5)
+    player = begin(KEEPS, replace(BLANK, applied_V=2.5), T)
     player = stop(pause(player))
     for _ in range(50):
         player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
-    assert (player.voltage_V, player.held, player.outcome) == (2.5, True, "stopped")
+    assert (player.ref.voltages_V[0], player.held, player.outcome) == (2.5, True, "stopped")
     player = let_go(KEEPS, player)
     while not player.ended:
         player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
     assert (player.outcome, player.held) == ("stopped", False)
-    assert player.voltage_V == pytest.approx(0.0)
+    assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
 def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
@@ -122,9 +123,10 @@ def test_a_move_that_meets_something_goes_back(refused: bool) -> None:
     arm.until()
     assert (arm.phases[-1], arm.player.outcome) == ("stopping", "contact")
     # 2 mN and 0.1 mN of uncertainty on 2 mN/µm, three samples.
-    assert arm.player.touch_x_um == pytest.approx(13.5, abs=0.5)
-    assert arm.player.touch_mN == pytest.approx(3.0, abs=1.0)
-    assert arm.player.x_r_um == pytest.approx(0.0)
+    assert arm.player.touch is not None
+    assert arm.player.touch.x_um == pytest.approx(13.5, abs=0.5)
+    assert arm.player.touch.force_mN == pytest.approx(3.0, abs=1.0)
+    assert arm.player.ref.x_um == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("phase", ["zero", "approach"])
@@ -136,10 +138,24 @@ def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: 
         met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
         assert arm.player.outcome == ""
         arm.player = advance(arm.program, arm.player, met, T)
-    assert (arm.player.outcome, arm.player.touch_x_um) == ("contact", 5.0)
+    assert arm.player.touch is not None
+    assert (arm.player.outcome, arm.player.touch.x_um) == ("contact", 5.0)
     arm.until()
     assert arm.player.outcome == "contact"
-    assert arm.player.x_r_um == pytest.approx(0.0)
+    assert arm.player.ref.x_um == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("touch_mN", [2.5, 1.5, -2.5])
+def test_an_arm_that_is_pressed_before_its_strokes_makes_none(touch_mN: float) -> None:
+    strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
+    program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
+    player = begin(program, replace(BLANK, applied_V=-0.4), T)
+    pressed = replace(BLANK, touch_x_um=-8.0, touch_mN=touch_mN, applied_V=-0.4)
+    for _ in range(GUARDS.contact_samples):
+        assert player.outcome == ""
+        player = advance(program, player, pressed, T)
+    assert player.outcome == ("contact" if touch_mN >= GUARDS.contact_force_mN else "")
+    assert player.ref.voltages_V == (-0.4,)
 
 
 def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
@@ -162,7 +178,7 @@ def test_what_holds_the_arm_from_behind_is_let_go() -> None:
     assert arm.player.outcome == "contact"
     while not arm.player.ended:
         arm.player = advance(MOVES, arm.player, held, T)
-    assert arm.player.x_r_um > 4.0
+    assert arm.player.ref.x_um > 4.0
 
 
 def test_a_press_that_still_lasts_as_the_way_back_begins_is_no_touch() -> None:
@@ -185,22 +201,24 @@ def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
 
 def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> None:
     segments = (
-        Segment("zero", "voltage", 0.1, zeroes=True, guarded=True),
-        Segment("move", "voltage", 1.0, voltage_to_V=1.0, guarded=True),
+        Drive("zero", 0.1, guarded=True, zeroes=True),
+        Drive("move", 1.0, guarded=True, courses=(Ramp(1.0),)),
     )
     program = replace(MOVES, segments=segments)
     player, highest_V = Arm(program=program).player, 0.0
     for tick in range(200):
-        touch_mN = 5.0 if player.voltage_V > 0.5 else None
+        touch_mN = 5.0 if player.ref.voltages_V[0] > 0.5 else None
         age_s = None if tick < 6 else T * (tick - 6)
-        sample = replace(BLANK, touch_mN=touch_mN, zero_age_s=age_s, applied_V=player.voltage_V)
+        sample = replace(
+            BLANK, touch_mN=touch_mN, zero_age_s=age_s, applied_V=player.ref.voltages_V[0]
+        )
         player = advance(program, player, sample, T)
-        highest_V = max(highest_V, player.voltage_V)
+        highest_V = max(highest_V, player.ref.voltages_V[0])
         if player.ended:
             break
     assert (player.segment.phase, player.outcome) == ("stopping", "contact")
     assert 0.5 < highest_V < 0.7
-    assert player.voltage_V == pytest.approx(0.0)
+    assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
 
 def test_a_touch_below_the_contact_force_is_none() -> None:

@@ -4,7 +4,8 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.control.planning.paths import Knot, Path
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Follow, Move, PlayedSweep, Segment
 from pincette.control.planning.sweep import Sweep
 from pincette.core.faults import Acted, ActionCode
 from pincette.core.messages import Action
@@ -26,7 +27,7 @@ def plays(*segments: Segment) -> Bench:
 
 
 def test_a_voltage_path_is_put_out_as_it_is() -> None:
-    bench = plays(Segment("rise", "voltage", 0.4, path=ramp(0.3)))
+    bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)))
     last = bench.until()
     asked = [tick.command.voltage_V for tick in bench.ticks[:-1]]
     path = ramp(0.3)
@@ -38,18 +39,16 @@ def test_a_voltage_path_is_put_out_as_it_is() -> None:
 
 def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
     bench = plays(
-        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
-        Segment("more", "voltage", 0.4, path=ramp(0.2, relative=True)),
-        Segment("rest", "voltage", 0.2),
+        Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
+        Drive("more", 0.4, courses=(Follow(ramp(0.2, relative=True)),)),
+        Drive("rest", 0.2),
     )
     bench.until()
     assert bench.applied_V == pytest.approx(0.5)
 
 
 def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
-    bench = plays(
-        Segment("rise", "voltage", 0.4, path=ramp(0.3)), Segment("hang 5 mN", "voltage", None)
-    )
+    bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)), Drive("hang 5 mN", None))
     with pytest.raises(RefusedError, match="waits for nobody"):
         handle(CONFIG, bench.state, Action(ActionCode.CONTINUE), 0.0)
     bench.until("hang 5 mN")
@@ -63,9 +62,9 @@ def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
 
 def test_a_sweep_goes_with_every_command_of_its_segment_and_with_no_other() -> None:
     bench = plays(
-        Segment("rest", "voltage", 0.1),
-        Segment("sweep", "sweep", SWEEP.duration_s, sweep=SWEEP),
-        Segment("calm", "voltage", 0.1),
+        Drive("rest", 0.1),
+        PlayedSweep("sweep", SWEEP.duration_s, sweep=SWEEP),
+        Drive("calm", 0.1),
     )
     bench.until()
     carried = [tick.command.sweep for tick in bench.ticks]
@@ -76,8 +75,8 @@ def test_a_sweep_goes_with_every_command_of_its_segment_and_with_no_other() -> N
 
 def test_a_law_takes_over_without_a_jump() -> None:
     bench = plays(
-        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
-        Segment("retreat", "free", 0.6, x_to_um=0.0),
+        Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
+        Move("retreat", 0.6, to_um=(0.0,)),
     )
     bench.until("retreat")
     steps = [
@@ -93,9 +92,9 @@ def test_a_law_takes_over_without_a_jump() -> None:
 @pytest.mark.parametrize("phase", ["rise", "sweep", "hang"])
 def test_a_stop_ends_what_plays(phase: str) -> None:
     bench = plays(
-        Segment("rise", "voltage", 0.4, path=ramp(0.3)),
-        Segment("sweep", "sweep", SWEEP.duration_s, sweep=SWEEP),
-        Segment("hang", "voltage", None),
+        Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)),
+        PlayedSweep("sweep", SWEEP.duration_s, sweep=SWEEP),
+        Drive("hang", None),
     )
     bench.until(phase)
     bench.state, _, _ = handle(CONFIG, bench.state, Action(ActionCode.STOP), 0.0)
@@ -109,8 +108,8 @@ def test_a_stop_ends_what_plays(phase: str) -> None:
 @pytest.mark.parametrize("own_retreat", [True, False])
 def test_beyond_a_limit_of_position_the_arm_goes_back(own_retreat: bool) -> None:
     """Nothing else watches the position while no law holds."""
-    retreat = (Segment("retreat", "free", 0.6, x_to_um=0.0),) if own_retreat else ()
-    segments = (Segment("rise", "voltage", 0.4, path=ramp(0.5)), Segment("rest", "voltage", 5.0))
+    retreat = (Move("retreat", 0.6, to_um=(0.0,)),) if own_retreat else ()
+    segments = (Drive("rise", 0.4, courses=(Follow(ramp(0.5)),)), Drive("rest", 5.0))
     guards = replace(GUARDS, position_min_um=-5.0, position_max_um=8.0)
     bench = Bench(Program((*segments, *retreat), guards, 2.0))
     last = bench.until()

@@ -5,7 +5,7 @@ from math import nan
 import pytest
 from msgspec.structs import replace
 
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Drive, Ramp, Seek
 from pincette.control.safety.monitors import UNSEEN, finding
 from pincette.core.codec import decode, encode
 from pincette.core.faults import Cause
@@ -108,8 +108,8 @@ def test_what_a_command_knows_of_its_sample() -> None:
 
 def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> None:
     segments = (
-        Segment("contact", "seek", 1.0, x_to_um=14.0),
-        Segment("hold", "voltage", 0.6, voltage_to_V=0.0),
+        Seek("contact", 1.0, to_um=(14.0,)),
+        Drive("hold", 0.6, courses=(Ramp(0.0),)),
     )
     soft = replace(
         program(),

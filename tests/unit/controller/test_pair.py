@@ -1,6 +1,7 @@
 """Programs of two arms: their phases, what ends them early, and the actions on them."""
 
 import dataclasses
+from math import inf, nan
 
 import pytest
 from msgspec import UNSET
@@ -16,11 +17,13 @@ from pincette.control.planning.pair_plan import (
     track_program,
 )
 from pincette.control.planning.path_shapes import sinusoid
-from pincette.control.planning.program import Program, Segment
-from pincette.core.faults import ActionCode, Outcome
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Move, Stay
+from pincette.core.faults import ActionCode, FaultCode, Outcome
 from pincette.core.messages import Command, Estimate, Load, Telemetry
 from pincette.core.service import RefusedError
 from pincette_controller import SERVICE
+from pincette_controller.outputs import number_out_of_bounds
 from tests.support.rigs import DEMO
 from tests.unit.controller.ideal_pair import (
     GAP_UM,
@@ -129,6 +132,40 @@ def test_an_arm_that_looks_for_the_part_presses_little_more_than_its_touch(
     assert max(pressed_mN) < 1.2
 
 
+def early(*, centred: bool) -> Program:
+    """Return a grip whose plan expects the part 1.8 µm farther on, with a tolerance of 1.5 µm."""
+    contacts_um = (NEAR_UM + 1.8, GAP_UM - NEAR_UM + 1.8)
+    expected = dataclasses.replace(request(centred=centred), contacts_um=contacts_um)
+    return grip_program(expected, PairHold(hold_s=0.4), STARTS_UM, MOST_MN)
+
+
+@pytest.mark.parametrize("centred", [False, True])
+@pytest.mark.parametrize("arm", [0, 1])
+def test_a_part_found_before_its_place_by_an_unconfirmed_zero_is_not_loaded(
+    arm: int, centred: bool
+) -> None:
+    pair = IdealPair(early(centred=centred))
+
+    def unconfirmed(estimate: Estimate) -> Estimate:
+        if arm == 0:
+            return replace(estimate, zero_unconfirmed=estimate.zero_age_s is not None)
+        return with_second(estimate, zero_unconfirmed=estimate.zero_age_s is not None)
+
+    pair.change = unconfirmed
+    told = pair.play()
+    assert told[-1].outcome == Outcome.CONTACT
+    assert not any(each.held for each in told)
+    assert "load" not in phases(told)
+    assert told[-1].touch_x_um == pytest.approx((NEAR_UM, GAP_UM - NEAR_UM)[arm], abs=0.3)
+    assert told[-1].touch_mN is not None
+    assert told[-1].touch_mN >= request().contact_force_mN
+
+
+@pytest.mark.parametrize("centred", [False, True])
+def test_a_part_found_before_its_place_by_a_confirmed_zero_is_loaded(centred: bool) -> None:
+    assert IdealPair(early(centred=centred)).play()[-1].outcome == Outcome.GRIPPED
+
+
 def test_the_way_to_a_part_goes_on_until_its_touch_shows() -> None:
     """A touch of F keeps an arm s·F behind its free way, also that of the part farthest off."""
     compliant = dataclasses.replace(request(), compliances_um_per_mN=(0.46, 0.5))
@@ -222,6 +259,23 @@ def test_what_the_second_arm_meets_on_its_free_way_turns_both_back() -> None:
     assert told[-1].phase == "retreat"
 
 
+@pytest.mark.parametrize("arm", [0, 1])
+def test_two_arms_of_which_one_is_pressed_before_its_strokes_make_none(arm: int) -> None:
+    strokes = Drive("condition", 0.1, guarded=True, courses=(Stay(), Stay()))
+    program = grip()
+    pair = IdealPair(replace(program, segments=(strokes, *program.segments)))
+
+    def pressed(estimate: Estimate) -> Estimate:
+        if arm == 0:
+            return replace(estimate, touch_x_um=1.0, touch_mN=3.0)
+        return with_second(estimate, touch_x_um=1.0, touch_mN=3.0)
+
+    pair.change = pressed
+    told = [pair.tick()[1] for _ in range(4)]
+    assert told[-1].outcome == Outcome.CONTACT
+    assert pair.voltages_V == (0.0, 0.0)
+
+
 def carry() -> IdealPair:
     guards = pair_guards(request(), MOST_MN)
     pair = IdealPair(carry_program(3.0, 20.0, guards, release_s=0.5, safe_V=0.0))
@@ -258,7 +312,7 @@ def test_a_program_is_for_as_many_arms_as_the_rig_has() -> None:
     with pytest.raises(RefusedError, match="for two arms, and this rig has one"):
         SERVICE.handle(one_arm, SERVICE.start(one_arm), Load(grip()), 0.0)
     two_arms = SERVICE.configure(RIG)
-    segment = Segment("approach", "free", 1.0, x_to_um=1.0)
+    segment = Move("approach", 1.0, to_um=(1.0,))
     program = Program((segment,), pair_guards(request(), MOST_MN), 1.0)
     with pytest.raises(RefusedError, match="for one arm, and this rig has two"):
         SERVICE.handle(two_arms, SERVICE.start(two_arms), Load(program), 0.0)
@@ -269,3 +323,18 @@ def test_each_command_is_for_both_arms() -> None:
     command = pair.tick()[0]
     assert isinstance(command, Command)
     assert command.second is not UNSET
+
+
+@pytest.mark.parametrize("number", ["x_um", "x_r_um", "x_d_um", "force_mN", "place_r_um"])
+@pytest.mark.parametrize("value", [nan, inf, -1e300])
+def test_a_number_of_the_second_arm_that_no_decoder_takes_is_a_fault(
+    number: str, value: float
+) -> None:
+    _, telemetry = IdealPair(grip()).tick()
+    assert telemetry.second is not UNSET
+    assert number_out_of_bounds(telemetry) is None
+    wrong = replace(telemetry, second=replace(telemetry.second, **{number: value}))
+    found = number_out_of_bounds(wrong)
+    assert found is not None
+    assert found.code is FaultCode.LAW_NUMBER
+    assert [item.name for item in found.values] == [f"second.{number}"]

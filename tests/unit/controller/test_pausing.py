@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pincette.control.planning.path_shapes import sinusoid, steps
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Follow, Move, Track
 from pincette_controller.actions import pause, resume, stop
 
 from .ideal_arm import PROGRAM, SWING, TRACK, Arm, T
@@ -16,7 +17,7 @@ Reference = tuple[int, int, float, float]
 
 def reference(arm: Arm) -> Reference:
     player = arm.player
-    return player.index, player.ticks, player.x_r_um, player.force_r_mN
+    return player.index, player.ticks, player.ref.x_um, player.ref.force_mN
 
 
 def paused(arm: Arm, most: int = 200) -> Arm:
@@ -24,7 +25,7 @@ def paused(arm: Arm, most: int = 200) -> Arm:
     arm.player = pause(arm.player)
     for _ in range(most):
         arm.tick()
-        if arm.player.paused:
+        if arm.player.pause.active:
             return arm
     pytest.fail(f"no pause began; it went {arm.phases}")
 
@@ -72,7 +73,7 @@ def test_in_every_phase_a_pause_begins_at_the_next_rest(
     before = arm.player
     for _ in range(100):
         arm.tick()
-    assert reference(arm) == (before.index, before.ticks, before.x_r_um, before.force_r_mN)
+    assert reference(arm) == (before.index, before.ticks, before.ref.x_um, before.ref.force_mN)
     arm.player = resume(arm.player)
     arm.until()
     assert arm.player.outcome == "gripped"
@@ -95,31 +96,31 @@ def test_steps_pause_in_their_dwell_and_a_voltage_where_it_rests() -> None:
         TRACK,
         segments=(
             *TRACK.segments[:6],
-            Segment("track", "path", levels.duration_s, path=levels),
+            Track("track", levels.duration_s, force=levels),
             *TRACK.segments[7:],
         ),
     )
     arm = Arm(program=program)
     arm.until("track")
-    while arm.player.force_r_mN == 10.0:
+    while arm.player.ref.force_mN == 10.0:
         arm.tick()
     paused(arm)
-    assert arm.player.force_r_mN == pytest.approx(15.0)
+    assert arm.player.ref.force_mN == pytest.approx(15.0)
     swing = sinusoid("voltage", 0.5, 1.0, 0.5, 2)
     program = Program(
-        (Segment("swing", "voltage", swing.duration_s, path=swing),), PROGRAM.guards, 2.0
+        (Drive("swing", swing.duration_s, courses=(Follow(swing),)),), PROGRAM.guards, 2.0
     )
     arm = Arm(program=program)
     for _ in range(110):
         arm.tick()
     paused(arm)
-    assert arm.player.voltage_V in (
+    assert arm.player.ref.voltages_V[0] in (
         pytest.approx(swing.mean + swing.amplitude, abs=1e-3),
         pytest.approx(swing.mean - swing.amplitude, abs=1e-3),
     )
-    resting_V = arm.player.voltage_V
+    resting_V = arm.player.ref.voltages_V[0]
     arm.tick()
-    assert arm.player.voltage_V == resting_V
+    assert arm.player.ref.voltages_V[0] == resting_V
 
 
 @pytest.mark.parametrize("phase", ["approach", "load", "hold", "unload"])
@@ -127,33 +128,33 @@ def test_a_stop_out_of_a_pause_moves_nothing(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     paused(arm)
-    x_r_um, force_r_mN, held = arm.player.x_r_um, arm.player.force_r_mN, arm.player.held
+    x_r_um, force_r_mN, held = arm.player.ref.x_um, arm.player.ref.force_mN, arm.player.held
     arm.player = stop(arm.player)
     for _ in range(100):
         arm.tick()
-        assert (arm.player.x_r_um, arm.player.force_r_mN) == (x_r_um, force_r_mN)
+        assert (arm.player.ref.x_um, arm.player.ref.force_mN) == (x_r_um, force_r_mN)
         if arm.player.ended:
             break
     assert arm.player.held == held
     assert arm.player.ended == (not held)
-    assert (arm.player.outcome, arm.player.paused) == ("stopped", False)
+    assert (arm.player.outcome, arm.player.pause.active) == ("stopped", False)
 
 
 def test_a_stop_at_the_turning_point_of_a_path_moves_nothing() -> None:
     swing = sinusoid("position", 5.0, 4.0, 2.0, 1)
     segments = (
-        Segment("approach", "free", 0.4, x_to_um=5.0),
-        Segment("track", "path", swing.duration_s, path=swing),
+        Move("approach", 0.4, to_um=(5.0,)),
+        Track("track", swing.duration_s, force=swing),
     )
     arm = Arm(contact_um=99.0, program=replace(PROGRAM, segments=segments))
     arm.until("track")
     for _ in range(5):
         arm.tick()
     paused(arm)
-    x_r_um = arm.player.x_r_um
+    x_r_um = arm.player.ref.x_um
     arm.player = stop(arm.player)
     arm.until()
-    assert arm.player.x_r_um == x_r_um
+    assert arm.player.ref.x_um == x_r_um
 
 
 @pytest.mark.parametrize("phase", ["load", "hold"])
@@ -163,10 +164,10 @@ def test_a_part_lost_in_a_pause_ends_it(phase: str) -> None:
     paused(arm)
     arm.lost = True
     for _ in range(5):
-        assert arm.player.paused
+        assert arm.player.pause.active
         arm.tick()
     assert (arm.player.segment.phase, arm.player.outcome) == ("retreat", "lost")
-    assert (arm.player.held, arm.player.paused) == (False, False)
+    assert (arm.player.held, arm.player.pause.active) == (False, False)
 
 
 def test_a_wish_that_is_taken_back_leaves_no_trace() -> None:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive
 from pincette.core.faults import Acted, ActionCode
 from pincette.core.messages import Ack, Action
 from pincette.core.service import RefusedError
@@ -139,7 +140,7 @@ def test_what_has_nothing_to_act_on_is_refused_with_the_reason() -> None:
 
 
 def test_a_wait_that_is_paused_wants_a_resume_first() -> None:
-    bench = Bench(Program((Segment("hang 5 mN", "voltage", None),), GUARDS, 2.0))
+    bench = Bench(Program((Drive("hang 5 mN", None),), GUARDS, 2.0))
     bench.tick()
     ask(bench, "pause")
     assert bench.tick().telemetry.paused

@@ -3,13 +3,12 @@
 import pytest
 from msgspec.structs import replace
 
-from pincette.control.planning.path_shapes import sinusoid
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Press
 from pincette.core.faults import Fault, FaultCode
 from pincette_controller.actions import release, stop
 from pincette_controller.player import advance, begin
 
-from .ideal_arm import BLANK, PROGRAM, SWING, TRACK, Arm, T
+from .ideal_arm import BLANK, K_E, PROGRAM, SWING, TRACK, Arm, T, line_of
 
 
 def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
@@ -17,7 +16,7 @@ def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
     arm.until()
     assert arm.phases == ["zero", "approach", "contact", "load", "hold", "unload", "retreat"]
     assert arm.player.outcome == "gripped"
-    assert arm.player.x_r_um == pytest.approx(0.0)
+    assert arm.player.ref.x_um == pytest.approx(0.0)
     assert not arm.player.held
 
 
@@ -27,10 +26,10 @@ def test_in_the_hold_position_and_force_agree_on_the_fitted_line() -> None:
     for _ in range(12):
         arm.tick()
     player = arm.player
-    assert player.K_e_mN_per_um == pytest.approx(1.8)
-    assert player.contact_x_um == pytest.approx(11.5)
-    assert player.force_r_mN == pytest.approx(20.0)
-    assert player.x_r_um == pytest.approx(11.5 + 20.0 / 1.8)
+    assert line_of(player).K_e_mN_per_um == pytest.approx(1.8)
+    assert line_of(player).x_e_um == pytest.approx(11.5)
+    assert player.ref.force_mN == pytest.approx(20.0)
+    assert player.ref.x_um == pytest.approx(11.5 + 20.0 / 1.8)
 
 
 def test_references_never_jump() -> None:
@@ -38,13 +37,13 @@ def test_references_never_jump() -> None:
     previous = arm.player
     while not arm.player.ended:
         arm.tick()
-        step_um = abs(arm.player.x_r_um - previous.x_r_um)
-        step_mN = abs(arm.player.force_r_mN - previous.force_r_mN)
+        step_um = abs(arm.player.ref.x_um - previous.ref.x_um)
+        step_mN = abs(arm.player.ref.force_mN - previous.ref.force_mN)
         # The peak speed of the quintic over the longest move, 12 µm in 0.4 s.
         assert step_um < 15 / 8 * 12.0 / 0.4 * T
         # F_r is blended in from the force at contact, and ends with the pressing.
-        assert step_mN < 2.0 or (arm.player.segment.kind == "force") != (
-            previous.segment.kind == "force"
+        assert step_mN < 2.0 or isinstance(arm.player.segment, Press) != (
+            isinstance(previous.segment, Press)
         )
         previous = arm.player
 
@@ -80,7 +79,34 @@ def test_a_part_of_another_stiffness_is_let_go(stiffness: float) -> None:
     arm.until()
     assert arm.player.outcome == "wrong_stiffness"
     assert "hold" not in arm.phases
-    assert arm.player.K_e_mN_per_um == pytest.approx(stiffness)
+    assert line_of(arm.player).K_e_mN_per_um == pytest.approx(stiffness)
+
+
+def test_a_held_part_is_not_dropped_because_its_force_has_become_uncertain() -> None:
+    arm = Arm()
+    arm.until("hold")
+    arm.uncertainty_mN = 60.0
+    arm.tick()
+    assert (arm.player.segment.phase, arm.player.outcome) == ("hold", "")
+
+
+def test_no_part_is_sought_with_an_uncertainty_as_large_as_the_force_of_the_load() -> None:
+    arm = Arm()
+    arm.until("contact")
+    arm.uncertainty_mN = 20.0
+    arm.tick()
+    assert arm.player.outcome == "uncertain_force"
+    assert arm.player.segment.phase == "retreat"
+    assert not arm.player.held
+
+
+def test_a_load_ends_once_its_uncertainty_is_as_large_as_its_force() -> None:
+    arm = Arm()
+    arm.until("load")
+    arm.uncertainty_mN = 20.0
+    arm.tick()
+    assert (arm.player.segment.phase, arm.player.outcome) == ("unload", "uncertain_force")
+    assert line_of(arm.player).K_e_mN_per_um == K_E
 
 
 def test_a_lost_part_ends_the_hold_after_five_samples() -> None:
@@ -111,8 +137,20 @@ def test_a_refused_zero_ends_the_program() -> None:
     assert arm.phases == ["zero", "retreat"]
 
 
+def test_an_arm_that_a_part_pushes_back_is_not_moved_towards_it() -> None:
+    arm = Arm(contact_um=-9.0)
+    arm.player = begin(PROGRAM, replace(BLANK, x_um=-4.0), period_s=T)
+    arm.refusal = Fault(FaultCode.ZERO_OFFSET)
+    furthest_um = -4.0
+    while not arm.player.ended:
+        arm.tick()
+        furthest_um = max(furthest_um, arm.player.ref.x_um)
+    assert arm.player.outcome == "zero_refused"
+    assert furthest_um == pytest.approx(-4.0)
+
+
 def test_a_zero_that_nobody_confirms_ends_the_program() -> None:
-    player = begin(PROGRAM, 0.0)
+    player = begin(PROGRAM, BLANK, T)
     for _ in range(200):
         player = advance(PROGRAM, player, BLANK, T)
     assert player.outcome == "zero_refused"
@@ -123,13 +161,13 @@ def test_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
     arm = Arm()
     arm.until(phase)
     arm.tick()
-    force_mN = arm.player.force_r_mN
+    force_mN = arm.player.ref.force_mN
     arm.player = stop(arm.player)
     for _ in range(200):
         arm.tick()
     assert arm.player.held
     assert arm.player.segment.phase == "hold"
-    assert arm.player.force_r_mN == pytest.approx(force_mN)
+    assert arm.player.ref.force_mN == pytest.approx(force_mN)
     arm.player = release(PROGRAM, arm.player)
     arm.until()
     assert arm.phases[-2:] == ["unload", "retreat"]
@@ -141,12 +179,12 @@ def test_stop_without_a_part_comes_to_rest_and_ends() -> None:
     arm.until("approach")
     for _ in range(8):
         arm.tick()
-    speed = arm.player.speed_um_per_s
-    at_um = arm.player.x_r_um
+    speed = arm.player.ref.speed_um_per_s
+    at_um = arm.player.ref.x_um
     arm.player = stop(arm.player)
     arm.until()
     assert arm.player.outcome == "stopped"
-    assert at_um < arm.player.x_r_um < at_um + 0.3 * speed
+    assert at_um < arm.player.ref.x_um < at_um + 0.3 * speed
 
 
 def test_a_track_goes_through_every_phase_and_ends_tracked() -> None:
@@ -160,14 +198,14 @@ def test_a_track_goes_through_every_phase_and_ends_tracked() -> None:
 def test_along_the_path_position_and_force_agree_on_the_identified_line() -> None:
     arm = Arm(contact_um=11.5, stiffness=1.8, program=TRACK)
     arm.until("track")
-    assert arm.player.K_e_mN_per_um == pytest.approx(1.8)
+    assert line_of(arm.player).K_e_mN_per_um == pytest.approx(1.8)
     forces: list[float] = []
     while arm.player.segment.phase == "track":
         player = arm.player
-        assert player.pressing
-        assert player.force_r_mN == SWING.at(player.ticks * T)
-        assert player.x_r_um == pytest.approx(11.5 + player.force_r_mN / 1.8)
-        forces.append(player.force_r_mN)
+        assert player.segment.presses
+        assert player.ref.force_mN == SWING.at(player.ticks * T)
+        assert player.ref.x_um == pytest.approx(11.5 + player.ref.force_mN / 1.8)
+        forces.append(player.ref.force_mN)
         arm.tick()
     assert len(forces) == round(SWING.duration_s / T)
     assert (min(forces), max(forces)) == pytest.approx((2.0, 18.0), abs=0.1)
@@ -176,7 +214,7 @@ def test_along_the_path_position_and_force_agree_on_the_identified_line() -> Non
 def test_at_its_trough_a_path_loses_no_part_but_at_its_peak_it_may() -> None:
     arm = Arm(program=TRACK)
     arm.until("track")
-    while arm.player.force_r_mN > 2.1:
+    while arm.player.ref.force_mN > 2.1:
         arm.tick()
     arm.lost = True
     arm.tick()
@@ -197,42 +235,12 @@ def test_stop_along_a_path_keeps_the_force() -> None:
     arm.until("track")
     for _ in range(30):
         arm.tick()
-    force_mN = arm.player.force_r_mN
+    force_mN = arm.player.ref.force_mN
     arm.player = stop(arm.player)
     for _ in range(50):
         arm.tick()
     assert (arm.player.segment.phase, arm.player.outcome) == ("hold", "stopped")
-    assert arm.player.force_r_mN == pytest.approx(force_mN)
+    assert arm.player.ref.force_mN == pytest.approx(force_mN)
     arm.player = release(TRACK, arm.player)
     arm.until()
     assert arm.phases[-2:] == ["unload", "retreat"]
-
-
-def test_a_path_of_position_is_played_free_of_contact() -> None:
-    swing = sinusoid("position", 5.0, 4.0, 2.0, 1)
-    program = replace(
-        PROGRAM,
-        segments=(
-            Segment("approach", "free", 0.4, x_to_um=5.0),
-            Segment("track", "path", swing.duration_s, path=swing),
-        ),
-    )
-    arm = Arm(contact_um=99.0, program=program)
-    arm.until("track")
-    seen: list[float] = []
-    while not arm.player.ended:
-        assert not arm.player.pressing
-        assert arm.player.x_r_um == swing.at(arm.player.ticks * T)
-        seen.append(arm.player.x_r_um)
-        arm.tick()
-    assert (min(seen), max(seen)) == pytest.approx((3.0, 7.0), abs=0.05)
-    # Stopped on the way, the reference runs out instead of standing still at once.
-    arm = Arm(contact_um=99.0, program=program)
-    arm.until("track")
-    for _ in range(27):
-        arm.tick()
-    speed, at_um = arm.player.speed_um_per_s, arm.player.x_r_um
-    assert abs(speed) > 5.0
-    arm.player = stop(arm.player)
-    arm.until()
-    assert arm.player.x_r_um == pytest.approx(at_um + 0.15 * speed, abs=0.02)

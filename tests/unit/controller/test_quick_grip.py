@@ -6,11 +6,12 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Move, Press
 from pincette_controller.actions import pause, resume, stop
 from pincette_controller.guarding import load_rate
 
 from .bench import ARM, X_E_UM, Bench, program
-from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T
+from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T, line_of
 
 SPEED = 40.0
 LOAD = 3
@@ -24,7 +25,7 @@ def quick(from_: Program = PROGRAM, load_s: float = 0.36) -> Program:
         segments=(
             zero,
             replace(approach, guarded=True),
-            replace(contact, x_to_um=18.0, duration_s=8.0 / SPEED + 0.05, move_s=0.1),
+            replace(contact, to_um=(18.0,), duration_s=8.0 / SPEED + 0.05, run_up_s=0.1),
             replace(load, duration_s=load_s, follows=True),
             *others,
         ),
@@ -44,13 +45,13 @@ def test_a_quick_grip_goes_through_every_phase_and_ends_gripped() -> None:
 def test_the_load_begins_no_faster_than_the_seek_and_ends_at_rest() -> None:
     arm = Arm(program=QUICK)
     arm.until("load")
-    touch, x_um = arm.player, [arm.player.from_x_um, arm.player.x_r_um]
-    assert touch.from_rate_mN_per_s == pytest.approx(K_E * SPEED)
-    forces_mN = [touch.from_force_mN, touch.force_r_mN]
+    touch, x_um = arm.player, [arm.player.entry.ref.x_um, arm.player.ref.x_um]
+    assert touch.entry.ref.force_rate_mN_per_s == pytest.approx(K_E * SPEED)
+    forces_mN = [touch.entry.ref.force_mN, touch.ref.force_mN]
     while arm.player.segment.phase == "load":
         arm.tick()
-        x_um.append(arm.player.x_r_um)
-        forces_mN.append(arm.player.force_r_mN)
+        x_um.append(arm.player.ref.x_um)
+        forces_mN.append(arm.player.ref.force_mN)
     rates = [(b - a) / T for a, b in pairwise(x_um)]
     # On the line of the hardest part, three times as hard as the planned one.
     assert rates[0] == pytest.approx(SPEED / 3.0, rel=0.02)
@@ -69,19 +70,18 @@ def test_the_references_of_a_load_stay_on_the_hard_side_of_the_line(
     stiffness = share * K_E
     arm = Arm(stiffness=stiffness, contact_um=11.0, program=program)
     arm.until("load")
-    assert arm.player.K_e_mN_per_um == pytest.approx(3.0 * K_E)
+    assert line_of(arm.player).K_e_mN_per_um == pytest.approx(3.0 * K_E)
     while arm.player.segment.phase == "load":
         player = arm.player
-        assert player.K_e_mN_per_um is not None
-        assert player.contact_x_um is not None
-        assert player.K_e_mN_per_um >= stiffness * (1.0 - 1e-6)
+        line = line_of(player)
+        assert line.K_e_mN_per_um >= stiffness * (1.0 - 1e-6)
         if program is QUICK:
-            on_line_um = player.contact_x_um + player.force_r_mN / player.K_e_mN_per_um
-            assert player.x_r_um == pytest.approx(on_line_um)
+            on_line_um = line.x_e_um + player.ref.force_mN / line.K_e_mN_per_um
+            assert player.ref.x_um == pytest.approx(on_line_um)
         assert arm.estimate().force_mN <= 20.0 + 1e-6
         if player.ticks * T > 0.2:
-            assert player.K_e_mN_per_um == pytest.approx(stiffness, rel=0.01)
-            assert player.contact_x_um == pytest.approx(11.0, abs=0.05)
+            assert line.K_e_mN_per_um == pytest.approx(stiffness, rel=0.01)
+            assert line.x_e_um == pytest.approx(11.0, abs=0.05)
         arm.tick()
 
 
@@ -99,6 +99,7 @@ def test_a_part_far_from_the_plan_is_loaded_as_planned_and_let_go(stiffness: flo
 
 def test_the_rate_of_the_load_does_not_lead_past_its_end() -> None:
     load = QUICK.segments[LOAD]
+    assert isinstance(load, Press)
     assert load_rate(load, 4.0, 80.0) == 80.0
     assert load_rate(load, 12.0, 80.0) == pytest.approx(2.5 * 8.0 / 0.36)
     assert load_rate(load, 21.0, 80.0) == 0.0
@@ -110,9 +111,9 @@ def test_a_pause_at_the_touch_waits_for_the_end_of_the_load() -> None:
     arm.player = pause(arm.player)
     for _ in range(30):
         arm.tick()
-    assert arm.player.paused
+    assert arm.player.pause.active
     assert arm.player.segment.phase == "load"
-    assert arm.player.force_r_mN == pytest.approx(20.0)
+    assert arm.player.ref.force_mN == pytest.approx(20.0)
     arm.player = resume(arm.player)
     arm.until()
     assert arm.player.outcome == "gripped"
@@ -155,7 +156,7 @@ def test_a_force_that_creeps_in_on_the_approach_is_no_part() -> None:
 
     def drifting() -> object:
         found = plain()
-        if arm.player.segment.kind != "free" or found.zero_age_s is None:
+        if not isinstance(arm.player.segment, Move) or found.zero_age_s is None:
             return found
         return replace(found, force_mN=found.force_mN + 0.15 * (arm.seq - begun))
 

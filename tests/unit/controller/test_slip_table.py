@@ -60,7 +60,8 @@ class Slipping:
     """Slips that the controller has found."""
 
     def play(self) -> "Slipping":
-        player, contact_um, free_um, zeroed, given = begin(self.program, 0.0), CONTACT_UM, 0.0, 0, 0
+        player = begin(self.program, _estimate(0, 0.0, 0.0, 0.0), T)
+        contact_um, free_um, zeroed, given = CONTACT_UM, 0.0, 0, 0
         kappa = S_P * K_E
         for seq in range(600):
             free_um = _free_um(player, free_um)
@@ -86,19 +87,19 @@ class Slipping:
                 self.limits,
             )
             zeroed = seq + 1 if player.zero else zeroed
-            if player.pressing:
-                self.reach_um = max(self.reach_um, player.x_r_um)
+            if player.segment.presses:
+                self.reach_um = max(self.reach_um, player.ref.x_um)
             if player.ended:
                 break
-        self.outcome, self.slips = str(player.outcome), player.slips
+        self.outcome, self.slips = str(player.outcome), player.slip.slips
         return self
 
 
 def _free_um(player: Player, before_um: float) -> float:
     """Free place that the references ask for; it stays where the voltage is frozen."""
-    if player.suspect is not None or player.segment.open_loop:
+    if player.slip.suspect is not None or player.segment.open_loop:
         return before_um
-    return player.x_r_um + (S_P * player.force_r_mN if player.pressing else 0.0)
+    return player.ref.x_um + (S_P * player.ref.force_mN if player.segment.presses else 0.0)
 
 
 def _estimate(seq: int, x_um: float, free_um: float, age_s: float) -> Estimate:

@@ -13,7 +13,7 @@ from pincette_controller.actions import release
 from pincette_controller.player import advance
 from pincette_controller.slipping import admissible
 
-from .ideal_arm import K_E, PROGRAM, Arm, T
+from .ideal_arm import K_E, PROGRAM, Arm, T, line_of
 from .test_quick_grip import QUICK
 
 S_P, NOISE_UM, SEED = 0.46, 0.03, 46
@@ -55,9 +55,8 @@ class Sensed(Arm):
         """Let the part give way at constant voltage: by the share of it that the arm follows."""
         kappa = S_P * self.stiffness
         self.contact_um += by_um
-        self.player = replace(
-            self.player, x_r_um=self.player.x_r_um + by_um * kappa / (1.0 + kappa)
-        )
+        x_um = self.player.ref.x_um + by_um * kappa / (1.0 + kappa)
+        self.player = replace(self.player, ref=self.player.ref._replace(x_um=x_um))
 
 
 def loaded(program: Program, ticks: int) -> Sensed:
@@ -73,7 +72,7 @@ def test_a_healthy_grip_shows_no_step(program: Program) -> None:
     arm = Sensed(program)
     arm.until()
     assert arm.player.outcome == "gripped"
-    assert arm.player.seen_step is None
+    assert arm.player.slip.confirmed is None
 
 
 @pytest.mark.parametrize("program", [PROGRAM, QUICK], ids=["gentle", "quick"])
@@ -83,11 +82,11 @@ def test_a_slip_in_a_load_unloads_along_a_line_that_is_true_again(program: Progr
     arm.until("unload")
     player = arm.player
     assert player.outcome == "slipped"
-    assert player.slips == 1
-    assert player.seen_step is not None
-    assert player.seen_step.step_um == pytest.approx(3.0 * 0.92 / 1.92, abs=0.2)
-    assert player.contact_x_um == pytest.approx(arm.contact_um, abs=0.5)
-    assert player.K_e_mN_per_um == pytest.approx(K_E, rel=0.3)
+    assert player.slip.slips == 1
+    assert player.slip.confirmed is not None
+    assert player.slip.confirmed.step_um == pytest.approx(3.0 * 0.92 / 1.92, abs=0.2)
+    assert line_of(player).x_e_um == pytest.approx(arm.contact_um, abs=0.5)
+    assert line_of(player).K_e_mN_per_um == pytest.approx(K_E, rel=0.3)
     arm.until()
     assert arm.player.outcome == "slipped"
     assert not arm.player.held
@@ -99,14 +98,14 @@ def test_a_load_goes_on_from_where_the_part_has_stopped_as_often_as_is_allowed()
         arm.slip(3.0)
         for _ in range(2):
             arm.tick()
-        assert arm.player.slips == slips
+        assert arm.player.slip.slips == slips
         assert arm.player.segment.phase == "load"
         assert arm.player.line.count == 0
         for _ in range(10):
             arm.tick()
     arm.until()
     assert arm.player.outcome == "gripped"
-    assert arm.player.slips == 2
+    assert arm.player.slip.slips == 2
     arm = loaded(replace(PROGRAM, slip_retries=1), 10)
     for _ in range(2):
         arm.slip(3.0)
@@ -130,15 +129,15 @@ def test_a_step_in_a_hold_freezes_the_voltage_from_its_first_sample(
         arm.tick()
     arm.jump_um = jump_um
     arm.tick()
-    assert arm.player.suspect is not None
+    assert arm.player.slip.suspect is not None
     held_V = arm.free_um
     for _ in range(30):
         arm.tick()
     assert arm.player.outcome == outcome
     assert arm.player.segment.open_loop
     assert arm.player.held
-    assert arm.player.voltage_V == pytest.approx(held_V)
-    seen = arm.player.seen_step
+    assert arm.player.ref.voltages_V[0] == pytest.approx(held_V)
+    seen = arm.player.slip.confirmed
     assert seen is not None
     assert seen.step_um == pytest.approx(jump_um, abs=0.1)
     assert seen.force_mN == pytest.approx(20.0, abs=0.4)
@@ -158,7 +157,7 @@ def test_a_single_wild_sample_changes_nothing() -> None:
     arm.jump_um = 0.0
     arm.until()
     assert arm.player.outcome == "gripped"
-    assert arm.player.seen_step is None
+    assert arm.player.slip.confirmed is None
 
 
 @pytest.mark.parametrize("share", [0.31, 1.0, 2.9])
@@ -180,7 +179,7 @@ def test_a_stiffness_that_no_part_can_have_is_never_used(share: float) -> None:
         force_mN = 12.0 + share * K_E * 0.5 * line.count
         forged = line.add(x_um, force_mN, 2.0 + line.count)
         arm.player = replace(arm.player, line=forged)
-        K_e = arm.player.K_e_mN_per_um
+        K_e = line_of(arm.player).K_e_mN_per_um
         assert K_e is not None
         assert 0.3 * K_E <= K_e <= MOST_STIFFNESS * K_E
-    assert arm.player.x_r_um < 40.0
+    assert arm.player.ref.x_um < 40.0

@@ -18,6 +18,7 @@ from pincette.control.safety.voltage import SLEW_DOWN, VOLTAGE_MAX
 from pincette.core.messages import Arm, Command, Load
 from pincette.core.service import RefusedError
 from pincette_controller.config import configure
+from pincette_controller.control_laws import OneArmLaw
 from pincette_controller.step import Inputs, handle, start, step
 from tests.support.laws import default_settings
 
@@ -29,12 +30,12 @@ DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
 
 def test_a_program_without_laws_runs_with_the_rig_files() -> None:
     bench = Bench(program())
-    assert bench.state.laws == (build(CONFIG.law, ARM, T, 0.03),)
+    assert bench.state.laws == (OneArmLaw(build(CONFIG.law, ARM, T, 0.03)),)
 
 
 def test_a_program_brings_its_laws() -> None:
     bench = Bench(program(BOTH_LAWS, load=1))
-    assert bench.state.laws == tuple(build(law, ARM, T, 0.03) for law in BOTH_LAWS)
+    assert bench.state.laws == tuple(OneArmLaw(build(law, ARM, T, 0.03)) for law in BOTH_LAWS)
 
 
 def test_the_rig_file_says_arm_law_and_low_pass() -> None:
@@ -181,12 +182,12 @@ def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
         set_for = bench.state.player
         assert set_for is not None
         telemetry = bench.tick().telemetry
-        assert telemetry.x_r_um == set_for.x_r_um
-        assert telemetry.force_r_mN == set_for.force_r_mN
+        assert telemetry.x_r_um == set_for.ref.x_um
+        assert telemetry.force_r_mN == set_for.ref.force_mN
     after = bench.state.player
     assert after is not None
     # They have moved on meanwhile, for the next sample.
-    assert after.x_r_um > telemetry.x_r_um + 0.1
+    assert after.ref.x_um > telemetry.x_r_um + 0.1
     # The plan fits the part, so that the sample is where the references have it.
     assert bench.ticks[-1].estimate.x_um == pytest.approx(telemetry.x_r_um, abs=0.1)
     assert telemetry.x_d_um == pytest.approx(telemetry.x_r_um, abs=0.1)
@@ -219,11 +220,11 @@ def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> N
     for _ in range(10):
         bench.tick()
     bench.x_um -= 1.0
-    before = bench.state.memory
+    before = bench.state.law_state
     estimate = replace(bench.estimate(), limits_active=limits)
-    after = step(CONFIG, bench.state, Inputs(estimate), 0.0)[0].memory
-    assert before is not None
-    assert after is not None
+    after = step(CONFIG, bench.state, Inputs(estimate), 0.0)[0].law_state
+    assert isinstance(before, LawState)
+    assert isinstance(after, LawState)
     assert isinstance(before.law, PbsmicState)
     assert isinstance(after.law, PbsmicState)
     assert (after.law.integral_um == before.law.integral_um) is frozen

@@ -70,7 +70,7 @@ def test_certificates_keys_and_the_list_of_revoked_ones(disk: Disk) -> None:
 def test_keys_of_the_supervisor(disk: Disk) -> None:
     keys = KeyFile(disk.root)
     keys.add("ann", 64 * "0", "operate")
-    assert [row.name for row in KeyFile(disk.cut()).all()] == ["ann"]
+    assert [row.name for row in KeyFile(disk.cut()).read()] == ["ann"]
 
 
 def test_a_note_that_a_program_runs(disk: Disk) -> None:

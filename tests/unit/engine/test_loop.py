@@ -239,7 +239,8 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     output, outside = Output(), Outside()
     nodes = [Node(SERVICES["controller"], RIG), Node(SERVICES["actuator"], RIG, output)]
     loop = Loop(nodes, outside)
-    nodes[1].state = replace(nodes[1].state, voltage_V=1.5)
+    state = nodes[1].state
+    nodes[1].state = replace(state, arms=(replace(state.arms[0], voltage_V=1.5),))
     failing: Any = nodes[0]
     setattr(failing, where, fails)
     estimate = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)

@@ -1,5 +1,6 @@
 """Joins by number, in both kinds of time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from pincette.config import Calibration, RigFile, calibrated, read_rig
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import Document
 from pincette.control.record import replace
-from pincette.core.faults import Cause, Mode
+from pincette.core.faults import Cause, FaultCode, Mode
 from pincette.core.messages import (
     Ack,
     Applied,
@@ -22,6 +23,7 @@ from pincette.core.messages import (
     Reset,
     Status,
     StatusRequest,
+    Trip,
 )
 from pincette.core.service import Input, Service, SetVoltage
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION
@@ -254,6 +256,69 @@ class PlainOutput:
 
     def close(self) -> None:
         """Nothing to give back."""
+
+
+class PartsOutput(PlainOutput):
+    """An output that times the parts of a step itself, and may fail."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parts_V: list[tuple[float, ...]] = []
+        self.broken = False
+
+    def write_V(self, voltage_V: float) -> None:
+        if self.broken:
+            raise InstrumentError("no answer", "silent")
+        super().write_V(voltage_V)
+
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
+        assert interval_s == SHAPED.shaping_s
+        self.parts_V.append(tuple(voltages_V))
+
+
+SHAPED = RIG.model_copy(update={"output": RIG.output.model_copy(update={"shaping": True})})
+
+
+def stepping(output: PlainOutput) -> tuple[Node, Message]:
+    """Return an actuator that has begun a step with a part held."""
+    node = Node(ACTUATOR, SHAPED, output, check_timing=False)
+    node.call(Reset(acknowledge=True), 0.0)
+    assert node.call(Arm(1, 1, SHAPED.digest()), 0.0)[0] == Ack(-1)
+    node.accept(position(0), 0.0)
+    node.fire(0.0)
+    node.accept(Command(1, 0, 1, 0.1, True, False, False, True), 0.0)
+    (applied,) = node.fire(0.001)
+    return node, applied
+
+
+def test_a_step_is_given_to_the_output_in_parts() -> None:
+    output = PartsOutput()
+    _, applied = stepping(output)
+    assert isinstance(applied, Applied)
+    assert len(output.parts_V) == 1
+    assert output.parts_V[0][-1] == applied.voltage_V > 0.0
+    assert output.put_V == []
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_stop_between_two_parts_is_written_at_once(*, broken: bool) -> None:
+    output = PartsOutput()
+    node, _ = stepping(output)
+    output.broken = broken
+    _, published = node.call(Trip(Cause.ESTOP), 0.0015)
+    applied = [one for one in published if isinstance(one, Applied)][-1]
+    assert applied.state == "frozen"
+    if broken:
+        assert applied.voltage_V == output.read_V()
+        assert any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in applied.faults)
+    else:
+        assert output.put_V == [output.parts_V[0][0]] == [applied.voltage_V]
+
+
+def test_an_output_that_cannot_write_parts_trips_on_them() -> None:
+    _, applied = stepping(PlainOutput())
+    assert isinstance(applied, Applied)
+    assert (applied.state, applied.cause) == ("frozen", Cause.DEVICE)
 
 
 def test_an_output_without_a_buffer_trips_on_a_wave() -> None:

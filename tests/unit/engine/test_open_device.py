@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from pincette.config import ConfigError
 from pincette.core import plugins
 from pincette.core.faults import Fault
 from pincette.core.service import RefusedError, SetVoltage
@@ -118,7 +119,7 @@ def test_an_exception_of_a_driver_is_a_fault_that_names_it() -> None:
     assert reading.fault is not None
     assert reading.fault.code == "instrument_garbled"
     assert "ValueError" in str(reading.fault)
-    found = driven.put_out(SetVoltage(1.0))
+    found = driven.put_out(SetVoltage((1.0,)))
     assert isinstance(found, Fault)
     assert "ZeroDivisionError" in str(found)
     with pytest.raises(RefusedError, match="KeyError"):
@@ -136,3 +137,31 @@ def test_an_exception_at_opening_is_an_instrument_s_error(monkeypatch: pytest.Mo
     monkeypatch.setattr(instrument, "PAUSE_S", 0.0)
     with pytest.raises(InstrumentError, match="AttributeError"):
         open_device(SERVICES["sensor"], RIG)
+
+
+def test_an_output_that_cannot_write_steps_in_parts_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    closed = list[bool]()
+
+    class Plain:
+        def __init__(self, _settings: Any) -> None:
+            """Open nothing."""
+
+        def write_V(self, _voltage_V: float) -> None:
+            """Put out nothing."""
+
+        def read_V(self) -> float:
+            return 0.0
+
+        def close(self) -> None:
+            closed.append(True)
+
+    def load(_group: str, _name: str) -> type[Plain]:
+        return Plain
+
+    monkeypatch.setattr(plugins, "load", load)
+    output = RIG.output.model_copy(update={"shaping": True})
+    with pytest.raises(ConfigError, match="shaping"):
+        open_device(SERVICES["actuator"], RIG.model_copy(update={"output": output}))
+    assert closed == [True]

@@ -54,12 +54,12 @@ def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> N
     tape.found_V = found_V
     asked(node, Reset(acknowledge=True))
     node.state = (
-        ACTUATOR.initialize_from_output(node.config, node.state, found_V, None)
+        ACTUATOR.initialize_from_output(node.config, node.state, (found_V,))
         if ACTUATOR.initialize_from_output
         else None
     )
     (armed,) = asked(node, ARM)
-    assert armed.state_snapshot == f'{{"voltage_V":{found_V}}}'
+    assert armed.state_snapshot == f'{{"arms":[{{"voltage_V":{found_V}}}]}}'
     (trip,) = asked(node, Trip(Cause.ESTOP))
     assert (trip.trip, trip.epoch, trip.seq) == (Trip(Cause.ESTOP), 3, -1)
 

@@ -45,7 +45,7 @@ class Programs:
 
 @pytest.fixture
 def programs() -> Programs:
-    return Programs("supervisor", "recorder", "controller")
+    return Programs("supervisor", "recorder", "controller", "router", "upstream")
 
 
 class Watched:
@@ -73,12 +73,13 @@ def test_a_supervisor_is_started_again_and_told_once(programs: Programs) -> None
     assert "a held part go on" in line
 
 
-def test_a_recorder_is_started_again(programs: Programs) -> None:
+@pytest.mark.parametrize("name", ["recorder", "router", "upstream"])
+def test_other_programs_beside_the_loop_are_started_again(programs: Programs, name: str) -> None:
     watched = Watched(programs)
-    programs.members["recorder"].process.returncode = -9
+    programs.members[name].process.returncode = -9
     watched.after(0.1)
     watched.after(FIRST_S)
-    assert programs.revived == ["recorder"]
+    assert programs.revived == [name]
 
 
 def test_the_loop_is_left_to_a_person(programs: Programs) -> None:

@@ -9,11 +9,13 @@ from msgspec.structs import replace
 from pincette.config import Calibration, read_rig
 from pincette.control.quantities import Document
 from pincette.core.faults import Cause, Mode
+from pincette.core.idle_sampling import SAMPLE_S
 from pincette.core.messages import (
     Ack,
     Applied,
     Arm,
     Estimate,
+    Idle,
     Message,
     Position,
     Reset,
@@ -96,6 +98,8 @@ def test_an_actuator_keeps_its_grid_of_wakings_and_counts_no_missed_ones() -> No
     task = Task(Node(ACTUATOR, RIG, Output()))
     wake_s = task.node.config.age.wake_s
     task.begin(10.0)
+    task.call(Reset(acknowledge=True), 10.0)
+    task.call(Arm(1, 1, RIG.digest()), 10.0)
     assert task.wait_s(10.0) == pytest.approx(wake_s)
     task.tick(10.0 + 3.1 * wake_s)
     task.finish_tick(10.0 + 3.1 * wake_s)
@@ -167,3 +171,22 @@ def test_streams_that_wait_are_bounded() -> None:
         steps += 1
     assert steps == KEPT
     assert task.node.missed == 998 - KEPT
+
+
+def test_a_sensor_that_samples_seldom_is_armed_within_a_period() -> None:
+    task = sensor()
+    reply, _ = task.call(Idle(0), 10.0)
+    assert not isinstance(reply, str)
+    now = 10.0 + T
+    task.tick(now)
+    task.finish_tick(now)
+    assert task.wait_s(now) == pytest.approx(SAMPLE_S)
+    now += 0.31 * SAMPLE_S
+    reply, _ = task.call(Arm(1, 1, RIG.digest()), now)
+    assert not isinstance(reply, str)
+    assert 0.0 < task.wait_s(now) <= T
+    due_s = now + task.wait_s(now)
+    assert (due_s - 10.0) / T == pytest.approx(round((due_s - 10.0) / T)), "it keeps its grid"
+    (position,) = task.tick(due_s)
+    assert isinstance(position, Position)
+    assert (position.epoch, position.seq) == (1, 0)

@@ -11,6 +11,7 @@ from pincette.control.response.free_response import LinearResponse
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.recorded_response import RecordedResponse
 from pincette.control.response.reversal_memory import ReversalMemory
+from pincette.control.response.stroke_check import StrokeChange
 from pincette.core.service import AnyService
 from pincette.engine.request_log import restored, snapshot
 from pincette_actuator import SERVICE as ACTUATOR
@@ -68,6 +69,16 @@ def test_what_an_estimator_remembers_comes_back(kind: type) -> None:
     assert back.response.follow(0.9, 0.02) == state.response.follow(0.9, 0.02)
 
 
+def test_the_change_of_a_stroke_that_was_compared_comes_back() -> None:
+    """A start has none: the second arming after a comparison failed with a TypeError."""
+    config = ESTIMATOR.configure(RIGS[IdentifiedResponse])
+    state = replace(moved(config), stroke=StrokeChange(0.1 + 0.2, 0.004))
+    text = snapshot(ESTIMATOR, config, state)
+    back = restored(ESTIMATOR, config, ESTIMATOR.start(config), text)
+    assert back.stroke == state.stroke
+    assert type(back.stroke) is StrokeChange
+
+
 def test_a_model_does_not_travel_with_what_it_remembers() -> None:
     config = ESTIMATOR.configure(RIGS[RecordedResponse])
     tree = json.loads(snapshot(ESTIMATOR, config, moved(config)))
@@ -85,8 +96,11 @@ def test_after_a_start_there_is_nothing_to_tell() -> None:
 
 def test_what_is_carried_replaces_what_was_there() -> None:
     config = ACTUATOR.configure(demo_rig())
-    held = replace(ACTUATOR.start(config), voltage_V=1.5, part_held=True)
-    assert restored(ACTUATOR, config, held, "") == replace(held, voltage_V=0.0, part_held=False)
+    start = ACTUATOR.start(config)
+    arms = (replace(start.arms[0], voltage_V=1.5),)
+    held = replace(start, arms=arms, part_held=True)
+    assert restored(ACTUATOR, config, held, "") == start
+    assert restored(ACTUATOR, config, start, snapshot(ACTUATOR, config, held)) == held
 
 
 @pytest.mark.parametrize(

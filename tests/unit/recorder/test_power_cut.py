@@ -18,7 +18,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from zstandard import ZstdError
 
-from pincette.core.messages import Ack, Recorded
+from pincette.core.messages import Ack, Finish, Recorded
 from pincette.records import folder as files
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
@@ -28,7 +28,7 @@ from pincette_recorder.background_sync import BEHIND_S, BackgroundSync
 from pincette_recorder.mender import Mender
 from tests.support.durable import Durable
 from tests.support.loop_disk import loop_disk, mounted
-from tests.support.recorded import ABOUT, PERIOD_S, START_NS, loop
+from tests.support.recorded import ABOUT, EPOCH, PERIOD_S, START_NS, loop
 from tests.unit.recorder.conftest import CONFIG, Bench
 
 arrow, parquet = cast(Any, pyarrow), cast(Any, untyped_parquet)
@@ -317,3 +317,75 @@ def test_on_a_file_system_that_is_cut_off_a_finished_record_is_whole(tmp_path: P
         mender = restart(root / "jobs")
         assert mender.mended == 1
         assert mcap_reading.read(root / "jobs" / "j-2" / "job.mcap").messages == loop(30)[:150]
+
+
+def finished(bench: Bench, job: str) -> None:
+    bench.begin(job)
+    bench.feed(loop(30))
+    assert isinstance(bench.finish(29), Recorded)
+
+
+def test_the_end_of_a_record_that_raises_anything_is_answered(
+    recording: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The supervisor waits for the reply, and shows the record as being written meanwhile."""
+    finished(recording, "j-1")
+
+    def torn(_folder: Path) -> list[str]:
+        raise struct.error("unpack requires a buffer of 8 bytes")
+
+    monkeypatch.setattr(record_repair, "restore", torn)
+    replies: list[object] = []
+    mender = Mender(recording.config)
+    try:
+        mender.tell_end(Finish("j-1", EPOCH, 29), replies.append)
+        until(lambda: bool(replies))
+    finally:
+        mender.close()
+    assert isinstance(replies[0], str)
+
+
+def test_a_supervisor_waits_for_one_record_at_most_of_those_that_a_start_compares(
+    recording: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["j-1", "j-2", "j-3", "j-4"]
+    for name in names:
+        finished(recording, name)
+    compared, going = list[str](), Event()
+    restore = record_repair.restore
+
+    def noted(folder: Path) -> list[str]:
+        compared.append(folder.name)
+        assert going.wait(WAIT_S)
+        return restore(folder)
+
+    monkeypatch.setattr(record_repair, "restore", noted)
+    at_reply: list[int] = []
+    mender = Mender(recording.config)
+    try:
+        checking = mender.check_newest()
+        until(lambda: bool(compared))
+        mender.tell_end(Finish(compared[0], EPOCH, 29), lambda _: at_reply.append(len(compared)))
+        going.set()
+        checking.result(WAIT_S)
+        until(lambda: bool(at_reply))
+    finally:
+        mender.close()
+    assert at_reply[0] <= 2
+    assert {*compared} == {*names}
+
+
+def test_a_record_that_raises_anything_does_not_keep_others_from_being_compared(
+    recording: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("j-1", "j-2"):
+        finished(recording, name)
+    compared: list[str] = []
+
+    def torn(folder: Path) -> list[str]:
+        compared.append(folder.name)
+        raise ValueError("no record")
+
+    monkeypatch.setattr(record_repair, "restore", torn)
+    restart(recording.jobs)
+    assert {*compared} == {"j-1", "j-2"}

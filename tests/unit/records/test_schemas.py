@@ -45,7 +45,7 @@ def test_what_may_be_absent_is_optional() -> None:
     optional = [
         field.name for field in files.file[0].message_type[0].field if field.proto3_optional
     ]
-    assert optional == ["zero_age_s", "touch_x_um", "touch_mN"]
+    assert optional == ["zero_age_s", "touch_x_um", "touch_mN", "stroke_change", "stroke_limit"]
 
 
 def _without(descriptor: bytes, name: str) -> bytes:

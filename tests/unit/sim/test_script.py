@@ -1,5 +1,7 @@
 """The script of a simulated rig: when its orders act, and what they do to readings and voltages."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from pincette.config import ConfigError, RigFile, parse_rig
@@ -46,6 +48,24 @@ def test_an_output_does_not_move_is_off_or_late() -> None:
     assert put("stuck") == pytest.approx([0.0, 0.1, 0.1, 0.1, 0.1])
     assert put("wrong", value=1.0) == pytest.approx([0.0, 0.1, 1.2, 1.3, 1.4])
     assert put("delayed", value=2 * T) == pytest.approx([0.0, 0.1, 0.0, 0.1, 0.2])
+
+
+def test_an_output_that_plays_parts_does_not_move_is_off_or_late() -> None:
+    def put(what: str, **value: float) -> list[tuple[float, ...]]:
+        bench, played = stand(entry(2 * T, "output", what, **value)), list[tuple[float, ...]]()
+
+        def play(voltages_V: Sequence[float], rate_hz: float) -> None:
+            assert rate_hz == 1000.0
+            played.append(tuple(voltages_V))
+
+        put_parts = bench.script.put_out_wave(play)
+        bench.run(2)
+        put_parts([0.15, 0.25], 1000.0)
+        return played
+
+    assert put("stuck") == [pytest.approx((0.1, 0.1))]
+    assert put("wrong", value=1.0) == [pytest.approx((1.15, 1.25))]
+    assert put("delayed", value=2 * T) == [pytest.approx((0.0, 0.0))]
 
 
 def test_orders_of_the_file_count_from_the_first_write_and_others_from_now() -> None:

@@ -174,7 +174,7 @@ class CannedRig:
                 return messages.Ack(seq)
             case messages.TimingRequest():
                 return samples.timing(service, self.place)
-            case messages.Load() | messages.Lease():
+            case messages.Load() | messages.Lease() | messages.SimCommand() | messages.Idle():
                 pass
             case _:
                 raise AssertionError(request)

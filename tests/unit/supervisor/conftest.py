@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile, parse_rig
+from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
-from pincette_supervisor.results.drawing import Picture
 
 from .harness import Harness
 

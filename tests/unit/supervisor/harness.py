@@ -2,7 +2,9 @@
 
 import asyncio
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import Any
 
@@ -15,16 +17,58 @@ from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.planning.dry_run import DryRun
+from pincette_supervisor.planning.prediction import played
+from pincette_supervisor.planning.worker import Runner, run_here
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.rigs import Rigs
+from tests.support.apps import create_app
 
 from .canned import CannedRig
 
 PATIENCE_S = 30.0
+PLAYED: dict[str, DryRun] = {}
+"""Dry runs of plans that tests of this process have played, by everything they depend on."""
+
+
+@cache
+def empty_journal() -> bytes:
+    """Return the content of a journal that has all tables and no rows."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "supervisor.sqlite"
+        Store(path).close()
+        return path.read_bytes()
+
+
+def open_store(path: Path) -> Store:
+    """Open a journal; a new one is copied, since its migrations take longer than most tests."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(empty_journal())
+    return Store(path)
+
+
+def played_once(planned: Planned) -> DryRun:
+    """Play a plan, or return what the same plan gave in an earlier test.
+
+    A recorded motion is always played, since its arrays are shortened where they are printed.
+    """
+    if planned.present is not None and planned.present.recorded is not None:
+        return played(planned)
+    model = planned.armed
+    key = repr(
+        (
+            planned.plan.kind, planned.program, planned.values, planned.waits, planned.meets_part,
+            planned.present, model.rig, model.digest,
+        )
+    )  # fmt: skip
+    if key not in PLAYED:
+        PLAYED[key] = played(planned)
+    return PLAYED[key]
 
 
 class Harness:
@@ -38,10 +82,12 @@ class Harness:
         guard_s: float = 5.0,
         clock: Callable[[], float] = monotonic,
         store_url: str = "",
+        draw: Runner = run_here,
     ) -> None:
         self.bus = CannedRig(rig)
         self.bus.records = data / "jobs"
-        self.store = Store(data / "supervisor.sqlite", store_url)
+        journal = data / "supervisor.sqlite"
+        self.store = Store(journal, store_url) if store_url else open_store(journal)
         self.observer = Observer(self.bus)
         self.events = EventLog(self.store, rig.rig.name)
         self.health = Health(rig, self.bus, self.observer, self.store)
@@ -55,10 +101,11 @@ class Harness:
             events=self.events,
             records=data / "jobs",
             archivist=self.archivist,
+            draw=draw,
             guard_s=guard_s,
             clock=clock,
         )
-        self.manager = JobManager(context)
+        self.manager = JobManager(context, play=played_once)
         self.rigs = Rigs(self.manager)
         self.app: FastAPI = create_app(self.rigs)
 
@@ -109,7 +156,7 @@ class Harness:
         live = self.manager.active
         assert live is not None
         assert live.id == job
-        self.until(lambda: live.state == state)
+        self.until(lambda: live.status.state == state)
 
     def playing_to(self, place: int, **wishes: Any) -> str:
         """A grip that plays up to a tick, and then waits for an action."""
@@ -118,7 +165,18 @@ class Harness:
         self.reach(job, "running")
         live = self.manager.active
         assert live is not None
-        self.until(lambda: live.progress is not None and live.progress.seq >= place - 1)
+
+        def reached() -> bool:
+            status = live.status
+            progress = status.progress
+            # The phase is set last, after the change of the part held is stored.
+            return (
+                progress is not None
+                and progress.seq >= place - 1
+                and progress.phase == status.phase
+            )
+
+        self.until(reached)
         return job
 
     def act(self, job: str, action: str, **details: Any) -> httpx.Response:
@@ -148,7 +206,7 @@ class Harness:
         if live is not None:
             assert live.done.wait(PATIENCE_S)
         self.events.listeners.close()
-        self.manager.latch.threads.shutdown()
+        self.manager.latch.release()
         self.archivist.shutdown()
         self.health.close()
         self.store.close()

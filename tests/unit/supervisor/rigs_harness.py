@@ -1,19 +1,22 @@
 """A supervisor of several canned rigs that come and go on one router."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pincette.bus.protocol import AbsentError
 from pincette.config import RigFile
-from pincette.core.topics import LOOP
+from pincette.core.messages import Message
+from pincette.core.topics import LOOP, Request
 from pincette_supervisor.journal.listeners import Listeners
-from pincette_supervisor.journal.store import Store
-from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.rigs.other_rigs import OtherRigs
 from pincette_supervisor.rigs.rig_finder import RigFinder
 from pincette_supervisor.rigs.rigs import RigFactory, Rigs
+from tests.support.apps import create_app
 
 from .canned import CannedRig
-from .harness import Harness
+from .harness import Harness, open_store, played_once
 
 Turn = Callable[[str, str, bool], None]
 
@@ -28,6 +31,33 @@ def joined(own: RigFile, name: str, **limits: float) -> RigFile:
     return own.model_copy(update=changes)
 
 
+@dataclass
+class CannedOthers:
+    """A bus that reaches the programs of canned rigs; other names have a token and no program."""
+
+    canned: dict[str, CannedRig]
+    asked: list[str] = field(default_factory=list[str])
+    """Rigs that requests were sent to."""
+    closed: bool = False
+
+    def call(
+        self,
+        question: Request,
+        request: Message,
+        timeout_s: float = 2.0,
+        *,
+        rig: str | None = None,
+    ) -> Message:
+        assert rig is not None
+        self.asked.append(rig)
+        if rig not in self.canned:
+            raise AbsentError(f"{rig}: nobody answers")
+        return self.canned[rig].call(question, request, timeout_s)
+
+    def close(self) -> None:
+        self.closed = True
+
+
 class RigsHarness(Harness):
     """The harness of a supervisor whose own rig is always there."""
 
@@ -35,13 +65,16 @@ class RigsHarness(Harness):
         self.own, self.data = own, data
         self.canned: dict[str, CannedRig] = {}
         self.turns: list[Turn] = []
-        self.store = Store(data / "supervisor.sqlite")
+        self.store = open_store(data / "supervisor.sqlite")
         self.listeners = Listeners()
-        factory = RigFactory(self.store, self.listeners, data, self.open_bus)
+        factory = RigFactory(self.store, self.listeners, data, self.open_bus, play=played_once)
         self.make(own)
-        self.rigs = Rigs(factory.create(own))
+        self.rigs = Rigs(factory.create(own), lambda rigs, limit_s: self.others.stop(rigs, limit_s))
         self.at(own.rig.name)
-        self.finder = RigFinder(self.rigs, self.open_bus, factory.create)
+        self.opened: list[CannedOthers] = []
+        """Sessions to rigs that are not served, in the order in which they were opened."""
+        self.others = OtherRigs(self.open_others)
+        self.finder = RigFinder(self.rigs, self.others, factory.create)
         self.finder.start(self)
         self.app = create_app(self.rigs)
 
@@ -54,6 +87,10 @@ class RigsHarness(Harness):
 
     def open_bus(self, rig: str, *, lockstep: bool) -> CannedRig:  # noqa: ARG002  as a bus is asked for
         return self.canned[rig]
+
+    def open_others(self) -> "CannedOthers":
+        self.opened.append(CannedOthers(self.canned))
+        return self.opened[-1]
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
         return {(rig, program) for rig in self.canned for program in LOOP}
@@ -95,6 +132,7 @@ class RigsHarness(Harness):
 
     def close(self) -> None:
         self.finder.close()
+        self.others.close()
         self.rigs.close()
         self.listeners.close()
         self.rigs.release()

@@ -17,8 +17,8 @@ from pincette_supervisor.access.authentication import (
     new_key,
     require_scope,
 )
-from pincette_supervisor.journal.access_rows import SESSIONS_MAX, KeyRepository
-from pincette_supervisor.journal.key_file import KeyNameTakenError
+from pincette_supervisor.journal.access_rows import SESSIONS_MAX, SessionRepository
+from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.problems import ProblemError
@@ -41,8 +41,8 @@ def store(path: Path) -> Iterator[Store]:
 
 
 @pytest.fixture
-def book(store: Store) -> KeyRepository:
-    return KeyRepository(store)
+def book(store: Store) -> KeyFile:
+    return KeyFile(store.folder)
 
 
 class Clock:
@@ -72,9 +72,7 @@ def authenticator(clock: Clock) -> Authenticator:
     return clock.authenticator()
 
 
-def made(
-    book: KeyRepository, name: str, scope: Scope = "operate", expires_at: str | None = None
-) -> str:
+def made(book: KeyFile, name: str, scope: Scope = "operate", expires_at: str | None = None) -> str:
     key = new_key()
     book.add(name, digest_of(key), scope, expires_at)
     return key
@@ -99,11 +97,11 @@ def test_keys_are_long_differ_and_are_known_by_their_begin() -> None:
 
 
 def test_no_file_holds_a_key_or_a_cookie(
-    book: KeyRepository, authenticator: Authenticator, path: Path
+    book: KeyFile, authenticator: Authenticator, path: Path, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    authenticator.refresh(book)
-    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    authenticator.refresh(store)
+    authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
     written = b"".join(file.read_bytes() for file in path.parent.iterdir())
     assert digest_of(key).encode() in written
     assert key.encode() not in written
@@ -118,10 +116,10 @@ def test_without_a_key_whoever_comes_may_do_everything(authenticator: Authentica
 
 
 def test_with_a_key_nobody_comes_in_without(
-    book: KeyRepository, authenticator: Authenticator
+    book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     for wrong in (None, "", key[:-1], f"{key}x", key.lower(), digest_of(key), "x" * 10_000, "ä"):
         with pytest.raises(ProblemError) as refused:
             require_scope(authenticator.identify(HERE, wrong, None), "observe")
@@ -148,14 +146,14 @@ def test_a_scope_that_is_too_small_is_told_with_both(has: Scope, needed: Scope) 
 
 
 def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(
-    book: KeyRepository, authenticator: Authenticator
+    book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    authenticator.refresh(book)
-    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    authenticator.refresh(store)
+    authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
     assert authenticator.identify(HERE, None, cookie).way == "session"
     assert book.revoke("ann")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     assert authenticator.identify(HERE, key, None).scope is None
     assert authenticator.identify(HERE, None, cookie).scope is None
     assert authenticator.keys_wanted
@@ -164,72 +162,78 @@ def test_a_revoked_key_opens_nothing_and_the_gate_stays_shut(
     assert not book.revoke("bob")
 
 
-def test_a_key_expires(book: KeyRepository, authenticator: Authenticator, clock: Clock) -> None:
+def test_a_key_expires(
+    book: KeyFile, authenticator: Authenticator, clock: Clock, store: Store
+) -> None:
     key = made(book, "ann", expires_at="2126-03-01T12:00:01.000Z")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     assert authenticator.identify(HERE, key, None).scope == "operate"
     clock.now = "2126-03-01T12:00:01.000Z"
     assert authenticator.identify(HERE, key, None).scope is None
 
 
 def test_a_session_ends_when_its_page_is_silent_for_long(
-    book: KeyRepository, authenticator: Authenticator, clock: Clock
+    book: KeyFile, authenticator: Authenticator, clock: Clock, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    authenticator.refresh(book)
-    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    authenticator.refresh(store)
+    authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
     for _ in range(2):
         clock.pass_s(3600.0 * (IDLE_H - 0.1))
         for _ in range(2):  # stores the last use, and reads what is stored
-            authenticator.refresh(book)
+            authenticator.refresh(store)
         assert authenticator.identify(HERE, None, cookie).way == "session"
     clock.pass_s(3600.0 * (IDLE_H + 0.1))
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     assert authenticator.identify(HERE, None, cookie).scope is None
-    assert book.sessions() == []
+    assert SessionRepository(store).all() == []
 
 
 def test_a_wrong_key_is_not_passed_over_for_a_cookie(
-    book: KeyRepository, authenticator: Authenticator
+    book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
-    authenticator.refresh(book)
-    authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie)
+    authenticator.refresh(store)
+    authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
     assert authenticator.identify(HERE, "wrong", cookie).scope is None
 
 
-def test_sessions_are_bounded(book: KeyRepository, authenticator: Authenticator) -> None:
+def test_sessions_are_bounded(book: KeyFile, authenticator: Authenticator, store: Store) -> None:
     key = made(book, "ann")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     caller = authenticator.identify(HERE, key, None)
     for _ in range(SESSIONS_MAX + 3):
-        authenticator.sign_in(book, caller, new_cookie())
-    assert len(book.sessions()) == SESSIONS_MAX
+        authenticator.sign_in(store, caller, new_cookie())
+    assert len(SessionRepository(store).all()) == SESSIONS_MAX
 
 
 def test_the_use_of_a_key_is_kept_once_a_minute(
-    book: KeyRepository, authenticator: Authenticator, clock: Clock, monkeypatch: pytest.MonkeyPatch
+    book: KeyFile,
+    authenticator: Authenticator,
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    store: Store,
 ) -> None:
     key = made(book, "ann")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     noted: list[dict[str, str]] = []
-    keep = book.note_use
+    keep = KeyFile.note_use
 
-    def note_use(keys: dict[str, str], sessions: dict[str, str]) -> None:
-        noted.append(keys)
-        keep(keys, sessions)
+    def note_use(file: KeyFile, used_at: dict[str, str]) -> None:
+        noted.append(used_at)
+        keep(file, used_at)
 
-    monkeypatch.setattr(book, "note_use", note_use)
+    monkeypatch.setattr(KeyFile, "note_use", note_use)
     for second in range(3):
         clock.now = f"2126-03-01T12:00:0{second}.000Z"
         authenticator.identify(HERE, key, None)
-        authenticator.refresh(book)
-        authenticator.refresh(book)
+        authenticator.refresh(store)
+        authenticator.refresh(store)
     assert noted == [{"ann": NOW}]
-    assert [row.used_at for row in book.all()] == [NOW]
+    assert [row.used_at for row in book.read()] == [NOW]
 
 
-def test_a_name_is_given_once(book: KeyRepository) -> None:
+def test_a_name_is_given_once(book: KeyFile) -> None:
     made(book, "ann")
     book.revoke("ann")
     with pytest.raises(KeyNameTakenError):
@@ -259,12 +263,12 @@ def test_a_label_is_no_identity_where_there_are_keys(
 
 
 def test_what_was_known_stays_in_force_while_the_journal_cannot_be_read(
-    book: KeyRepository, authenticator: Authenticator, store: Store
+    book: KeyFile, authenticator: Authenticator, store: Store
 ) -> None:
     key = made(book, "ann")
-    authenticator.refresh(book)
+    authenticator.refresh(store)
     store.close()
     with pytest.raises(OSError, match="is closed"):
-        authenticator.refresh(book)
+        authenticator.refresh(store)
     assert authenticator.identify(HERE, key, None).name == "ann"
     assert authenticator.identify(HERE, "wrong", None).scope is None

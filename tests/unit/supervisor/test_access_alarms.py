@@ -19,7 +19,7 @@ from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import UNCONFIRMED_S, Authenticator
 from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.journal.database import KEY_FILE
-from pincette_supervisor.rest.api import create_app
+from tests.support.apps import create_app
 from tests.support.keys import ScopeKeys, key_of_each_scope
 from tests.support.served import served
 

@@ -18,11 +18,10 @@ from pincette_supervisor.access.authentication import (
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.access.key_sync import KEY_CLOCK, KeySync
 from pincette_supervisor.config import STORE
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
-from pincette_supervisor.rest.api import create_app
+from tests.support.apps import create_app
 from tests.support.keys import key_of_each_scope, shown
 
 from .harness import Harness
@@ -53,28 +52,29 @@ class Office:
     """A supervisor's authenticator, a key with an end and one without, and a session."""
 
     def __init__(self, store: Store) -> None:
-        self.clocks, self.repository = Clocks(), KeyRepository(store)
+        self.clocks, self.store = Clocks(), store
+        keys = KeyFile(store.folder)
         self.authenticator = self.clocks.authenticator()
         self.ending, self.endless, self.cookie = new_key(), new_key(), new_cookie()
         end = utc_text(self.clocks.wall + LASTS)
-        self.repository.add("ann", digest_of(self.ending), "operate", end)
-        self.repository.add("bob", digest_of(self.endless), "operate")
-        self.authenticator.refresh(self.repository)
+        keys.add("ann", digest_of(self.ending), "operate", end)
+        keys.add("bob", digest_of(self.endless), "operate")
+        self.authenticator.refresh(self.store)
         caller = self.authenticator.identify(HERE, self.endless, None)
-        self.authenticator.sign_in(self.repository, caller, self.cookie)
+        self.authenticator.sign_in(self.store, caller, self.cookie)
 
     def restart(self) -> None:
         self.authenticator = self.clocks.authenticator()
-        self.authenticator.refresh(self.repository)
+        self.authenticator.refresh(self.store)
 
     def step(self, duration: timedelta) -> None:
         """Set the clock; no time passes."""
         self.clocks.wall += duration
-        self.authenticator.refresh(self.repository)
+        self.authenticator.refresh(self.store)
 
     def go_on(self, duration: timedelta) -> None:
         self.clocks.go_on(duration)
-        self.authenticator.refresh(self.repository)
+        self.authenticator.refresh(self.store)
 
     def opens(self, key: str) -> bool:
         return self.authenticator.identify(HERE, key, None).scope is not None
@@ -151,7 +151,7 @@ def test_a_false_step_forward_ends_keys_until_a_person_agrees_to_the_clock(offic
     office.restart()
     assert not office.opens(office.ending)
     assert office.opens(office.endless)
-    office.authenticator.agree_to_time(office.repository)
+    office.authenticator.agree_to_time(office.store)
     assert office.opens(office.ending)
     office.restart()
     assert office.opens(office.ending)
@@ -212,11 +212,11 @@ def test_shown_keys_are_refused_as_ended_over_rest(harness: Harness) -> None:
     clocks, key = Clocks(), new_key()
     access = Access(clocks.authenticator())
     harness.app = create_app(harness.rigs, access)
-    repository = KeyRepository(harness.store)
-    repository.add("ann", digest_of(key), "operate", utc_text(clocks.wall + LASTS))
-    access.authenticator.refresh(repository)
+    store = harness.store
+    KeyFile(store.folder).add("ann", digest_of(key), "operate", utc_text(clocks.wall + LASTS))
+    access.authenticator.refresh(store)
     assert harness.call("GET", "/api/v1/jobs", headers=shown(key)).status_code == 200
     clocks.go_on(LASTS)
-    access.authenticator.refresh(repository)
+    access.authenticator.refresh(store)
     clocks.wall -= YEAR
     assert harness.call("GET", "/api/v1/jobs", headers=shown(key)).status_code == 401

@@ -18,7 +18,6 @@ from pincette_supervisor.access.authentication import Authenticator, Caller
 from pincette_supervisor.config import configure
 from pincette_supervisor.problems import ERRORS_MAX
 from pincette_supervisor.rest import limits
-from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.limits import (
     AT_ONCE,
     LARGE_BYTES,
@@ -28,6 +27,8 @@ from pincette_supervisor.rest.limits import (
     Kind,
     RateLimit,
 )
+from tests.support.api_document import openapi
+from tests.support.apps import create_app
 from tests.support.keys import key_of_each_scope
 
 from .harness import Harness
@@ -329,7 +330,7 @@ def test_a_body_beyond_the_limit_of_its_route_is_refused(
     assert answer.json()["type"] == "urn:pincette:problem:body-too-large"
     assert answer.json()["limit_bytes"] == most_bytes
     assert len(read) <= most_bytes / 100_000 + 2
-    operation = harness.app.openapi()["paths"][
+    operation = openapi()["paths"][
         f"/api/v1{path}".replace("job-1", "{job}").replace("demo", "{rig}")
     ][method.lower()]
     assert operation["x-max-bytes"] == most_bytes

@@ -1,6 +1,5 @@
 """Every route says what it demands, and holds to it; what is done is kept with whose it was."""
 
-import json
 from itertools import product
 from typing import Any
 
@@ -12,9 +11,9 @@ from starlette.routing import BaseRoute
 from pincette.api.access import SCOPES, Scope, covers
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.openapi import document
 from pincette_supervisor.rest.session_cookie import NAME as COOKIE
+from tests.support.api_document import openapi
+from tests.support.apps import create_app
 from tests.support.keys import ScopeKeys, key_of_each_scope, shown
 
 from .harness import Harness
@@ -54,7 +53,7 @@ DEMANDS: dict[str, set[tuple[str, str]]] = {
 
 
 def operations() -> dict[tuple[str, str], Any]:
-    paths: dict[str, Any] = json.loads(document())["paths"]
+    paths: dict[str, Any] = openapi()["paths"]
     return {(method, path): one for path, of in paths.items() for method, one in of.items()}
 
 
@@ -103,7 +102,7 @@ def test_no_route_is_left_out_of_the_description(harness: Harness) -> None:
 
 
 def test_the_description_names_how_a_key_is_shown() -> None:
-    tree = json.loads(document())
+    tree = openapi()
     schemes = tree["components"]["securitySchemes"]
     assert (schemes["key"]["type"], schemes["key"]["scheme"]) == ("http", "bearer")
     assert (schemes["session"]["in"], schemes["session"]["name"]) == ("cookie", COOKIE)

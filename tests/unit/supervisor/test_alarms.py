@@ -9,6 +9,7 @@ import pytest
 from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import FaultCode, Mode, fault
+from pincette_supervisor.alarms.alarm_monitor import IDLE_S
 from pincette_supervisor.journal import alarm_rows
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
@@ -292,3 +293,36 @@ def test_they_are_listed_in_pages_and_narrowed_down(harness: Harness) -> None:
     assert harness.call("GET", "/api/v1/alarms/99").status_code == 404
     assert harness.post("/alarms/99/actions", {"type": "acknowledge"}).status_code == 404
     assert harness.post("/alarms/3/actions", {"type": "forget"}).status_code == 422
+
+
+def test_a_rig_without_a_job_is_let_sample_seldom_after_a_while(
+    rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    now_s = 0.0
+    real = rig_file.model_copy(update={"rig": rig_file.rig.model_copy(update={"time": "real"})})
+    harness = open_harness(real, clock=lambda: now_s)
+    watch, health = harness.manager.alarm_monitor, harness.health
+    health.clock = lambda: now_s
+    harness.bus.mode = Mode.IDLE
+    harness.bus.idle()
+
+    def polls(for_s: float) -> int:
+        nonlocal now_s
+        until_s = now_s + for_s
+        while now_s < until_s:
+            now_s += 1.0
+            watch.poll()
+        return harness.bus.asked.count("sensor/idle")
+
+    often_s = health.sensor_limit_s()
+    assert polls(0.8 * IDLE_S) == 0
+    harness.bus.mode = Mode.ARMED
+    assert polls(2.0 * IDLE_S) == 0
+    harness.bus.mode = Mode.IDLE
+    assert polls(0.8 * IDLE_S) == 0
+    assert polls(5.0 * IDLE_S) == 1, "asked once"
+    assert health.sensor_limit_s() > often_s
+    harness.bus.epoch += 1
+    harness.bus.idle()
+    assert health.sensor_limit_s() == often_s
+    assert polls(2.0 * IDLE_S) == 2, "of each epoch"

@@ -3,8 +3,17 @@
 from typing import Any
 
 import pytest
+from pydantic import TypeAdapter
+
+from pincette.config import RigFile, read_rig
+from pincette.control.planning.segments import Seek
+from pincette_supervisor.kinds.bodies import Body
+from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.rigs import DEMO, demo_rig
 
 from .harness import Harness
+
+REQUEST: TypeAdapter[Any] = TypeAdapter(Body)
 
 
 def body(calibration: str, **wishes: Any) -> dict[str, Any]:
@@ -114,3 +123,49 @@ def test_a_period_that_does_not_show_the_mode_is_told_with_the_remedy(harness: H
     assert problem["type"] == "urn:pincette:problem:calibration-unsupported"
     assert problem["bandwidth_hz"] < problem["needed_hz"] == pytest.approx(388.0, abs=1.0)
     assert "Choose a shorter period" in problem["detail"]
+
+
+def test_the_loop_of_an_unknown_arm_is_not_taken_for_too_much_force() -> None:
+    """An arm of a 39 % loop, begun at its remanence, read 46 mN of a straight line and was ended.
+
+    Where a free response is identified, the limit is that of the rig.
+    """
+
+    def most_mN(rig: RigFile) -> float:
+        request = REQUEST.validate_python(body("free_response"))
+        return plan_job(request, rig).program.guards.force_max_mN
+
+    unknown, known = read_rig(DEMO.with_name("bring-up.toml")), demo_rig()
+    assert known.model.free_response is not None
+    assert most_mN(known) == known.limits.force_max_mN
+    # Half of the 19 µm/V over more than 3 V, by 0.46 µm/mN.
+    assert most_mN(unknown) > unknown.limits.force_max_mN + 60.0
+
+
+def test_a_person_who_has_seen_no_part_lets_a_free_arm_bend() -> None:
+    """A free arm of wide relays read 3 mN of its own bend and could not be brought up.
+
+    Without that confirmation the touch limit is the contact force; with it the force limit holds.
+    """
+
+    def touch_mN(**more: bool) -> float:
+        request = REQUEST.validate_python({**body("free_response"), **more})
+        return plan_job(request, rig).program.guards.contact_force_mN
+
+    rig = read_rig(DEMO.with_name("bring-up.toml"))
+    assert touch_mN() == rig.grip.contact_force_mN
+    assert touch_mN(no_part=True) == rig.limits.force_max_mN
+
+
+def test_a_part_is_sought_as_far_as_the_sensor_may_have_drifted() -> None:
+    """A drift of 0.74 µm/min carried the reading beyond the tolerance: no part was met."""
+
+    def furthest_um(drift_um_per_min: float) -> float:
+        rig = demo_rig({"sensor": {"drift_um_per_min": drift_um_per_min}})
+        program = plan_job(REQUEST.validate_python(body("contact_stiffness")), rig).program
+        (seek,) = [segment for segment in program.segments if isinstance(segment, Seek)]
+        (to_um,) = seek.to_um
+        assert to_um is not None
+        return to_um
+
+    assert furthest_um(0.7) == pytest.approx(furthest_um(0.0) + 7.0)

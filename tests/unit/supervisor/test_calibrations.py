@@ -47,7 +47,10 @@ def test_a_calibration_proposes_and_changes_nothing(harness: Harness) -> None:
     (listed,) = harness.get("/calibrations")["calibrations"]
     assert listed == harness.get(f"/calibrations/{name}")
     assert (listed["state"], listed["calibration"]) == ("proposed", "noise")
-    (value,) = listed["values"]
+    value, drift = listed["values"]
+    assert drift["quantity"] == "sensor.drift_um_per_min"
+    assert drift["source_in_use"] == "assumed"
+    assert 2.0 * drift["uncertainty"] <= drift["value"] < 1.0
     assert value["value"] == pytest.approx(0.03, rel=0.15)
     assert value["in_use"] == 0.03
     assert value["source_in_use"] == "assumed"
@@ -71,7 +74,7 @@ def test_what_is_accepted_is_what_later_jobs_work_with(harness: Harness) -> None
     assert used["value"] == accepted["values"][0]["value"]
     model = harness.get("/rigs/demo/model")
     (version,) = model["versions"]
-    assert version["quantities"] == ["sensor.noise_um"]
+    assert version["quantities"] == ["sensor.drift_um_per_min", "sensor.noise_um"]
     harness.bus.edit = list
     job = harness.ended(harness.grip()["id"])
     assert job["values"]["model"] == {"version": 1, "digest": model["digest"]}
@@ -167,7 +170,7 @@ def waits(harness: Harness, job: str) -> dict[str, Any]:
     async def waiting() -> None:
         live = harness.manager.active
         assert live is not None
-        while live.waiting is None:
+        while live.status.waiting is None:
             await asyncio.sleep(0)
 
     asyncio.run(asyncio.wait_for(waiting(), 10.0))

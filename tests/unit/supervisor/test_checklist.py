@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile, read_rig
+from pincette_supervisor.jobs import bring_up
+from pincette_supervisor.jobs.bring_up import ordered
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.kinds.calibrate.compliance.functions import weights_within
-from pincette_supervisor.model import checklist
-from pincette_supervisor.model.checklist import ordered
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import DEMO, Tree, demo_rig
 
@@ -35,12 +35,12 @@ def test_what_is_assumed_is_found_before() -> None:
     for step in ordered():
         assert not set(step.functions.assumes) - found
         found |= set(step.functions.finds)
-    listed = [name for name in KIND.variants if name != "residual"]
+    listed = [name for name in KIND.variants if name not in ("residual", "gain_check")]
     assert [step.variant.name for step in ordered()] == listed
 
 
 def test_the_order_follows_what_is_assumed_not_the_places(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = checklist.functions_of
+    named = bring_up.functions_of
 
     def turned(name: str) -> Any:
         needs_press = name == "noise"
@@ -48,7 +48,7 @@ def test_the_order_follows_what_is_assumed_not_the_places(monkeypatch: pytest.Mo
             named(name), assumes=("part.contact_um",) if needs_press else named(name).assumes
         )
 
-    monkeypatch.setattr(checklist, "functions_of", turned)
+    monkeypatch.setattr(bring_up, "functions_of", turned)
     names = [step.variant.name for step in ordered.__wrapped__()]
     assert names[0] == "compliance"
     assert names[-2:] == ["contact_stiffness", "noise"]
@@ -96,7 +96,8 @@ def test_what_is_proposed_is_decided_about_and_then_the_next_one_follows(harness
     assert found["next"] == "compliance"
     noise = found["steps"][0]
     assert (noise["state"], noise["accepted"], noise["reasons"]) == ("done", name, [])
-    (gained,) = noise["gained"]
+    gained, drift = noise["gained"]
+    assert drift["quantity"] == "sensor.drift_um_per_min"
     assert gained["quantity"] == "sensor.noise_um"
     assert (gained["in_use"], gained["source_in_use"]) == (0.03, "assumed")
     assert noise["statement"]

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from pincette_supervisor.jobs.claims import Claims
+from pincette_supervisor.jobs.job_queue import Claims
 from pincette_supervisor.journal.events import EventLog
 
 from .harness import Harness

@@ -1,37 +1,27 @@
 """Every code of a fault, cause, outcome, ending and broken limit passes every model that has it."""
 
-from typing import Any, cast, get_args
+from typing import get_args
 
 import msgspec
 import pytest
 
-from pincette.api import Model
 from pincette.api.checks import FaultView
 from pincette.api.endings import Ending, EndingCode
 from pincette.api.events import Alarm
 from pincette.api.jobs import Job
 from pincette.api.predictions import Violation
+from pincette.api.problems import TYPE
 from pincette.api.results import OutcomeCode
 from pincette.api.states import OUTCOMES
-from pincette.client import JobEndedError
+from pincette.client import InfeasiblePlanError, JobEndedError, ProblemError
 from pincette.control.vocabulary import FaultCode, LimitedQuantity
 from pincette.core.faults import Cause, Fault, Mode, Outcome, fault
 from pincette.core.messages import Applied, Telemetry
 from pincette.core.wording import cause_text
-from pincette.mcp.server import Gripped
 from pincette_supervisor.kinds.grip import GripResult
+from tests.support.model_examples import example_of
 
 NUMBERS = {"force_mN": 1.0, "limit_mN": 2.0, "seq": 3.0}
-
-
-def example_of(model: type[Model], **changes: Any) -> Any:
-    """The documented example of a model, with changes, as it comes over REST."""
-    extra = model.model_config.get("json_schema_extra")
-    assert isinstance(extra, dict)
-    examples = cast("list[dict[str, Any]]", extra["examples"])
-    made = model.model_validate({**examples[0], **changes}, strict=False)
-    assert model.model_validate_json(made.model_dump_json()) == made
-    return made
 
 
 @pytest.mark.parametrize("code", list(FaultCode))
@@ -53,10 +43,10 @@ def test_a_cause(cause: Cause) -> None:
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
 def test_an_outcome(outcome: OutcomeCode) -> None:
     assert example_of(GripResult, outcome=outcome).outcome == outcome
-    given = {"job": "a", "force_held_mN": None, "force_uncertainty_mN": None}
-    assert Gripped.model_validate({**given, "outcome": outcome}).outcome == outcome
     job = example_of(Job, state="failed", result={"outcome": outcome})
-    assert JobEndedError("it has ended", job).job.result == {"outcome": outcome}
+    raised = JobEndedError("it has ended", job)
+    assert raised.job.result == {"outcome": outcome}
+    assert raised.codes["outcome"] == outcome
     if outcome in set(Outcome):
         assert OUTCOMES[outcome]
 
@@ -69,11 +59,16 @@ def test_an_ending(code: EndingCode) -> None:
     raised = JobEndedError("it has ended", job)
     assert raised.job.ending is not None
     assert raised.job.ending.code == code
+    assert raised.codes["ending"] == ending
 
 
 @pytest.mark.parametrize("quantity", get_args(LimitedQuantity))
 def test_a_broken_limit(quantity: LimitedQuantity) -> None:
-    assert example_of(Violation, quantity=quantity).quantity == quantity
+    broken = example_of(Violation, quantity=quantity)
+    assert broken.quantity == quantity
+    assert InfeasiblePlanError([broken]).codes["violations"][0]["quantity"] == quantity
+    problem = {"type": f"{TYPE}limit-violation", "violations": [broken.model_dump()]}
+    assert ProblemError(422, problem).codes["violations"][0]["quantity"] == quantity
 
 
 def test_the_outcomes_of_telemetry_are_the_controllers() -> None:

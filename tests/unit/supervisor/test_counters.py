@@ -159,3 +159,11 @@ def test_what_was_refused_and_lost_goes_on_over_a_restart() -> None:
     assert counters.lost.total == 9
     refused = {service: count for service, count in counters.refused().items() if count}
     assert refused == {"recorder": 5, "actuator": 9}
+
+
+def test_an_estimate_without_a_zero_is_no_peak() -> None:
+    held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.force_mN)
+    unzeroed = replace(held, force_mN=99.0, zero_age_s=None)
+    counters = RigCounters()
+    fed([*of_grip()[:-3], unzeroed, *of_grip()[-3:]], counters)
+    assert counters.peaks().newest_mN == pytest.approx(held.force_mN)

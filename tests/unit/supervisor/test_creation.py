@@ -67,7 +67,7 @@ def test_an_etag_says_whether_a_job_has_changed(harness: Harness) -> None:
     harness.bus.play(IN_APPROACH + 5)
     live = harness.manager.active
     assert live is not None
-    harness.until(lambda: live.progress is not None and live.progress.seq == IN_APPROACH + 4)
+    harness.until(lambda: (now := live.status.progress) is not None and now.seq == IN_APPROACH + 4)
     unchanged = ask(harness, job, tag)
     assert (unchanged.status_code, unchanged.headers["etag"]) == (304, tag)
     assert ask(harness, job, tag, wait="change", timeout_s=0.01).status_code == 304
@@ -184,7 +184,7 @@ def test_a_refused_first_request_leaves_its_key_to_the_next(harness: Harness) ->
 
 
 def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pincette_supervisor.jobs.key_turns.WAITING", 1)
+    monkeypatch.setattr("pincette_supervisor.jobs.job_manager.WAITING", 1)
     answers = together(harness, *[GRIP] * 5, key="k")
     assert [answer.status_code for answer in answers].count(201) == 1
     late = [answer.json() for answer in answers if answer.status_code == 503]

@@ -14,7 +14,7 @@ from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
-from pincette_supervisor.rest.api import create_app
+from tests.support.apps import create_app
 
 from . import samples
 from .harness import Harness

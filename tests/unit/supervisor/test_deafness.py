@@ -2,16 +2,17 @@
 
 import threading
 from collections.abc import Callable
-from time import monotonic, sleep
+from time import sleep
 
 import pytest
 
 from pincette.config import RigFile
 from pincette.core.faults import Mode
-from pincette.core.messages import Position
+from pincette.core.messages import Position, Trip
 from pincette_supervisor.attention import GRID_S, Attention, share_words
+from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
 
-from .canned import PROGRAMS
+from .canned import ANSWERING, PROGRAMS
 from .harness import Harness
 
 HOLD = 445
@@ -22,7 +23,7 @@ DEAF_S = 2.5
 
 @pytest.fixture
 def desk(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
-    desk = open_harness(real_time)
+    desk = open_harness(real_time, guard_s=20.0)  # the guard is not what ends these jobs
     desk.bus.idle()
     return desk
 
@@ -45,13 +46,20 @@ def held(desk: Harness) -> str:
         thread.join()
 
 
+def pass_time(desk: Harness, duration_s: float = DEAF_S) -> None:
+    """Advance the clock by which the supervisor measures silence."""
+    before = desk.observer.clock
+    desk.observer.clock = lambda: before() + duration_s
+
+
 def alarms(desk: Harness) -> list[str]:
     return [str(row["words"]) for row in desk.get("/alarms", cause="supervisor.deaf")["alarms"]]
 
 
 def test_a_loop_that_answers_is_not_tripped_and_goes_on(desk: Harness) -> None:
     job = held(desk)
-    sleep(DEAF_S)
+    pass_time(desk)
+    desk.until(lambda: bool(alarms(desk)))
     assert desk.get(f"/jobs/{job}")["state"] == "running"
     assert desk.bus.trips == []
     (words,) = alarms(desk)
@@ -72,13 +80,66 @@ def test_a_line_that_is_cut_is_left_to_the_lease(desk: Harness) -> None:
     assert desk.bus.trips == []
 
 
+def lose_router(desk: Harness) -> None:
+    """Let all programs be silent and their tokens vanish, as where the router has ended."""
+    for program in ANSWERING:
+        desk.bus.kill(program)
+
+
+def find_router(desk: Harness) -> None:
+    for program in ANSWERING:
+        desk.bus.revive(program)
+
+
+def test_a_router_that_ends_is_no_reason_to_trip(desk: Harness) -> None:
+    """All tokens vanish with it, while the loop, which needs no router, is well."""
+    job = held(desk)
+    lose_router(desk)
+    sleep(DEAF_S)
+    assert desk.get(f"/jobs/{job}")["state"] == "running"
+    find_router(desk)
+    desk.bus.play()
+    assert desk.ended(job)["state"] == "succeeded"
+    assert desk.bus.trips == []
+
+
+def test_a_router_that_stays_away_ends_the_job_with_its_lease_and_trips_nothing(
+    real_time: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller stops by itself then, and a held part stays held."""
+    safety = real_time.safety.model_copy(update={"lease_s": DEAF_S})
+    desk = open_harness(real_time.model_copy(update={"safety": safety}))
+    desk.bus.idle()
+    stops: list[Trip] = []
+    directly = ActuatorTrip("demo", desk.bus, stops.append)
+    monkeypatch.setitem(vars(desk.manager.context), "trip", directly)
+    job = held(desk)
+    lose_router(desk)
+    ended = desk.ended(job)
+    assert (ended["state"], ended["ending"]["code"]) == ("failed", "silent")
+    assert stops == []
+
+
+def test_an_actuator_whose_token_vanishes_while_others_are_seen_ends_the_job(
+    desk: Harness,
+) -> None:
+    job = held(desk)
+    desk.bus.kill("actuator")
+    ended = desk.ended(job)
+    assert (ended["state"], ended["ending"]["code"]) == ("failed", "silent")
+    assert "killed or hung: actuator" in ended["cause"]
+
+
 def test_an_actuator_that_is_silent_while_others_are_heard_ends_the_job(desk: Harness) -> None:
     job = held(desk)
     desk.bus.silent.add("actuator")
-    begun_s = monotonic()
-    while desk.get(f"/jobs/{job}")["state"] == "running" and monotonic() - begun_s < 20.0:
+    pass_time(desk)
+
+    def stopped_while_the_sensor_is_heard() -> bool:
         desk.bus.publish(Position(desk.bus.epoch, HOLD, 0.0, 30.0, valid=True))
-        sleep(0.1)
+        return desk.get(f"/jobs/{job}")["state"] != "running"
+
+    desk.until(stopped_while_the_sensor_is_heard)
     assert "actuator: silent for more than 1 s" in desk.ended(job)["cause"]
 
 
@@ -90,6 +151,7 @@ def test_without_a_lease_a_line_that_is_cut_ends_the_job(
     desk.bus.idle()
     job = held(desk)
     desk.bus.silent.update(PROGRAMS)
+    pass_time(desk)
     assert "actuator: silent" in desk.ended(job)["cause"]
 
 

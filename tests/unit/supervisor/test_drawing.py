@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pincette_supervisor.results import drawing
+from pincette_supervisor.plugin import drawing
 
 from .harness import Harness
 

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from pincette.config import ConfigError, RigFile, parse_rig
+from pincette_supervisor.jobs.bring_up import model_view
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.model import rig_model
-from pincette_supervisor.model.model_view import model_view
-from pincette_supervisor.model.rig_model import Instruments, RigModel
-from pincette_supervisor.model.upkeep import due_at
+from pincette_supervisor.model.rig_model import Instruments, RigModel, due_at
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
 MEASURED = "2026-03-01T12:00:00.000Z"

@@ -7,7 +7,7 @@ import pytest
 from pincette.api.endings import ENDINGS, EndingCode
 from pincette.api.results import OutcomeCode
 from pincette.core.faults import Outcome
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 
 from .canned import IN_APPROACH, IN_HOLD
 from .harness import Harness
@@ -59,7 +59,7 @@ def test_a_queued_job_whose_plan_is_refused_names_the_problem(
 
     first = harness.playing_to(IN_HOLD)
     second = harness.grip(queue=True)["id"]
-    monkeypatch.setattr("pincette_supervisor.jobs.planner.plan_with_recipe", no_plan)
+    monkeypatch.setattr("pincette_supervisor.planning.job_plans.plan", no_plan)
     harness.bus.play()
     harness.ended(first)
     ending = harness.ended(second)["ending"]

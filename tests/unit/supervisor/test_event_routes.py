@@ -12,8 +12,8 @@ from pincette.config import RigFile
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal import listeners
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rest import routes_events
 from tests.support.keys import key_of_each_scope
@@ -241,9 +241,8 @@ def test_a_stream_ends_with_the_key_of_its_listener(
     async def scene() -> None:
         async with Stream(app, path, **keys.headers("observe")) as stream:
             assert await stream.chunk() == ": listening\n"
-            repository = KeyRepository(bench.store)
-            await asyncio.to_thread(repository.revoke, "an-observe")
-            access.authenticator.refresh(repository)
+            await asyncio.to_thread(KeyFile(bench.store.folder).revoke, "an-observe")
+            access.authenticator.refresh(bench.store)
             await asyncio.to_thread(bench.log.append, "state", "a", state="running")
             assert await stream.event() == {}, "neither this nor anything after it is told"
 

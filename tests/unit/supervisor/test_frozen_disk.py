@@ -17,8 +17,10 @@ from pincette_supervisor.access.authentication import (
     new_cookie,
     new_key,
 )
-from pincette_supervisor.journal.access_rows import KeyRepository
+from pincette_supervisor.journal import database
+from pincette_supervisor.journal.access_rows import SessionRepository
 from pincette_supervisor.journal.database import Database
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.write_queue import WAIT_S, WriteQueue
 
 from .canned import IN_APPROACH, IN_HOLD
@@ -132,7 +134,7 @@ def test_an_emergency_stop_and_a_reset_are_answered(
         assert harness.post("/rigs/demo/estop").status_code == 200
         assert harness.bus.latch == "estop"
         assert monotonic() - begun_s < LIMIT_S
-        harness.until(lambda: live.state != "running")
+        harness.until(lambda: live.status.state != "running")
         begun_s = monotonic()
         assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
         assert harness.bus.latch == ""
@@ -193,15 +195,15 @@ def test_a_stop_by_the_key_of_a_request_is_answered(
 def test_a_session_counts_at_once_and_not_after_its_end(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, signs_out: bool
 ) -> None:
-    keys, authenticator = KeyRepository(harness.store), Authenticator()
+    store, authenticator = harness.store, Authenticator()
     key, cookie = new_key(), new_cookie()
-    keys.add("ann", digest_of(key), "operate", None)
-    authenticator.refresh(keys)
+    KeyFile(store.folder).add("ann", digest_of(key), "operate", None)
+    authenticator.refresh(store)
     caller = authenticator.identify("here", key, None)
-    end = threading.Thread(target=authenticator.sign_out, args=(keys, cookie))
+    end = threading.Thread(target=authenticator.sign_out, args=(store, cookie))
     with frozen_disk(monkeypatch) as thaw:
         begun_s = monotonic()
-        authenticator.sign_in(keys, caller, cookie)
+        authenticator.sign_in(store, caller, cookie)
         assert monotonic() - begun_s < LIMIT_S
         assert authenticator.identify("here", None, cookie).scope == "operate"
         if signs_out:
@@ -210,9 +212,80 @@ def test_a_session_counts_at_once_and_not_after_its_end(
     if signs_out:
         end.join(PATIENCE_S)
     harness.until(lambda: authenticator.write_sessions() is None and not authenticator.unwritten)
-    authenticator.refresh(keys)
-    assert (len(keys.sessions()) == 0) == signs_out
+    authenticator.refresh(store)
+    assert (SessionRepository(store).all() == []) == signs_out
     assert (authenticator.identify("here", None, cookie).scope is None) == signs_out
+
+
+def test_a_session_ends_at_once_though_its_end_cannot_be_written(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, authenticator = harness.store, Authenticator()
+    key, cookie = new_key(), new_cookie()
+    KeyFile(store.folder).add("ann", digest_of(key), "operate", None)
+    authenticator.refresh(store)
+    authenticator.sign_in(store, authenticator.identify("here", key, None), cookie)
+    assert authenticator.identify("here", None, cookie).scope == "operate"
+    with frozen_disk(monkeypatch):
+        begun_s = monotonic()
+        authenticator.sign_out(store, cookie)
+        authenticator.sign_out(store, new_cookie())
+        assert monotonic() - begun_s < LIMIT_S
+        assert authenticator.identify("here", None, cookie).scope is None
+    sessions = SessionRepository(store)
+    harness.until(lambda: authenticator.write_sessions() is None and not sessions.all())
+    authenticator.refresh(store)
+    assert authenticator.identify("here", None, cookie).scope is None
+
+
+@contextmanager
+def hung_write(base: Database) -> Generator[None]:
+    """One write hangs in the disk, and those behind it wait for their turn."""
+    thawed, begun = threading.Event(), threading.Event()
+
+    def write() -> None:
+        with base.writing():
+            begun.set()
+            assert thawed.wait(PATIENCE_S)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        assert begun.wait(PATIENCE_S)
+        yield
+    finally:
+        thawed.set()
+        writer.join(PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body"),
+    [
+        ("POST", "/jobs", {"kind": "grip"}),
+        ("POST", "/jobs/JOB/actions", {"type": "stop"}),
+        ("POST", "/jobs/stop", {"idempotency_key": "unknown"}),
+        ("DELETE", "/jobs/JOB/record", None),
+        ("GET", "/audit", None),
+        ("GET", "/audit/chain", None),
+    ],
+)
+def test_a_request_behind_a_write_that_hangs_is_answered(
+    harness: Harness,
+    monkeypatch: pytest.MonkeyPatch,
+    method: str,
+    path: str,
+    body: dict[str, str] | None,
+) -> None:
+    monkeypatch.setattr(database, "TURN_S", 0.2)
+    job = harness.ended(harness.grip()["id"])["id"]
+    with hung_write(harness.store):
+        begun_s = monotonic()
+        answer = harness.call(method, f"/api/v1{path.replace('JOB', job)}", json=body)
+        assert monotonic() - begun_s < LIMIT_S
+    if answer.status_code >= 500:
+        assert answer.status_code == 503
+        assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.status_code not in (202, 201)  # nothing is accepted that is not kept
 
 
 def test_no_request_reads_the_journal_on_the_event_loop(harness: Harness) -> None:

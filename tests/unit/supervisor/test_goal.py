@@ -6,7 +6,7 @@ import pytest
 
 from pincette.control.record import replace
 from pincette.records.columns import columns
-from pincette_supervisor.results.goal import goal_of
+from pincette_supervisor.plugin.goal import goal_of
 
 from . import samples
 from .harness import Harness

@@ -3,10 +3,10 @@
 import pytest
 
 from pincette.config import RigFile
+from pincette.control.planning.segments import Press, Seek
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import FaultyRequestError, Planned
 from tests.support.rigs import Tree, demo_rig
 
 
@@ -42,10 +42,9 @@ def test_a_gentle_grip_is_planned_as_before() -> None:
     assert [segment.duration_s for segment in made.program.segments if segment.phase == "load"] == [
         2.0
     ]
-    assert not any(segment.follows for segment in made.program.segments)
-    assert all(
-        segment.move_s is None for segment in made.program.segments if segment.kind == "seek"
-    )
+    segments = made.program.segments
+    assert not any(one.follows for one in segments if isinstance(one, Press))
+    assert [one.run_up_s for one in segments if isinstance(one, Seek)] == [0.0]
 
 
 def test_a_rig_file_may_be_gentle_and_a_request_quick() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pincette_supervisor.plugin.figures import Series
 from pincette_supervisor.results import history
-from pincette_supervisor.results.figures import Series
 
 from .harness import Harness
 

@@ -1,11 +1,10 @@
 """HEAD wherever there is GET, Allow with every 405, and OPTIONS."""
 
-import json
 from typing import Any
 
 import pytest
 
-from pincette_supervisor.rest.openapi import document
+from tests.support.api_document import openapi
 from tests.support.served import connected, served
 
 from .harness import Harness
@@ -17,7 +16,7 @@ COUNTED = ("content-length", "etag", "last-modified")
 
 
 def paths(*methods: str) -> list[str]:
-    tree: dict[str, Any] = json.loads(document())["paths"]
+    tree: dict[str, Any] = openapi()["paths"]
     return [path for path, found in tree.items() if found.keys() & set(methods)]
 
 
@@ -74,7 +73,7 @@ def test_head_of_a_stream_ends_at_once(harness: Harness) -> None:
 
 
 def test_every_405_names_all_methods_of_its_path(harness: Harness) -> None:
-    tree: dict[str, Any] = json.loads(document())["paths"]
+    tree: dict[str, Any] = openapi()["paths"]
     for path, found in tree.items():
         place = placed(path, "20260301-120000-1f0c")
         has = {method.upper() for method in found}

@@ -9,18 +9,21 @@ from pathlib import Path
 import pytest
 
 from pincette.records import parquet
+from pincette_supervisor.journal import store as journal_store
 from pincette_supervisor.journal.job_filter import EVERY_JOB
-from pincette_supervisor.journal.store import PAGE
 from pincette_supervisor.results import job_table
 
 from .harness import Harness
 
+PAGE = 25
+"""Jobs read at once in these tests; a supervisor reads ten times as many."""
 FEW, MANY = 2 * PAGE, 8 * PAGE
 
 
 @pytest.fixture
-def journal(harness: Harness) -> Harness:
-    """A journal of many jobs, each with a result of its own size."""
+def journal(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
+    """A journal of many pages of jobs, each with a result of its own size."""
+    monkeypatch.setattr(journal_store, "PAGE", PAGE)
     job = str(harness.grip()["id"])
     harness.freed(job)
     store = harness.manager.context.store

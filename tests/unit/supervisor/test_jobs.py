@@ -157,7 +157,7 @@ def test_a_release_in_the_hold_ends_the_job_well(harness: Harness) -> None:
     assert live is not None
 
     async def in_hold() -> None:
-        while not live.held:
+        while not live.status.held:
             await asyncio.sleep(0)
 
     asyncio.run(asyncio.wait_for(in_hold(), 10.0))

@@ -1,26 +1,41 @@
-"""Keys in a file of their own: no lost or damaged file lets anybody in."""
+"""The four properties of keys: no lost or damaged file lets anybody in, and no stop waits."""
 
+import asyncio
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import asdict
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
-from sqlalchemy import insert
 
+from pincette.security.latest_time import utc
 from pincette_supervisor.access.access import authenticator_of, require_key
-from pincette_supervisor.access.authentication import Authenticator, digest_of, new_cookie, new_key
+from pincette_supervisor.access.authentication import Authenticator, Caller, digest_of, new_cookie
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.config import STORE, configure
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import KEY_FILE
-from pincette_supervisor.journal.key_file import KeyFile, KeyRow
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store, StoreError
-from pincette_supervisor.journal.tables import KEYS
+from pincette_supervisor.journal.tables import NOTES, utc_text
 from tests.support.rigs import demo_rig
 
 HERE = "127.0.0.1"
+EARLIER = """
+DROP TABLE sessions;
+DELETE FROM notes;
+CREATE TABLE keys (
+    name VARCHAR NOT NULL PRIMARY KEY, digest VARCHAR NOT NULL UNIQUE, scope VARCHAR NOT NULL,
+    made_at VARCHAR NOT NULL, expires_at VARCHAR, revoked_at VARCHAR, used_at VARCHAR,
+    password VARCHAR
+);
+CREATE TABLE sessions (
+    digest VARCHAR NOT NULL PRIMARY KEY, key VARCHAR NOT NULL REFERENCES keys (name),
+    used_at VARCHAR NOT NULL
+);
+UPDATE alembic_version SET version_num = '0003';
+"""
+"""Turns a journal into one of revision 0003, which has a copy of the keys."""
 
 
 def made(data: Path, name: str = "ann") -> str:
@@ -29,11 +44,11 @@ def made(data: Path, name: str = "ann") -> str:
 
 
 def started(data: Path, keys: str = "once_made") -> Authenticator:
-    """Who is let in by a supervisor that starts on a data folder."""
+    """Return the authenticator of a supervisor that starts on a data folder."""
     config = configure(demo_rig({"supervisor": {"keys": keys}}), data)
     authenticator = authenticator_of(config, "")
     with closing(Store(config.store)) as store:
-        authenticator.refresh(KeyRepository(store))
+        authenticator.refresh(store)
     require_key(config, authenticator)
     return authenticator
 
@@ -43,33 +58,185 @@ def lose_journal(data: Path) -> None:
         path.unlink()
 
 
+def damage_journal(data: Path) -> None:
+    lose_journal(data)
+    (data / STORE).write_text("no journal\n" * 100)
+
+
 def lose_keys(data: Path) -> None:
     (data / KEY_FILE).unlink()
 
 
-@pytest.mark.parametrize("lose", [lose_journal, lose_keys])
-def test_a_lost_file_lets_nobody_in_and_keeps_the_keys(
-    tmp_path: Path, lose: Callable[[Path], None]
-) -> None:
-    key = made(tmp_path)
-    lose(tmp_path)
+def empty_keys(data: Path) -> None:
+    (data / KEY_FILE).write_text('{"version": 1, "keys": []}')
+
+
+def rights(authenticator: Authenticator, key: str | None, cookie: str | None = None) -> str | None:
+    return authenticator.identify(HERE, key, cookie).scope
+
+
+# First property: a lost or damaged journal opens no gate.
+
+
+def test_a_lost_journal_changes_nobodys_access(tmp_path: Path) -> None:
+    key, revoked = made(tmp_path), made(tmp_path, "bob")
+    with open_keys(tmp_path) as keys:
+        assert keys.revoke("bob")
+    lose_journal(tmp_path)
     for _ in range(2):
         authenticator = started(tmp_path)
-        assert authenticator.identify(HERE, None, None).scope is None
-        assert authenticator.identify(HERE, key, None).scope == "operate"
+        assert rights(authenticator, None) is None
+        assert rights(authenticator, key) == "operate"
+        assert rights(authenticator, revoked) is None
 
 
-@pytest.mark.parametrize("lose", [lose_journal, lose_keys])
-def test_a_revoked_key_stays_revoked_whatever_is_lost(
-    tmp_path: Path, lose: Callable[[Path], None]
-) -> None:
+def test_a_damaged_journal_prevents_the_start_and_no_change_of_keys(tmp_path: Path) -> None:
     key = made(tmp_path)
+    damage_journal(tmp_path)
+    with pytest.raises(StoreError, match=STORE):
+        started(tmp_path)
+    added = made(tmp_path, "bob")
     with open_keys(tmp_path) as keys:
         assert keys.revoke("ann")
-    lose(tmp_path)
+        assert [row.name for row in keys.all()] == ["ann", "bob"]
+    lose_journal(tmp_path)
     authenticator = started(tmp_path)
-    assert authenticator.identify(HERE, key, None).scope is None
-    assert authenticator.identify(HERE, None, None).scope is None
+    assert rights(authenticator, added) == "operate"
+    assert rights(authenticator, key) is None
+    assert rights(authenticator, None) is None
+
+
+# Second property: a revoked key opens nothing, even while the journal cannot be used.
+
+
+@pytest.mark.parametrize("spoil", [lose_journal, damage_journal], ids=["lost", "damaged"])
+def test_a_key_and_its_sessions_end_while_the_journal_cannot_be_used(
+    tmp_path: Path, spoil: Callable[[Path], None]
+) -> None:
+    key, authenticator, cookie = made(tmp_path), Authenticator(), new_cookie()
+    with closing(Store(tmp_path / STORE)) as store:
+        authenticator.refresh(store)
+        authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
+    assert rights(authenticator, None, cookie) == "operate"
+    spoil(tmp_path)
+    with open_keys(tmp_path) as keys:
+        assert keys.revoke("ann")
+    with pytest.raises(StoreError, match="is closed"):
+        authenticator.refresh(store)
+    assert rights(authenticator, key) is None
+    assert rights(authenticator, None, cookie) is None
+
+
+def test_a_new_password_ends_the_sessions_while_the_journal_cannot_be_used(tmp_path: Path) -> None:
+    authenticator, cookie = Authenticator(), new_cookie()
+    with open_keys(tmp_path) as keys:
+        keys.add_user("ann", "operate", "the first password")
+    with closing(Store(tmp_path / STORE)) as store:
+        authenticator.refresh(store)
+        signed_in = authenticator.by_password(Caller(HERE), "ann", "the first password")
+        authenticator.sign_in(store, asyncio.run(signed_in), cookie)
+    assert rights(authenticator, None, cookie) == "operate"
+    damage_journal(tmp_path)
+    with open_keys(tmp_path) as keys:
+        assert keys.set_password("ann", "the second password")
+    with pytest.raises(StoreError, match="is closed"):
+        authenticator.refresh(store)
+    assert rights(authenticator, None, cookie) is None
+
+
+# Third property: identifying a caller, and so a stop, waits for no disk.
+
+
+def test_a_caller_is_identified_without_any_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key, cookie = made(tmp_path), new_cookie()
+    with closing(Store(tmp_path / STORE)) as store:
+        authenticator = Authenticator()
+        authenticator.refresh(store)
+        authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
+
+    def no_disk(*_: object, **__: object) -> NoReturn:
+        raise AssertionError("the disk was used")
+
+    for owner, name in ((KeyFile, "read"), (KeyFile, "note_use"), (Store, "reading")):
+        monkeypatch.setattr(owner, name, no_disk)
+    monkeypatch.setattr(Store, "writing", no_disk)
+    assert rights(authenticator, key) == "operate"
+    assert rights(authenticator, None, cookie) == "operate"
+    assert rights(authenticator, "wrong") is None
+    assert rights(authenticator, None) is None
+
+
+# Fourth property: once there was a key, keys are wanted.
+
+
+@pytest.mark.parametrize("lose", [lose_keys, empty_keys])
+def test_without_its_key_file_a_supervisor_that_had_keys_does_not_start(
+    tmp_path: Path, lose: Callable[[Path], None]
+) -> None:
+    made(tmp_path)
+    lose(tmp_path)
+    for _ in range(2):
+        with pytest.raises(StoreError, match="pincette key add NAME --scope admin --data"):
+            started(tmp_path)
+    key = made(tmp_path, "bob")
+    authenticator = started(tmp_path)
+    assert rights(authenticator, None) is None
+    assert rights(authenticator, key) == "operate"
+
+
+def test_a_supervisor_notes_keys_that_were_added_beside_a_damaged_journal(tmp_path: Path) -> None:
+    damage_journal(tmp_path)
+    made(tmp_path)
+    lose_journal(tmp_path)
+    started(tmp_path)
+    lose_keys(tmp_path)
+    with pytest.raises(StoreError, match="has had keys"):
+        started(tmp_path)
+
+
+@pytest.mark.parametrize("lose", [lose_keys, empty_keys])
+def test_a_running_supervisor_whose_keys_go_lets_nobody_in_until_they_are_back(
+    tmp_path: Path, lose: Callable[[Path], None]
+) -> None:
+    key, cookie, authenticator = made(tmp_path), new_cookie(), Authenticator()
+    kept = (tmp_path / KEY_FILE).read_bytes()
+    with closing(Store(tmp_path / STORE)) as store:
+        authenticator.refresh(store)
+        authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
+        lose(tmp_path)
+        with store.writing() as connection:  # the note goes, too
+            connection.execute(NOTES.delete())
+        for _ in range(2):
+            with pytest.raises(StoreError, match="has had keys"):
+                authenticator.refresh(store)
+            assert rights(authenticator, None) is None
+            assert rights(authenticator, key) is None
+            assert rights(authenticator, None, cookie) is None
+        (tmp_path / KEY_FILE).write_bytes(kept)
+        authenticator.refresh(store)
+        assert rights(authenticator, key) == "operate"
+        assert rights(authenticator, None, cookie) == "operate"
+        assert rights(authenticator, None) is None
+
+
+def test_keys_and_sessions_of_an_earlier_journal_are_not_forgotten(tmp_path: Path) -> None:
+    key, cookie = made(tmp_path), new_cookie()
+    with closing(sqlite3.connect(tmp_path / STORE)) as base:
+        base.executescript(EARLIER)
+        base.execute(
+            "INSERT INTO keys (name, digest, scope, made_at) VALUES ('ann', ?, 'operate', 'then')",
+            [digest_of(key)],
+        )
+        base.execute(
+            "INSERT INTO sessions VALUES (?, 'ann', ?)", [digest_of(cookie), utc_text(utc())]
+        )
+        base.commit()
+    assert rights(started(tmp_path), None, cookie) == "operate"
+    lose_keys(tmp_path)
+    with pytest.raises(StoreError, match="has had keys"):
+        started(tmp_path)
 
 
 def test_the_rig_file_may_require_keys_on_an_empty_data_folder(
@@ -93,8 +260,11 @@ def test_a_damaged_key_file_is_told_at_start_with_the_remedy(tmp_path: Path, los
     with pytest.raises(StoreError, match=r"keys\.json cannot be used"):
         made(tmp_path, "bob")
     lose_keys(tmp_path)
-    assert started(tmp_path).identify(HERE, key, None).scope == "operate"
-    assert started(tmp_path).identify(HERE, None, None).scope is None
+    with pytest.raises(StoreError, match="has had keys"):
+        started(tmp_path)
+    with open_keys(tmp_path) as keys:
+        keys.add("bob", "operate", None)
+    assert started(tmp_path).identify(HERE, key, None).scope is None
 
 
 def test_a_digest_that_is_none_is_damage(tmp_path: Path) -> None:
@@ -103,55 +273,6 @@ def test_a_digest_that_is_none_is_damage(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"digest": "', '"digest": "x'))
     with pytest.raises(StoreError, match="cannot be used"):
         KeyFile(tmp_path).read()
-
-
-def test_nobody_comes_in_without_a_key_when_both_files_go_while_it_runs(tmp_path: Path) -> None:
-    key, authenticator = made(tmp_path), Authenticator()
-    with closing(Store(tmp_path / STORE)) as store:
-        book = KeyRepository(store)
-        authenticator.refresh(book)
-        lose_keys(tmp_path)
-        with store.writing() as connection:
-            connection.execute(KEYS.delete())
-        authenticator.refresh(book)
-        assert authenticator.identify(HERE, None, None).scope is None
-        assert authenticator.identify(HERE, key, None).scope is None
-
-
-def test_a_key_is_revoked_also_while_the_journal_is_damaged(tmp_path: Path) -> None:
-    key, authenticator = made(tmp_path), Authenticator()
-    with closing(Store(tmp_path / STORE)) as store:
-        book = KeyRepository(store)
-        authenticator.refresh(book)
-        authenticator.sign_in(book, authenticator.identify(HERE, key, None), cookie := new_cookie())
-    lose_journal(tmp_path)
-    (tmp_path / STORE).write_text("no journal\n" * 100)
-    with open_keys(tmp_path) as keys:
-        assert keys.revoke("ann")
-    with pytest.raises(StoreError, match="is closed"):
-        authenticator.refresh(book)
-    assert authenticator.identify(HERE, key, None).scope is None
-    assert authenticator.identify(HERE, None, cookie).scope is None
-
-
-def test_keys_of_an_earlier_journal_are_brought_over_once(tmp_path: Path) -> None:
-    keys = {name: new_key() for name in ("ann", "bob")}
-    revoked = {"ann": None, "bob": "2026-03-02T12:00:00.000Z"}
-    rows = [
-        KeyRow(name, digest_of(key), "admin", "2026-03-01T12:00:00.000Z", revoked_at=revoked[name])
-        for name, key in keys.items()
-    ]
-    with closing(Store(tmp_path / STORE)) as store, store.writing() as connection:
-        connection.execute(insert(KEYS), [asdict(row) for row in rows])
-    assert not (tmp_path / KEY_FILE).exists()
-    authenticator = started(tmp_path)
-    assert authenticator.identify(HERE, keys["ann"], None).scope == "admin"
-    assert authenticator.identify(HERE, keys["bob"], None).scope is None
-    assert KeyFile(tmp_path).read() == rows
-    with closing(Store(tmp_path / STORE)) as store, store.writing() as connection:
-        connection.execute(KEYS.update().values(revoked_at=None))
-    authenticator = started(tmp_path)  # the file decides from here on
-    assert authenticator.identify(HERE, keys["bob"], None).scope is None
 
 
 def test_keys_and_journal_are_readable_by_their_owner_alone(tmp_path: Path) -> None:

@@ -25,7 +25,6 @@ from pincette_supervisor.access.key_sync import EVERY_S, KeySync
 from pincette_supervisor.alarms.checks import of_supervisor
 from pincette_supervisor.config import STORE
 from pincette_supervisor.journal import engines
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import KEY_FILE
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store, StoreError
@@ -89,8 +88,7 @@ def test_keys_that_cannot_be_read_let_nobody_in_and_come_back(
 ) -> None:
     key, now_s = made(tmp_path), 100.0
     authenticator = Authenticator(clock=lambda: now_s)
-    repository = KeyRepository(store)
-    authenticator.refresh(repository)
+    authenticator.refresh(store)
 
     def refuse(_file: KeyFile) -> None:
         raise OSError(errno.EIO, "Input/output error")
@@ -99,7 +97,7 @@ def test_keys_that_cannot_be_read_let_nobody_in_and_come_back(
         patched.setattr(KeyFile, "read", refuse)
         now_s += UNCONFIRMED_S
         with pytest.raises(OSError, match="Input/output"):
-            authenticator.refresh(repository)
+            authenticator.refresh(store)
         assert authenticator.identify(HERE, key, None).scope == "operate"
         now_s += EVERY_S
         for caller in (
@@ -112,7 +110,7 @@ def test_keys_that_cannot_be_read_let_nobody_in_and_come_back(
             with pytest.raises(ProblemError) as refused:
                 require_scope(caller, "observe")
             assert (refused.value.status, refused.value.code) == (503, "keys-unconfirmed")
-    authenticator.refresh(repository)
+    authenticator.refresh(store)
     assert authenticator.identify(HERE, key, None).scope == "operate"
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from pincette_supervisor.journal.tables import JobRow
 from pincette_supervisor.planning.last_pose import last_pose_um
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 
 from .test_motions import RIG, plan
 

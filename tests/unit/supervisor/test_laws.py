@@ -14,8 +14,8 @@ from pincette.control.laws.definition import LawSettings
 from pincette.control.laws.parameters import ParameterSet
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
-from pincette_supervisor.planning import laws
 from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin import laws
 from tests.support.laws import default_settings, law_settings
 
 from .harness import Harness

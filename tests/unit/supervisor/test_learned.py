@@ -7,7 +7,8 @@ import pytest
 from pincette.control.planning.repetition import Corrections
 from pincette_supervisor.journal.learned import MOST, LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.residuals import QUANTITY, merged
+from pincette_supervisor.plugin import RESIDUALS
+from pincette_supervisor.plugin.residuals import merged
 
 from .harness import Harness
 
@@ -41,6 +42,13 @@ def test_one_program_or_all_are_forgotten(repository: LearnedRepository) -> None
     assert repository.all() == []
 
 
+def test_a_program_that_did_not_help_is_forgotten(repository: LearnedRepository) -> None:
+    repository.keep(row("a"))
+    repository.forget("a")
+    repository.forget("a")
+    assert repository.find("a") is None
+
+
 def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) -> None:
     for number in range(MOST + 1):
         repository.keep(row(f"{number}", f"2026-03-01T12:{number:02d}:00.000Z"))
@@ -54,9 +62,9 @@ def test_a_table_replaces_that_of_its_own_program_alone() -> None:
     def table(program: str, job: str) -> dict[str, str]:
         return {"program": program, "job": job}
 
-    before = merged({}, {QUANTITY: [table("a", "1"), table("b", "1")]}, "2026-03-01")
-    after = merged(before, {QUANTITY: [table("a", "2")]}, "2026-03-02")
-    assert [(one["program"], one["job"], one["measured_at"]) for one in after[QUANTITY]] == [
+    before = merged({}, {RESIDUALS: [table("a", "1"), table("b", "1")]}, "2026-03-01")
+    after = merged(before, {RESIDUALS: [table("a", "2")]}, "2026-03-02")
+    assert [(one["program"], one["job"], one["measured_at"]) for one in after[RESIDUALS]] == [
         ("b", "1", "2026-03-01"),
         ("a", "2", "2026-03-02"),
     ]

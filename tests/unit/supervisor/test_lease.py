@@ -151,7 +151,7 @@ def test_a_supervisor_that_was_away_finds_the_job_stopped_with_the_cause(
 def test_what_happened_while_no_supervisor_was_there_is_told_by_the_next(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
-    before = open_harness(rig_file)
+    before = open_harness(rig_file, guard_s=1e6)
     job = before.playing_to(IN_APPROACH)
     unfinished = before.store.interrupt_unfinished("2026-03-01T12:00:00.000Z")
     assert unfinished == [job]

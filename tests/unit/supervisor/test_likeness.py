@@ -4,7 +4,8 @@ import pytest
 
 from pincette.config import Calibration, read_rig
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
-from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
+from pincette_supervisor.plugin import ModelInUse
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from tests.support.rigs import DEMO
 
 GAIN = "model.piezo_um_per_V"

@@ -12,11 +12,11 @@ from pincette.api.live import LiveBatch
 from pincette.bus.memory import MemoryBus
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Message, Position, Telemetry
+from pincette.core.messages.second import SecondApplied, SecondPosition
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.journal.access_rows import KeyRepository
-from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.rigs.live import (
     EVENT_POINTS,
     HISTORY_POINTS,
@@ -27,6 +27,7 @@ from pincette_supervisor.rigs.live import (
     LiveSamples,
     TooManyListenersError,
 )
+from tests.support.apps import create_app
 from tests.support.keys import key_of_each_scope
 
 from . import samples
@@ -78,6 +79,27 @@ def heard(listener: LiveCursor) -> list[LiveBatch]:
 
 def seqs(batches: list[LiveBatch]) -> list[int]:
     return [seq for batch in batches for seq in batch.seq]
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+def test_a_voltage_that_the_output_has_not_confirmed_is_not_known(scene: Scene, arms: int) -> None:
+    """The rest of its sample is, and the sample waits for nothing else."""
+    listener = scene.live.open()
+    ticks = samples.grip()[:6]
+    for tick in ticks:
+        position, applied = tick.position, replace(tick.applied, unconfirmed=tick is ticks[3])
+        if arms == 2:
+            position = replace(position, second=SecondPosition(1.0, valid=True))
+            applied = replace(applied, second=SecondApplied(2.0, 0))
+        scene.say((position, tick.estimate, tick.telemetry, applied))
+    batches = heard(listener)
+    found = [volts for batch in batches for volts in batch.voltage_V]
+    assert found == [
+        None if tick is ticks[3] else round(tick.applied.voltage_V, 4) for tick in ticks
+    ]
+    assert None not in [x_um for batch in batches for x_um in batch.x_um]
+    others = [volts for batch in batches if batch.second for volts in batch.second.voltage_V]
+    assert others == ([] if arms == 1 else [2.0, 2.0, 2.0, None, 2.0, 2.0])
 
 
 def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
@@ -270,9 +292,8 @@ def test_samples_end_with_the_key_of_their_listener(harness: Harness) -> None:
         path = "/api/v1/rigs/demo/live"
         async with Stream(harness.app, path, **keys.headers("observe")) as stream:
             assert await stream.chunk() is not None
-            repository = KeyRepository(harness.store)
-            await asyncio.to_thread(repository.revoke, "an-observe")
-            access.authenticator.refresh(repository)
+            await asyncio.to_thread(KeyFile(harness.store.folder).revoke, "an-observe")
+            access.authenticator.refresh(harness.store)
             # One may have been made before.
             assert await stream.chunk() is None or await stream.chunk() is None
 

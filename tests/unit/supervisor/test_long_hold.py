@@ -63,8 +63,8 @@ class LongHold:
     def catch_up(self, behind: int = 0) -> None:
         """Wait until the progress of the job is that of the newest ticks."""
         until_s = monotonic() + 300.0
-        while self.live.progress is None or self.live.progress.seq < self.seq - behind:
-            assert monotonic() < until_s, self.live.progress
+        while (now := self.live.status.progress) is None or now.seq < self.seq - behind:
+            assert monotonic() < until_s, now
             sleep(0.001)
 
     def release(self) -> None:
@@ -92,9 +92,9 @@ def check(harness: Harness, warm_up: int, ticks: int, growth_MB: float) -> None:
     hold.catch_up()
     grown_MB = resident_MB() - begin_MB
     print(f"{ticks * PER_TICK} messages: {grown_MB:+.1f} MB")
-    assert hold.live.state == "running"
-    assert hold.live.progress is not None
-    assert hold.live.progress.phase == "hold"
+    assert hold.live.status.state == "running"
+    assert hold.live.status.progress is not None
+    assert hold.live.status.progress.phase == "hold"
     hold.release()
     ended = harness.freed(hold.job)
     assert ended["state"] == "succeeded", ended["cause"]

@@ -135,18 +135,18 @@ class Bench(RuleBasedStateMachine):
         if live is None:
             queue = self.harness.manager.queue
             return not len(queue) or bool(queue.halted)
-        if live.terminal:
-            return live.held
+        if live.status.terminal:
+            return live.status.held
         quiet = {
             "ready": not live.request.autostart,
-            "running": live.progress is not None
-            and live.progress.seq == bus.place - 1
+            "running": live.status.progress is not None
+            and live.status.progress.seq == bus.place - 1
             and bus.place < len(bus.ticks),
             "pausing": not bus.rests,
             "paused": bus.paused,
             "aborting": bus.frozen,
         }
-        return quiet.get(live.state, False)
+        return quiet.get(live.status.state, False)
 
     def teardown(self) -> None:
         try:

@@ -15,7 +15,7 @@ from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.metrics.collector import MOST_RIGS
 from pincette_supervisor.metrics.families import FAMILIES
-from pincette_supervisor.rest.api import create_app
+from tests.support.apps import create_app
 from tests.support.histograms import counted
 from tests.support.keys import key_of_each_scope
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from pincette.control.record import replace
-from pincette_supervisor.calibration.samples import MOST_MISSING
+from pincette_supervisor.plugin.figures import MOST_MISSING
 
 from . import samples
 from .harness import Harness

@@ -14,13 +14,11 @@ from pincette.core.faults import Cause, Mode, Outcome
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.kinds.functions import functions_of
-from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present
+from pincette_supervisor.plugin.drawing import Picture
+from pincette_supervisor.plugin.functions import functions_of
 from pincette_supervisor.results.archive import Take, gather
-from pincette_supervisor.results.drawing import Picture
 from tests.support.rigs import demo_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

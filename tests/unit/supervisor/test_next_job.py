@@ -32,8 +32,8 @@ def test_a_wait_for_the_end_lasts_until_a_release_has_freed_the_part(harness: Ha
     assert manager.index.is_over(job)
     live = manager.active
     assert live is not None
-    assert (live.terminal, live.over) == (True, False)
-    live.letting_go = True
+    assert (live.status.terminal, live.status.over) == (True, False)
+    live.update(letting_go=True)
     assert not manager.index.is_over(job)
 
 
@@ -44,7 +44,7 @@ def test_a_job_that_has_ended_does_not_have_the_rig(harness: Harness) -> None:
     live = harness.manager.active
     assert live is not None
     assert harness.get("/rigs/demo")["active_job"] == job
-    live.held = False  # its program is over, and its result is being worked out
+    live.update(held=False)  # its program is over, and its result is being worked out
     view = harness.get("/rigs/demo")
     assert view["active_job"] is None
     # A request that comes now waits for it.

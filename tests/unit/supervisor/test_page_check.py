@@ -8,7 +8,7 @@ import pytest
 from pincette.config import RigFile
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.rest.api import create_app
+from tests.support.apps import create_app
 from tests.support.keys import key_of_each_scope
 
 from .harness import Harness

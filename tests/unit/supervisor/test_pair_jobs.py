@@ -1,5 +1,6 @@
 """Jobs of two arms from their request to a plan."""
 
+import dataclasses
 from typing import Any
 
 import pytest
@@ -10,12 +11,10 @@ from pincette.api.pairs import PairPlan
 from pincette.api.requests import JobRequest
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.config.laws import installed_laws, law_definition, laws_by_name
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Drive, Stay, Track, paths_of
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning.errors import FaultyRequestError
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present
 from tests.support.rigs import demo_rig
 from tests.support.two_arms import TWO_ARMS
 
@@ -49,7 +48,14 @@ def test_jobs_of_two_arms_are_planned(body: dict[str, Any], expected: list[str])
     assert planned.plan.feasible, planned.plan.violations
     assert phases(planned)[-len(expected) :] == expected
     assert [spec.scheme for spec in planned.program.laws] == ["two_arms"]
-    assert all(segment.both is not None for segment in planned.program.segments)
+    assert all(segment.arms in (2, None) for segment in planned.program.segments)
+
+
+def test_a_carry_is_predicted_from_where_the_part_is_held() -> None:
+    made = plan({"kind": "carry", "by_um": 3.0}, HELD).plan
+    assert isinstance(made, PairPlan)
+    places_um = made.curves.place_r_um
+    assert (places_um[0], places_um[-1]) == pytest.approx((0.5, 3.5))
 
 
 def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> None:
@@ -81,12 +87,11 @@ def test_each_path_is_of_its_own_shape_and_time() -> None:
         "place": {"shape": "waypoints", "points": points},
         "force": {"shape": "step", "levels_mN": [8.0, 12.0], "dwell_s": 3.0},
     }
-    track: Segment = next(s for s in plan(body).program.segments if s.kind == "path")
-    assert track.path is not None
-    assert track.both is not None
-    assert track.both.place_path is not None
-    assert track.both.place_path.duration_s == 2.0
-    assert track.duration_s == track.path.duration_s > 2.0
+    track = next(one for one in plan(body).program.segments if isinstance(one, Track))
+    assert track.force is not None
+    assert track.place is not None
+    assert track.place.duration_s == 2.0
+    assert track.duration_s == track.force.duration_s > 2.0
 
 
 @pytest.mark.parametrize(
@@ -138,11 +143,13 @@ def test_kinds_and_laws_are_for_as_many_arms_as_a_rig_has() -> None:
 def test_one_arm_of_two_is_calibrated_while_the_other_rests() -> None:
     body = {"kind": "calibrate", "calibration": "free_response"}
     first, second = (plan({**body, "arm": arm}).program for arm in (1, 2))
-    assert all(segment.both is None for segment in first.segments)
-    assert all(segment.path is None for segment in second.segments)
-    paths = [segment.both.second_path for segment in second.segments if segment.both is not None]
-    assert len(paths) == len(first.segments)
-    assert any(path is not None for path in paths)
+    for of_first, of_second in zip(first.segments, second.segments, strict=True):
+        assert isinstance(of_first, Drive)
+        assert isinstance(of_second, Drive)
+        assert len(of_first.courses) == 1
+        assert of_second.courses[0] == Stay()
+        assert type(of_second.courses[1]) is type(of_first.courses[0])
+    assert any(paths_of(segment) for segment in second.segments)
 
 
 def test_a_calibration_that_meets_a_part_is_for_one_arm() -> None:
@@ -150,3 +157,69 @@ def test_a_calibration_that_meets_a_part_is_for_one_arm() -> None:
         plan({"kind": "calibrate", "calibration": "contact_stiffness"})
     with pytest.raises(FaultyRequestError, match="this rig has one driven arm"):
         plan({"kind": "calibrate", "calibration": "noise", "arm": 2}, rig=demo_rig())
+
+
+def taught(rig: RigFile, *least_V: float) -> RigFile:
+    """Return the rig with arms that were identified from these voltages up to 3 V."""
+    arms: list[dict[str, Any]] = []
+    for arm, low_V in zip(rig.arms, least_V, strict=True):
+        assert arm.model.free_response is not None
+        known = arm.model.free_response.model_copy(update={"taught_V": (low_V, 3.0)})
+        arms.append({"model": arm.model.model_copy(update={"free_response": known})})
+    assert rig.second is not None
+    second = rig.second.model_copy(update=arms[1])
+    return rig.model_copy(update={**arms[0], "second": second})
+
+
+def without_strokes(rig: RigFile) -> RigFile:
+    """Return the rig whose grips make no conditioning strokes."""
+    return rig.model_copy(update={"grip": rig.grip.model_copy(update={"condition": "never"})})
+
+
+UNKNOWN_PAST = Present(0.0, 0.0, False, second_V=0.0, second_um=0.0, memory_known=False)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"kind": "pair_grip"},
+        {"kind": "centre"},
+        {"kind": "pair_track", "place": {"pp_um": 4.0}},
+    ],
+)
+def test_both_arms_make_strokes_before_they_meet_a_part(body: dict[str, Any]) -> None:
+    rig = taught(RIG, -0.8, -0.5)
+    plain, stroked = plan(body, rig=without_strokes(rig)), plan(body, UNKNOWN_PAST, rig)
+    assert stroked.plan.violations == []
+    assert phases(stroked) == [*["condition"] * 3, *phases(plain)]
+    assert [one.phase for one in stroked.plan.phases] == phases(stroked)
+    strokes_s = sum(one.duration_s or 0.0 for one in stroked.plan.phases[:3])
+    assert stroked.plan.duration_s == pytest.approx(plain.plan.duration_s + strokes_s)
+    assert isinstance(stroked.plan, PairPlan)
+    curves = stroked.plan.curves
+    assert min(curves.voltage_V) == pytest.approx(-0.8, abs=0.01)
+    assert min(curves.second_voltage_V) == pytest.approx(-0.5, abs=0.01)
+    planned = stroked.program.planned_range
+    assert planned is not None
+    assert planned.second_voltage is not None
+    assert planned.voltage.min_V < -0.8
+    assert planned.second_voltage.min_V < -0.5
+
+
+def test_an_arm_that_cannot_be_conditioned_rests_meanwhile_and_the_plan_warns() -> None:
+    rig = taught(RIG, -0.8, 0.0)
+    planned = plan({"kind": "pair_grip"}, UNKNOWN_PAST, rig)
+    for segment in planned.program.segments[:3]:
+        assert isinstance(segment, Drive)
+        assert isinstance(segment.courses[1], Stay)
+    assert isinstance(planned.plan, PairPlan)
+    known = dataclasses.replace(UNKNOWN_PAST, memory_known=True)
+    followed = plan({"kind": "pair_grip"}, known, rig).plan
+    assert isinstance(followed, PairPlan)
+    assert len(planned.plan.warnings) == len(followed.warnings) + 1
+
+
+def test_a_held_part_is_carried_without_strokes() -> None:
+    held = dataclasses.replace(HELD, memory_known=False)
+    planned = plan({"kind": "carry", "by_um": 3.0}, held, taught(RIG, -0.8, -0.8))
+    assert phases(planned) == ["move", "rest", "unload"]

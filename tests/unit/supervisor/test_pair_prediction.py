@@ -11,7 +11,7 @@ from pincette.config import read_rig
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.prediction import played, with_prediction
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 from tests.support.two_arms import TWO_ARMS
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
+from pincette.api.plans import MotionPlan, Plan
 from pincette.cli import opened
 from pincette.config import RigFile
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Planned, Present
 from tests.support.checkout import ROOT
 
 RIG = opened(ROOT / "deploy" / "rigs" / "demo.toml")
@@ -67,13 +67,96 @@ def test_a_force_above_twice_the_contact_force_is_planned() -> None:
     "wish",
     [
         {"kind": "grip", "hold_s": 0.3, "force_tolerance_mN": 0.1},
-        {"kind": "grip", "hold_s": 2.0, "force_tolerance_mN": 0.1, "settling_s": 3.0},
-        {"kind": "move", "to_um": 5.0, "position_tolerance_um": 0.1, "settling_s": 0.6},
+        {"kind": "grip", "hold_s": 0.5, "force_tolerance_mN": 0.3},
+        {"kind": "grip", "hold_s": 2.0, "force_tolerance_mN": 0.3, "settling_s": 3.0},
     ],
 )
 def test_a_goal_that_will_not_be_judged_is_named_in_the_plan(wish: dict[str, Any]) -> None:
-    assert planned(**wish).plan.feasible
+    plan = planned(**wish).plan
+    assert plan.feasible
+    assert isinstance(plan, Plan)
+    assert plan.goal is not None
+    assert plan.goal.judged is False
+    assert plan.goal.lasts_s == wish["hold_s"]
     assert "settling_s" in warnings(**wish)
+
+
+def test_a_move_rests_long_enough_to_judge_its_goal() -> None:
+    for settling_s in (0.0, 0.6, 3.0):
+        plan = planned(
+            kind="move", to_um=5.0, position_tolerance_um=0.1, settling_s=settling_s
+        ).plan
+        assert isinstance(plan, MotionPlan)
+        assert plan.goal is not None
+        assert plan.goal.judged
+        (rest,) = [phase for phase in plan.phases if phase.phase == "rest"]
+        assert rest.duration_s is not None
+        assert rest.duration_s > settling_s
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("position_tolerance_um", 0.05), ("force_tolerance_mN", 1e-9)],
+)
+def test_a_tolerance_within_the_noise_is_named(name: str, value: float) -> None:
+    assert name in warnings(RIG, **{"kind": "grip", name: value})
+
+
+@pytest.mark.parametrize(
+    ("wish", "name"),
+    [
+        ({"kind": "move", "by_V": 1e-4}, "by_V"),
+        ({"kind": "move", "by_um": 1e-6}, "by_um"),
+        ({"kind": "move", "to_um": 5.0, "warm_up_s": 0.1}, "warm_up_s"),
+    ],
+)
+def test_a_value_that_the_output_or_whole_cycles_override_is_named(
+    wish: dict[str, Any], name: str
+) -> None:
+    stepped = RIG.model_copy(update={"output": RIG.output.model_copy(update={"step_V": 0.00122})})
+    assert name in warnings(stepped, **wish)
+
+
+GENTLE = {"kind": "grip", "profile": "gentle"}
+
+
+@pytest.mark.parametrize(
+    ("rig", "wish", "pointer", "quantity"),
+    [
+        (RIG, {**GENTLE, "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
+        (RIG, {**GENTLE, "approach_um_per_s": 400.0}, "/approach_um_per_s", "speed"),
+        (RIG, {"kind": "track", "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
+        (TWO_ARMS, {"kind": "pair_grip", "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
+        (TWO_ARMS, {"kind": "centre", "approach_um_per_s": 900.0}, "/approach_um_per_s", "speed"),
+        (RIG, {**GENTLE, "load_s": 0.1}, "/load_s", "duration"),
+        (RIG, {"kind": "track", "load_s": 0.1}, "/load_s", "duration"),
+        (RIG, {"kind": "grip", "contact_force_mN": 0.05}, "/contact_force_mN", "force"),
+        (RIG, {"kind": "track", "contact_force_mN": 1e-9}, "/contact_force_mN", "force"),
+        (TWO_ARMS, {"kind": "centre", "contact_force_mN": 0.05}, "/contact_force_mN", "force"),
+    ],
+)
+def test_a_touch_or_a_load_that_cannot_be_kept_is_refused_by_its_member(
+    rig: RigFile, wish: dict[str, Any], pointer: str, quantity: str
+) -> None:
+    plan = planned(rig, **wish).plan
+    found = next(each for each in plan.violations if each.pointer == pointer)
+    assert not plan.feasible
+    assert found.quantity == quantity
+    assert found.side == ("above" if quantity == "speed" else "below")
+
+
+@pytest.mark.parametrize("force_mN", [2.0, 2.5, 5.0])
+def test_usual_speeds_are_lowered_for_a_light_force(force_mN: float) -> None:
+    values = planned(RIG, **{**GENTLE, "force_mN": force_mN, "contact_force_mN": 0.9})
+    assert values.plan.violations == []
+    assert values.values["seek_um_per_s"] <= RIG.grip.seek_um_per_s
+    assert values.values["approach_um_per_s"] <= RIG.grip.approach_um_per_s
+
+
+def test_a_force_within_its_own_uncertainty_is_refused() -> None:
+    noisy = RIG.model_copy(update={"sensor": RIG.sensor.model_copy(update={"noise_um": 1.0})})
+    plan = planned(noisy, kind="grip", force_mN=4.2).plan
+    assert {"/contact_force_mN", "/force_mN"} <= {found.pointer for found in plan.violations}
 
 
 @pytest.mark.parametrize(
@@ -83,6 +166,7 @@ def test_a_goal_that_will_not_be_judged_is_named_in_the_plan(wish: dict[str, Any
         {"kind": "grip", "hold_s": 0.3},
         {"kind": "grip", "until_released": True, "force_tolerance_mN": 0.1},
         {"kind": "move", "to_um": 5.0, "position_tolerance_um": 0.1},
+        {"kind": "move", "to_um": 5.0, "position_tolerance_um": 0.1, "settling_s": 0.6},
     ],
 )
 def test_a_goal_that_can_be_judged_brings_no_warning(wish: dict[str, Any]) -> None:

@@ -11,7 +11,12 @@ from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
 from pincette.config import RigFile
-from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow, KeyRepository
+from pincette_supervisor.journal.access_rows import (
+    AuditRepository,
+    AuditRow,
+    SessionRepository,
+    SessionRow,
+)
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.recipes import RecipeRepository
 from pincette_supervisor.journal.store import Store, StoreError
@@ -111,14 +116,12 @@ def test_the_audit_log_is_only_added_to(store: Store) -> None:
     assert audit.chain().entries == 3
 
 
-def test_keys_alarms_and_recipes_are_kept(store: Store) -> None:
-    keys = KeyRepository(store)
-    keys.add("cell-7", "a" * 64, "operate")
-    keys.copy(keys.all())
-    keys.sign_in("b" * 64, "cell-7", utc_now())
-    assert [one.key for one in keys.sessions()] == ["cell-7"]
-    keys.revoke("cell-7")
-    assert keys.sessions() == []
+def test_sessions_alarms_and_recipes_are_kept(store: Store) -> None:
+    sessions, session = SessionRepository(store), SessionRow("b" * 64, "a" * 64, utc_now())
+    sessions.sign_in(session)
+    assert sessions.all() == [session]
+    sessions.sign_out(session.digest)
+    assert sessions.all() == []
     alarms = AlarmRepository(store)
     row = AlarmRow("demo", "disk", "full", utc_now(), "warning", "condition", None)
     assert [alarms.add(row).count for _ in range(2)] == [1, 2]
@@ -139,7 +142,7 @@ def test_a_server_that_goes_and_comes_loses_nothing(
         harness.bus.play()
         live = harness.manager.active
         assert live is not None
-        harness.until(lambda: live.terminal)
+        harness.until(lambda: live.status.terminal)
     finally:
         postgres.start()
     harness.until(harness.manager.context.write_queue.flush)

@@ -17,9 +17,8 @@ from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning import dry_run, rig_emulator
 from pincette_supervisor.planning.dry_run import stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import CURVE_POINTS, played, with_prediction
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Planned, Present
 from tests.support.rigs import DEMO, Tree, at_own_ports, demo_rig
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

@@ -13,9 +13,8 @@ from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning import prediction_cache, rig_emulator
 from pincette_supervisor.planning.dry_run import DryRun, stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction_cache import PredictionCache
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Planned, Present
 from pincette_supervisor.problems import ProblemError
 from tests.support.rigs import at_own_ports, demo_rig
 

@@ -8,7 +8,7 @@ import pytest
 from pincette.config import RigFile
 from pincette_supervisor.jobs.job_queue import CAPACITY, RESTARTED
 from pincette_supervisor.journal.store import utc_now
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 
 from .canned import IN_APPROACH, IN_HOLD
 from .harness import Harness
@@ -96,7 +96,7 @@ def test_a_job_whose_turn_has_come_is_planned_again_and_fails_where_there_is_no_
 
     first = harness.playing_to(IN_HOLD)
     second, third = queued(harness)["id"], queued(harness)["id"]
-    monkeypatch.setattr("pincette_supervisor.jobs.planner.plan_with_recipe", no_plan)
+    monkeypatch.setattr("pincette_supervisor.planning.job_plans.plan", no_plan)
     harness.bus.play()
     assert harness.ended(first)["state"] == "succeeded"
     harness.ended(second)

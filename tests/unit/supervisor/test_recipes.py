@@ -14,17 +14,12 @@ from pincette_supervisor.journal import recipes as journal
 from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeRepository, RecipeRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.model.model_in_use import rig_file_alone
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.job_plans import ResolvedRequest, plan, resolve
 from pincette_supervisor.planning.prediction import played, with_prediction
-from pincette_supervisor.planning.recipes import (
-    FaultyValuesError,
-    checked_values,
-    completed,
-    pinned,
-    plan_with_recipe,
-)
+from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
+from pincette_supervisor.plugin import FaultyRequestError, Planned
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
+from tests.support.rigs import demo_rig
 
 from .harness import Harness
 
@@ -42,12 +37,17 @@ def lookup(**values: Any) -> Callable[[str], RecipeRow | None]:
     return lambda reference: row if reference in ("bead", "bead@3") else None
 
 
+def resolved(values: dict[str, Any], rig: RigFile | None = None, **wishes: Any) -> ResolvedRequest:
+    model = rig_file_alone(rig or demo_rig())
+    return resolve(request(**wishes), model, None, lookup(**values))
+
+
 def complete(values: dict[str, Any], **wishes: Any) -> dict[str, Any]:
-    return completed(request(**wishes), lookup(**values)).model_dump(exclude_unset=True)
+    return resolved(values, **wishes).request.model_dump(exclude_unset=True)
 
 
 def planned(rig: RigFile, values: dict[str, Any], **wishes: Any) -> Planned:
-    return plan_with_recipe(request(**wishes), rig_file_alone(rig), None, lookup(**values))
+    return plan(resolved(values, rig, **wishes))
 
 
 def keep(harness: Harness, status: int = 201, **body: Any) -> dict[str, Any]:
@@ -79,15 +79,14 @@ def test_members_that_exclude_each_other_are_the_requests() -> None:
 
 
 def test_a_request_without_a_recipe_stays_as_it_is() -> None:
-    asked = request(recipe=None)
-    assert completed(asked, lookup(force_mN=8.0)) is asked
-    assert pinned(asked, lookup(force_mN=8.0)) is asked
+    found = resolved({"force_mN": 8.0}, recipe=None)
+    assert found.kept == found.request == request(recipe=None)
+    assert found.recipe is None
 
 
-def test_a_request_is_pinned_to_the_version_it_finds() -> None:
-    book = lookup(force_mN=8.0)
-    assert pinned(request(), book).recipe == "bead@3"
-    assert pinned(request(recipe="other"), book).recipe == "other"
+def test_the_journal_keeps_the_version_of_the_recipe_and_no_values_of_it() -> None:
+    kept = resolved({"force_mN": 8.0}).kept
+    assert kept.model_dump(exclude_unset=True) == {"kind": "grip", "recipe": "bead@3"}
 
 
 @pytest.mark.parametrize(
@@ -103,7 +102,7 @@ def test_a_request_is_pinned_to_the_version_it_finds() -> None:
 )
 def test_a_recipe_that_cannot_be_followed_is_named(wishes: dict[str, Any], words: str) -> None:
     with pytest.raises(FaultyRequestError, match=words) as raised:
-        completed(request(**wishes), lookup(force_mN=8.0))
+        resolved({"force_mN": 8.0}, **wishes)
     assert raised.value.pointer == "/recipe"
 
 
@@ -141,7 +140,7 @@ def test_the_rig_is_armed_with_what_the_recipe_expects(rig_file: RigFile) -> Non
     part = {"contact_um": 40.0, "contact_tolerance_um": 1.0, "stiffness_tolerance": 0.1}
     noise = Calibration(values={"sensor.noise_um": 0.02}, sources={"sensor.noise_um": "job"})
     in_use = replace(rig_file_alone(rig_file), version=4, calibration=noise)
-    found = plan_with_recipe(request(), in_use, None, lookup(part=part))
+    found = plan(resolve(request(), in_use, None, lookup(part=part)))
     assert found.model is in_use
     assert found.values["model"] == in_use.stamp
     armed = found.armed.calibration

@@ -19,12 +19,10 @@ from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin.drawing import HEIGHT_PX, WIDTH_PX
 from pincette_supervisor.results import archive
-from pincette_supervisor.results.drawing import HEIGHT_PX, WIDTH_PX
 
 from . import samples
-
-pytestmark = pytest.mark.usefixtures("drawn")
 
 parquet: Any = pyarrow.parquet
 JOB = JobRow("a", "grip", "demo", "running", {"kind": "grip"}, {}, "2026-03-01T12:00:00.000Z")
@@ -108,6 +106,7 @@ def test_the_result_can_be_read_back(tmp_path: Path, rig_file: RigFile) -> None:
     assert json.loads((tmp_path / folder.RESULT).read_text(encoding="utf-8")) == made.tree
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(
     ("request_", "ticks", "name"),
     [
@@ -129,6 +128,7 @@ def test_the_picture_is_a_png_of_its_size(
     assert made.result.samples == len(ticks)
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_picture_leaves_nothing_of_what_it_was_drawn_on(
     tmp_path: Path, rig_file: RigFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:

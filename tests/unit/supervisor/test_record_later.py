@@ -9,8 +9,9 @@ import pytest
 from pincette.bus.protocol import BusError
 from pincette.core.messages import Finish
 from pincette.records import folder
+from pincette_supervisor.jobs.job_recorder import JobRecorder
+from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
-from pincette_supervisor.results.drawing import Picture
 
 from .canned import IN_HOLD
 from .harness import Harness
@@ -230,3 +231,16 @@ def test_a_job_that_repeats_a_motion_waits_for_its_record(
     gate.set()
     asking.join(60.0)
     assert answers
+
+
+def test_a_record_that_nothing_writes_any_more_is_not_waited_for(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An unexpected error ends a job between its last state and the writing of its record."""
+
+    def broken(_recorder: JobRecorder) -> None:
+        raise ValueError("no event can be made")
+
+    monkeypatch.setattr(JobRecorder, "publish_result", broken)
+    job = harness.ended(harness.grip()["id"])["id"]
+    harness.until(lambda: harness.get(f"/jobs/{job}")["artifacts"] != "being_written")

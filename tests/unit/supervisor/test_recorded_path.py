@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
+from pincette.control.planning.segments import paths_of
 from pincette.core.codec import decode, encode
 from pincette.core.messages import Load
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.track import POINTS_MAX
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 from pincette_supervisor.rest.strict_route import MEMBERS_MAX, parsed
 from tests.support.rigs import demo_rig
 
@@ -36,12 +37,7 @@ def knots_of(rig: RigFile, wish: dict[str, Any]) -> list[int]:
     assert planned.plan.violations == []
     sent = decode(Load, encode(Load(planned.program)))
     assert sent.program == planned.program
-    paths = [
-        path
-        for segment in sent.program.segments
-        for path in (segment.path, None if segment.both is None else segment.both.place_path)
-    ]
-    return [len(path.knots) for path in paths if path is not None]
+    return [len(path.knots) for one in sent.program.segments for path in paths_of(one)]
 
 
 def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:

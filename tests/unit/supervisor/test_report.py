@@ -11,7 +11,7 @@ from pincette.api.results import MotionResult
 from pincette.api.states import OUTCOMES
 from pincette_supervisor.kinds.grip import GripResult
 from pincette_supervisor.kinds.track import TrackResult
-from pincette_supervisor.results.report import report, verdict
+from pincette_supervisor.results.documents import report, verdict
 
 WHOSE = {"job": "20260301-1", "rig": "demo", "model_version": "3", "created_at": "2026-03-01"}
 COMPLETE: dict[str, bool | str] = {"complete": True, "detail": ""}

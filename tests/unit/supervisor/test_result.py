@@ -6,14 +6,16 @@ from math import sqrt
 import pytest
 from msgspec.structs import fields
 
+from pincette.api.job_kinds import job_kinds
 from pincette.config import derived, read_rig
 from pincette.control.force.estimation import COVERAGE
 from pincette.control.record import replace
 from pincette.core.faults import Acted, Cause, Mode, Outcome
-from pincette.core.messages import Applied, Message
+from pincette.core.messages import Applied, Estimate, Message
 from pincette.records.columns import COLUMNS, columns, missed
 from pincette_supervisor.kinds.grip import GripResult
 from pincette_supervisor.kinds.grip.functions import grip_result, held_uncertainty_mN
+from pincette_supervisor.results.documents import verdict
 from tests.support.rigs import DEMO
 
 from . import samples
@@ -59,6 +61,26 @@ def test_a_grip_has_the_figures_it_was_made_with() -> None:
     assert result.residual_um is not None
     assert result.residual_um.p99 == pytest.approx(0.05)
     assert (result.missed_ticks, result.unanswered_ticks) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "mismatch"), [(None, False), (0.003, False), (0.03, True), (-0.03, True)]
+)
+def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bool) -> None:
+    messages = [
+        replace(message, stroke_change=change, stroke_limit=None if change is None else 0.004)
+        if isinstance(message, Estimate)
+        else message
+        for tick in samples.grip()
+        for message in tick.messages()
+    ]
+    table = columns(messages, PERIOD_S)
+    result = grip_result(table, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+    assert result.model_mismatch is mismatch
+    percent = None if change is None else pytest.approx(100.0 * change)
+    assert result.stroke_change_percent == percent
+    told = verdict(job_kinds()["grip"], result.model_dump())
+    assert ("model mismatch" in told) is mismatch
 
 
 def test_phases_follow_each_other_without_gaps() -> None:

@@ -9,7 +9,7 @@ from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette_supervisor.jobs.job import LiveJob
-from pincette_supervisor.jobs.resumption import BY_HAND, NO_MORE
+from pincette_supervisor.kinds.calibrate.functions import BY_HAND, NO_MORE
 
 from . import samples
 from .canned import IN_APPROACH
@@ -47,9 +47,9 @@ def reached(harness: Harness, job: str) -> None:
 
     def there() -> bool:
         live = harness.manager.active
-        if live is None or live.id != job or live.progress is None:
+        if live is None or live.id != job or live.status.progress is None:
             return False
-        return live.progress.seq >= harness.bus.place - 1 > 0
+        return live.status.progress.seq >= harness.bus.place - 1 > 0
 
     harness.until(there)
 
@@ -133,7 +133,7 @@ def weighing(taken: int) -> Callable[[list[samples.Tick]], list[samples.Tick]]:
 
 
 def waiting(harness: Harness, live: LiveJob) -> None:
-    harness.until(lambda: live.waiting is not None)
+    harness.until(lambda: live.status.waiting is not None)
 
 
 def hang(harness: Harness, job: str, weights_mN: Sequence[float]) -> None:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from typing import cast
 from unittest.mock import patch
 
 import pytest
@@ -9,8 +10,8 @@ from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.core.faults import FaultCode, fault
-from pincette.core.messages import Message, Position
-from pincette.core.topics import Request
+from pincette.core.messages import Applied, Message, Position
+from pincette.core.topics import APPLIED, Request
 from pincette_supervisor.program import PortInUseError, bind
 
 from .harness import PATIENCE_S, Harness
@@ -24,8 +25,16 @@ def test_a_rig_that_was_switched_on_can_start(harness: Harness) -> None:
     assert rig["reasons"] == []
     assert rig["allowed_actions"] == ["start_job", "estop"]
     assert {program["name"] for program in rig["programs"]} == set(harness.bus.instances) - {"rig"}
-    assert all(interlock["satisfied"] for interlock in rig["interlocks"])
+    assert all(check["ok"] for check in rig["checks"])
     assert {"quantity": "force_max", "value": 40.0, "unit": "mN"} in rig["limits"]
+
+
+def test_the_newest_voltage_is_one_that_the_output_has_confirmed(harness: Harness) -> None:
+    harness.bus.idle()
+    assert harness.get("/rigs/demo")["newest"]["voltage_V"] == 0.0
+    applied = cast(Applied, harness.bus.latest(APPLIED))
+    harness.bus.publish(replace(applied, unconfirmed=True))
+    assert harness.get("/rigs/demo")["newest"]["voltage_V"] is None
 
 
 def test_each_program_says_how_punctual_it_is(harness: Harness) -> None:

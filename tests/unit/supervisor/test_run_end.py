@@ -33,7 +33,7 @@ def test_a_last_word_that_comes_late_is_waited_for(harness: Harness) -> None:
     job = harness.grip()["id"]
     live = harness.manager.active
     assert live is not None
-    harness.until(lambda: live.progress is not None and live.progress.seq == late[0].seq)
+    harness.until(lambda: (now := live.status.progress) is not None and now.seq == late[0].seq)
     harness.bus.publish(late[0])
     assert harness.ended(job)["state"] == "succeeded"
 
@@ -54,7 +54,7 @@ def test_a_last_word_that_is_lost_is_not_waited_for_while_the_loop_idles(
         said = harness.bus.latest(APPLIED)
         if isinstance(said, Applied):
             harness.bus.publish(replace(said, seq=said.seq + 1))
-        return live.terminal
+        return live.status.terminal
 
     harness.until(over)
     assert harness.ended(job)["state"] == "succeeded"

@@ -8,8 +8,7 @@ from pincette.records.columns import columns
 from pincette.records.row_blocks import RowBlocks
 from pincette_supervisor.kinds.grip.functions import grip_result
 from pincette_supervisor.results import run_samples
-from pincette_supervisor.results.long_hold import completed
-from pincette_supervisor.results.run_samples import RunSamples, RunTables
+from pincette_supervisor.results.run_samples import RunSamples, RunTables, completed
 
 from . import samples
 from .samples import PERIOD_S, PLANT

@@ -1,20 +1,28 @@
 """Several rigs under one supervisor: they come and go, and each is run on its own."""
 
-from collections.abc import Iterator
+import asyncio
+import threading
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from time import sleep
 from typing import Any
 
+import httpx
 import pytest
 
 from pincette.bus.protocol import BusError
+from pincette.bus.stopping import MOST_AT_ONCE, trip_each
 from pincette.config import RigFile
-from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rigs import health, rig_finder
+from pincette.core.topics import LOOP
+from pincette_supervisor.rigs import health, rig_finder, rigs
+from pincette_supervisor.rigs.other_rigs import StopOfOthers
 from pincette_supervisor.rigs.rigs import Rigs
+from tests.support.apps import create_app
 
 from . import samples
 from .canned import IN_HOLD
+from .harness import PATIENCE_S
 from .rigs_harness import RigsHarness, joined
 
 
@@ -173,6 +181,7 @@ def test_one_that_cannot_be_served_is_named_with_the_reason(
     made.told = told or made.told
     rigs_harness.turn("right", alive=True)
     rigs_harness.until(lambda: "right" in rigs_harness.rigs.unusable)
+    made.silent.add("actuator")
     assert rigs_harness.names() == ["left"]
     for response in (rigs_harness.call("GET", "/api/v1/rigs/right"), rigs_harness.post("/estop")):
         status, detail = refusal(response)
@@ -185,11 +194,22 @@ def test_one_that_cannot_be_served_is_named_with_the_reason(
     assert rigs_harness.rigs.unusable == {}
 
 
+def found_and_not_served(harness: RigsHarness, stop: Callable[[str], None], *names: str) -> None:
+    """Let rigs be known that are not served, each with a call that stops it."""
+
+    def stop_others(rigs: Collection[str], limit_s: float) -> StopOfOthers:
+        missed = trip_each(rigs, stop, limit_s)
+        return StopOfOthers(set(rigs) - missed.keys(), missed)
+
+    harness.rigs = Rigs(harness.rigs.own, stop_others)
+    harness.app = create_app(harness.rigs)
+    for name in names:
+        harness.rigs.set_unusable(name, "its rig file is not understood")
+
+
 def test_a_rig_that_cannot_be_served_is_stopped_all_the_same(rigs_harness: RigsHarness) -> None:
     tripped: list[str] = []
-    rigs_harness.rigs = Rigs(rigs_harness.rigs.own, tripped.append)
-    rigs_harness.app = create_app(rigs_harness.rigs)
-    rigs_harness.rigs.set_unusable("right", "its rig file is not understood")
+    found_and_not_served(rigs_harness, tripped.append, "right")
     answer = rigs_harness.post("/estop")
     assert answer.status_code == 200
     assert [one["rig"] for one in answer.json()["rigs"]] == ["left", "right"]
@@ -203,14 +223,125 @@ def test_rigs_that_have_not_confirmed_are_named_beside_those_that_have(
     def silent(rig: str) -> None:
         raise BusError(f"nobody answers for {rig}")
 
-    rigs_harness.rigs = Rigs(rigs_harness.rigs.own, silent)
-    rigs_harness.app = create_app(rigs_harness.rigs)
-    rigs_harness.rigs.set_unusable("right", "its rig file is not understood")
+    found_and_not_served(rigs_harness, silent, "right")
     problem = rigs_harness.post("/estop")
     assert problem.status_code == 503
     assert (problem.json()["stopped"], problem.json()["unconfirmed"]) == (["left"], ["right"])
     assert rigs_harness.post("/rigs/right/estop").status_code == 503
     assert rigs_harness.post("/rigs/none/estop").status_code == 404
+
+
+def test_rigs_beyond_the_limit_of_one_stop_are_not_reported_as_stopped(
+    rigs_harness: RigsHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigs, "TRIP_S", 0.3)
+    over, tried = threading.Event(), list[str]()
+
+    def hang(rig: str) -> None:
+        tried.append(rig)
+        over.wait(PATIENCE_S)
+        raise BusError("it may hang")
+
+    names = [f"found-{number:03}" for number in range(MOST_AT_ONCE + 3)]
+    found_and_not_served(rigs_harness, hang, *names)
+    problem = rigs_harness.post("/estop")
+    over.set()
+    assert problem.status_code == 503
+    assert {*problem.json()["unconfirmed"]} == {*names}
+    assert problem.json()["stopped"] == ["left"]
+    assert len(tried) == MOST_AT_ONCE
+
+
+def test_any_number_of_rigs_that_reply_at_once_are_stopped(rigs_harness: RigsHarness) -> None:
+    tripped: list[str] = []
+    names = [f"found-{number:03}" for number in range(3 * MOST_AT_ONCE)]
+    found_and_not_served(rigs_harness, tripped.append, *names)
+    assert rigs_harness.post("/estop").status_code == 200
+    assert sorted(tripped) == names
+
+
+def test_a_stop_of_the_served_rigs_waits_for_no_rig_that_hangs(rigs_harness: RigsHarness) -> None:
+    """However many requests for all rigs wait for one that hangs."""
+    over = threading.Event()
+
+    def hang(_rig: str) -> None:
+        over.wait(PATIENCE_S)
+
+    found_and_not_served(rigs_harness, hang, "right")
+    trips = rigs_harness.canned["left"].trips
+
+    async def stop_many_times() -> list[httpx.Response]:
+        transport = httpx.ASGITransport(rigs_harness.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            every = [asyncio.create_task(client.post("/api/v1/estop")) for _ in range(12)]
+            while not trips:
+                await asyncio.sleep(0.001)
+            trips.clear()
+            own = await client.post("/api/v1/rigs/left/estop")
+            over_for_others = [task.done() for task in every]
+            over.set()
+            assert not any(over_for_others)
+            assert len(trips) >= 1
+            return [own, *await asyncio.gather(*every)]
+
+    own, *every = asyncio.run(stop_many_times())
+    assert own.json()["acknowledged"] is True
+    assert {one.status_code for one in every} == {200}
+
+
+class TestTokensWithoutPrograms:
+    """Any tool can hold the liveliness tokens of rigs that do not exist."""
+
+    NAMES = tuple(f"ghost-{number:03}" for number in range(150))
+
+    def appear(self, harness: RigsHarness, *, alive: bool = True) -> None:
+        for sink in harness.turns:
+            for name in self.NAMES:
+                for program in LOOP:
+                    sink(name, program, alive)
+
+    def test_they_cost_one_session_and_few_threads_and_are_asked_ever_more_rarely(
+        self, rigs_harness: RigsHarness, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(rig_finder, "AGAIN_MOST_S", 1000.0)
+        before = threading.active_count()
+        self.appear(rigs_harness)
+        rigs_harness.until(lambda: {*self.NAMES} <= rigs_harness.rigs.unusable.keys())
+        assert threading.active_count() <= before + rig_finder.WORKERS
+        (session,) = rigs_harness.opened
+        counted = len(session.asked)
+        sleep(0.3)  # fifteen times AGAIN_S
+        rounds = (len(session.asked) - counted) / len(LOOP) / len(self.NAMES)
+        assert rounds < 5.0
+        assert len(rigs_harness.opened) == 1
+
+    def test_a_real_rig_is_served_beside_them(
+        self, rigs_harness: RigsHarness, files: Files
+    ) -> None:
+        self.appear(rigs_harness)
+        rigs_harness.come(files.right)
+        rigs_harness.served("right")
+
+    def test_a_stop_of_all_rigs_is_confirmed_beside_them(self, rigs_harness: RigsHarness) -> None:
+        self.appear(rigs_harness)
+        rigs_harness.until(lambda: {*self.NAMES} <= rigs_harness.rigs.unusable.keys())
+        answer = rigs_harness.post("/estop")
+        assert answer.status_code == 200
+        assert [one["rig"] for one in answer.json()["rigs"]] == ["left"]
+        assert len(rigs_harness.opened) == 2
+        assert rigs_harness.opened[1].closed
+        assert rigs_harness.post(f"/rigs/{self.NAMES[0]}/estop").status_code == 503
+
+    def test_nothing_is_kept_of_them_once_they_have_gone(self, rigs_harness: RigsHarness) -> None:
+        self.appear(rigs_harness)
+        rigs_harness.until(lambda: {*self.NAMES} <= rigs_harness.rigs.unusable.keys())
+        self.appear(rigs_harness, alive=False)
+        rigs_harness.until(lambda: rigs_harness.rigs.unusable == {})
+        session = rigs_harness.opened[0]
+        sleep(0.1)
+        counted = len(session.asked)
+        sleep(0.1)
+        assert len(session.asked) == counted
 
 
 def test_an_emergency_stop_is_of_one_rig_or_of_all(both: RigsHarness) -> None:

@@ -162,3 +162,38 @@ def test_metrics_tell_it_too(rig: Rig) -> None:
         assert heard_s == pytest.approx(after_s)
         shown = [labels for labels, value in metrics["pincette_part"] if value]
         assert [(one["part"], one["certainty"]) for one in shown] == [told]
+
+
+@pytest.mark.parametrize(
+    ("mode", "holder", "expected"),
+    [
+        (Mode.IDLE, None, ("none", "known")),
+        (Mode.ARMED, None, ("none", "known")),
+        (Mode.FROZEN, None, ("none", "known")),
+        (Mode.LATCHED, None, ("unknown", "unknown")),
+        (Mode.IDLE, "present", ("none", "known")),
+        (Mode.ARMED, "present", ("none", "known")),
+        (Mode.LATCHED, "present", ("unknown", "unknown")),
+        (Mode.IDLE, "earlier", ("unknown", "unknown")),
+        (Mode.ARMED, "earlier", ("unknown", "unknown")),
+        (Mode.FROZEN, "earlier", ("unknown", "unknown")),
+        (Mode.LATCHED, "earlier", ("unknown", "unknown")),
+    ],
+)
+def test_an_actuator_does_not_know_of_a_part_that_one_before_it_held(
+    rig: Rig, mode: Mode, holder: str | None, expected: tuple[str, str]
+) -> None:
+    health = rig.harness.health
+    if holder is not None:
+        health.note_part(True)
+    if holder == "earlier":
+        rig.harness.bus.instances["actuator"] += 1
+        health.refresh(force=True)
+        health.reset()
+    rig.say(IN_APPROACH, state=mode, part_held=False)
+    assert part_of(rig.told(0.0)) == expected
+    health.note_part(None)
+    assert part_of(rig.told(0.0)) == expected
+    health.note_part(False)
+    empty = "unknown" if mode == Mode.LATCHED else "none"
+    assert part_of(rig.told(0.0))[0] == empty

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from pincette.api.states import ActionType, JobState
-from pincette_supervisor.jobs.actions import JobActions
+from pincette_supervisor.jobs.job import JobStatus
+from pincette_supervisor.jobs.job_manager import JobActions
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
 
@@ -14,21 +15,18 @@ from pincette_supervisor.problems import ProblemError
 class GoesOn:
     """A live job whose state goes on whenever an action has looked at it."""
 
-    held = terminal = False
-    waiting = None
-
     def __init__(self, *states: JobState) -> None:
         self._states = list(states)
         self.moved: list[tuple[ActionType, JobState]] = []
 
     @property
-    def state(self) -> JobState:
-        return self._states[0]
+    def status(self) -> JobStatus:
+        return JobStatus(id="a", state=self._states[0], revision=1, entered_at=0.0)
 
     def move(self, action: ActionType, only_from: JobState) -> bool:
         if len(self._states) > 1:
             del self._states[0]
-        if only_from != self.state:
+        if only_from != self.status.state:
             return False
         self.moved.append((action, only_from))
         return True

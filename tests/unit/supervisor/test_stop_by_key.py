@@ -28,14 +28,14 @@ def stop(harness: Harness, key: str) -> Any:
 def test_a_request_that_is_being_planned_comes_to_nothing(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    planning, go_on, plan = threading.Event(), threading.Event(), JobManager.plan
+    planning, go_on, resolve = threading.Event(), threading.Event(), JobManager.resolve
 
     def slowly(manager: JobManager, request: Any) -> Any:
         planning.set()
         assert go_on.wait(20.0)
-        return plan(manager, request)
+        return resolve(manager, request)
 
-    monkeypatch.setattr(JobManager, "plan", slowly)
+    monkeypatch.setattr(JobManager, "resolve", slowly)
     with ThreadPoolExecutor(1) as pool:
         asked = pool.submit(create, harness, "execution 7")
         assert planning.wait(20.0)

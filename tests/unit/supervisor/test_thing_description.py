@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 
 from pincette_supervisor.thing_description import ACTIONS, EVENTS, OPEN, PROPERTIES, thing
-from tests.support.checkout import ROOT
+from tests.support.api_document import openapi
 
 BASE = "http://192.168.1.20:8000"
 
 
 @pytest.fixture(scope="module")
 def document() -> Any:
-    return json.loads((ROOT / "deploy/openapi.json").read_text(encoding="utf-8"))
+    return openapi()
 
 
 def test_each_affordance_is_a_path_of_rest(document: Any) -> None:

@@ -98,3 +98,14 @@ def test_a_refused_zero_states_its_reason_or_that_its_sample_was_lost() -> None:
     assert fault_text(refusal) in outcome_words(Outcome.ZERO_REFUSED, None, refused)
     assert "lost" in outcome_words(Outcome.ZERO_REFUSED, None, replace(refused, zero_refusal=None))
     assert "lost" in outcome_words(Outcome.ZERO_REFUSED)
+
+
+@pytest.mark.parametrize("unconfirmed", [False, True])
+def test_the_progress_has_only_a_voltage_that_the_output_has_confirmed(
+    unconfirmed: bool,
+) -> None:
+    tick = next(iter(samples.grip()))
+    tracker = Tracker(tick.position.epoch, PERIOD_S, None, lockstep=True)
+    tracker.update([tick.position, tick.telemetry, replace(tick.applied, unconfirmed=unconfirmed)])
+    shown_V = tracker.progress().voltage_V
+    assert shown_V == (None if unconfirmed else tick.applied.voltage_V)

@@ -1,6 +1,7 @@
 """People who sign in by name and password, beside keys."""
 
 import asyncio
+import json
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
@@ -23,11 +24,10 @@ from pincette_supervisor.access.passwords import (
     fits,
     hashed,
 )
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.session_cookie import NAME as COOKIE
+from tests.support.apps import create_app
 
 from .harness import Harness
 
@@ -37,10 +37,9 @@ PASSWORD = "of ten and more"
 @pytest.fixture
 def bench(harness: Harness) -> Harness:
     """A supervisor that Ann may operate."""
-    repository = KeyRepository(harness.store)
-    KeyStore(repository).add_user("ann", "operate", PASSWORD)
+    KeyStore(KeyFile(harness.store.folder), harness.store).add_user("ann", "operate", PASSWORD)
     authenticator = Authenticator()
-    authenticator.refresh(repository)
+    authenticator.refresh(harness.store)
     harness.app = create_app(harness.rigs, Access(authenticator))
     return harness
 
@@ -154,9 +153,9 @@ def test_tries_at_once_do_not_pass_by_the_wait(monkeypatch: pytest.MonkeyPatch) 
 def test_another_password_ends_the_sessions(bench: Harness) -> None:
     signed = sign_in(bench, "ann", PASSWORD)
     headers = {"Cookie": f"{COOKIE}={signed.cookies[COOKIE]}"}
-    repository = KeyRepository(bench.store)
-    assert KeyStore(repository).set_password("ann", "quite another one")
-    bench.app.state.access.authenticator.refresh(repository)
+    keys = KeyStore(KeyFile(bench.store.folder), bench.store)
+    assert keys.set_password("ann", "quite another one")
+    bench.app.state.access.authenticator.refresh(bench.store)
     assert bench.call("GET", "/api/v1/jobs", headers=headers).status_code == 401
     assert sign_in(bench, "ann", PASSWORD).status_code == 401
     assert sign_in(bench, "ann", "quite another one").status_code == 200
@@ -195,19 +194,20 @@ def test_users_are_kept_from_the_command_line(
         path.write_text(typed + "\n")
         with path.open() as stream:
             monkeypatch.setattr("sys.stdin", stream)
-            return main(["user", *words, "--data", str(tmp_path)])
+            return main(["key", *words, "--data", str(tmp_path)])
 
-    assert user("add", "ann", "--scope", "operate", typed="short") == Exit.USAGE
+    assert user("add", "ann", "--password", "--scope", "operate", typed="short") == Exit.USAGE
     assert "5 characters" in capsys.readouterr().err
-    assert user("add", "ann", "--scope", "operate", typed=PASSWORD) == Exit.DONE
-    assert user("add", "ann", typed=PASSWORD) == Exit.FAILED
+    assert user("add", "ann", "--password", "--scope", "operate", typed=PASSWORD) == Exit.DONE
+    assert user("add", "ann", "--password", typed=PASSWORD) == Exit.FAILED
     assert user("password", "ben", typed=PASSWORD) == Exit.FAILED
     capsys.readouterr()
-    assert user("list") == Exit.DONE
-    assert "ann" in capsys.readouterr().out
+    assert user("add", "cell-7") == Exit.DONE
+    capsys.readouterr()
+    assert user("list", "--json") == Exit.DONE
+    listed = {one["name"]: one["kind"] for one in json.loads(capsys.readouterr().out)}
+    assert listed == {"cell-7": "key", "ann": "user"}
     assert PASSWORD not in (tmp_path / "keys.json").read_text()
-    assert main(["key", "list", "--data", str(tmp_path)]) == Exit.DONE
-    assert "ann" not in capsys.readouterr().out
-    assert user("remove", "ann") == Exit.DONE
-    (row,) = KeyFile(tmp_path).all()
-    assert row.revoked_at is not None
+    assert user("revoke", "ann") == Exit.DONE
+    revoked = {row.name: row.revoked_at is not None for row in KeyFile(tmp_path).read()}
+    assert revoked == {"cell-7": False, "ann": True}

@@ -5,10 +5,10 @@ from typing import cast
 
 import pytest
 
-from pincette_supervisor.jobs.job import LiveJob
+from pincette_supervisor.jobs.job import JobStatus, LiveJob
+from pincette_supervisor.jobs.job_monitor import STANDSTILL_S, Watch
 from pincette_supervisor.jobs.tracker import Tracker
-from pincette_supervisor.jobs.watch import LOOK_S, Watch
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 
 RESUMING_S = 5.0
 
@@ -22,13 +22,8 @@ class Clock:
 
 
 def watched(clock: Clock, *, lockstep: bool = False) -> Watch:
-    job = SimpleNamespace(
-        state="resuming",
-        moves=3,
-        entered_at=clock(),
-        played_s=0.0,
-        request=SimpleNamespace(kind="grip"),
-    )
+    status = JobStatus(id="a", state="resuming", revision=1, moves=3, entered_at=clock())
+    job = SimpleNamespace(status=status, request=SimpleNamespace(kind="grip"))
     rig = SimpleNamespace(lockstep=lockstep)
     planned = SimpleNamespace(model=SimpleNamespace(rig=rig))
     tracker = SimpleNamespace(played_s=0.0)
@@ -43,8 +38,8 @@ def test_a_standstill_is_not_the_jobs_time(stood_s: float) -> None:
     clock.now_s += stood_s
     watch.look()
     assert not watch.overdue()
-    for _ in range(round(RESUMING_S / LOOK_S)):
-        clock.now_s += LOOK_S
+    for _ in range(round(RESUMING_S / STANDSTILL_S)):
+        clock.now_s += STANDSTILL_S
         watch.look()
     assert watch.overdue()
 

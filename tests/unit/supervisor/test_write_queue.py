@@ -62,7 +62,7 @@ def test_a_job_ends_as_it_would_and_is_found_in_the_journal_later(
     with full_disk(monkeypatch):
         harness.bus.play()
         assert live.done.wait(20.0)
-        assert live.state == "succeeded"
+        assert live.status.state == "succeeded"
         shown = harness.get(f"/jobs/{job}")
         assert shown["state"] == "succeeded"
         kept = harness.store.get(job)
@@ -79,7 +79,9 @@ def test_a_job_ends_as_it_would_and_is_found_in_the_journal_later(
     states = [row.body["state"] for row in harness.told("state", job=job)]
     assert states[-2:] == ["running", "succeeded"]
     assert [row.body["phase"] for row in harness.told("phase", job=job)][-1] == "retreat"
-    harness.until(lambda: (row := harness.store.get(job)) is None or row.revision == live.revision)
+    harness.until(
+        lambda: (row := harness.store.get(job)) is None or row.revision == live.status.revision
+    )
     assert harness.grip()["state"] in ("queued", "preparing", "ready", "running")
 
 
@@ -92,7 +94,7 @@ def test_a_stop_works_on_a_full_disk_and_is_told_later(
     with full_disk(monkeypatch):
         assert harness.act(job, "stop").status_code == 202
         assert live.done.wait(20.0)
-        assert live.state == "stopped"
+        assert live.status.state == "stopped"
         assert harness.bus.acts == ["stop"]
     harness.manager.alarm_monitor.poll()
     ended = harness.get(f"/jobs/{job}")
@@ -111,7 +113,7 @@ def test_a_trip_and_a_reset_work_on_a_full_disk_and_the_alarm_comes_later(
     with full_disk(monkeypatch):
         harness.bus.trip("device: no answer")
         assert live.done.wait(20.0)
-        assert live.state == "failed"
+        assert live.status.state == "failed"
         assert harness.post("/rigs/demo/estop").status_code == 200
         assert harness.post("/rigs/demo/reset", {"acknowledge": True}).status_code == 200
         assert harness.bus.latch == ""

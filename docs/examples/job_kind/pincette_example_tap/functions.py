@@ -3,19 +3,22 @@
 from pincette.config import derived
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette_example_tap import TapRequest, TapResult
-from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.contact_plans import (
+from pincette_supervisor.plugin import (
+    Evaluation,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    drawing,
+)
+from pincette_supervisor.plugin.figures import common, series, within
+from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
     contact_job,
     contact_values,
     part_values,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.figures import series, within
-from pincette_supervisor.results.result import common
 
 HOLD_S = 0.2
 

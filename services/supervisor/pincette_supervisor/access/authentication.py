@@ -7,14 +7,16 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import lru_cache
 from ipaddress import IPv6Address, IPv6Network
 from typing import Literal, TypeVar
 
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
 from pincette.security.latest_time import LatestTime, since_boot_s, utc
 from pincette_supervisor.access.passwords import PasswordCheck
-from pincette_supervisor.journal.access_rows import SESSIONS_MAX, KeyRepository, SessionRow
-from pincette_supervisor.journal.key_file import KeyRow
+from pincette_supervisor.journal.access_rows import SESSIONS_MAX, SessionRepository, SessionRow
+from pincette_supervisor.journal.key_file import KEYS_WANTED, KeyFile, KeyRow
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.problems import ProblemError
@@ -62,6 +64,16 @@ def _found(rows: Sequence[R], secret: str) -> R | None:
     return found
 
 
+@lru_cache(maxsize=256)
+def network_of(address: str) -> str:
+    """Return the network of 64 bits of an IPv6 address; any other address as it is."""
+    try:
+        known = IPv6Address(address)
+    except ValueError:
+        return address
+    return str(IPv6Network((int(known) >> 64 << 64, 64)))
+
+
 @dataclass(frozen=True, slots=True)
 class Caller:
     """Who calls, from where, and what they may do."""
@@ -76,15 +88,13 @@ class Caller:
     """Whether a key or a cookie was shown, valid or not."""
     unconfirmed: bool = False
     """Whether the caller is refused because the supervisor cannot read its keys."""
+    digest: str = ""
+    """Digest of the key or user, to which a session refers; empty if none is in force."""
 
     @property
     def network(self) -> str:
         """Address as one client has it: of IPv6 the network of 64 bits."""
-        try:
-            known = IPv6Address(self.address)
-        except ValueError:
-            return self.address
-        return str(IPv6Network((int(known) >> 64 << 64, 64)))
+        return network_of(self.address)
 
     @property
     def client(self) -> str:
@@ -116,7 +126,7 @@ class KeySnapshot:
         if found is None:
             return None
         for key in self.keys:
-            if key.name == found.key and key.usable(now):
+            if key.digest == found.key and key.usable(now):
                 return found, key
         return None
 
@@ -125,6 +135,8 @@ class Authenticator:
     """Identify callers by the keys and sessions in memory, so that no stop waits for the disk."""
 
     # Keys are required once there is, or was, one: with the last one revoked nobody comes in.
+    # The key file and the snapshot of it in memory decide. The journal has no part in it, except
+    # for the note by which a missing key file is recognised.
 
     def __init__(
         self,
@@ -136,6 +148,10 @@ class Authenticator:
     ) -> None:
         """``wall``: the time of day; ``clock``: a time in s that never steps."""
         self._always, self._clock = always, clock
+        self._had_keys = False
+        """Whether this data folder has, or had, keys."""
+        self._had_keys_noted = False
+        """Whether the journal has the note of it."""
         self.time = LatestTime(wall, clock)
         """Time by which the ends of keys are judged; never goes back."""
         self._noted: tuple[str, frozenset[str]] | None = None
@@ -152,6 +168,8 @@ class Authenticator:
         """Held while a session is written or ended, so that none begins after its end."""
         self._unwritten: dict[str, SessionRow] = {}
         """Sessions that are not in the journal yet, by the digest of their cookie."""
+        self._signed_out = set[str]()
+        """Digests of sessions that have ended and that the journal still has."""
         self._keys_used: dict[str, str] = {}
         self._sessions_used: dict[str, str] = {}
         self._session_used_s: dict[str, float] = {}
@@ -160,7 +178,7 @@ class Authenticator:
     @property
     def keys_wanted(self) -> bool:
         """Whether a caller must show a key."""
-        return self._always or bool(self._snapshot.keys)
+        return self._always or self._had_keys
 
     @property
     def has_usable_key(self) -> bool:
@@ -170,36 +188,53 @@ class Authenticator:
     def _now(self) -> str:
         return utc_text(self.time.now())
 
-    def refresh(self, repository: KeyRepository) -> None:
-        """Read keys that another program may have changed, and store uses; raises StoreError."""
+    def refresh(self, store: Store) -> None:
+        """Read keys that another program may have changed, and store uses.
+
+        Raises
+        ------
+        StoreError
+            The key file cannot be read, or there is none although there were keys; or the journal
+            cannot be used. Keys that are revoked in the key file open nothing in either case.
+        """
+        file, sessions = KeyFile(store.folder), SessionRepository(store)
         with self._turn:
             asked_s = self._clock()
-            rows = repository.all()
+            rows = file.read()
             if self._noted is None:
                 # Before any key is judged: a clock that was set back may have begun this program.
-                self.time.learn(repository.latest_at() or self.time.now())
-            self._confirmed_s = asked_s
-            # Never open again while it runs, whatever becomes of the files.
-            self._always = self._always or bool(rows)
+                self.time.learn(file.latest_at() or self.time.now())
             # A key that was revoked opens nothing, also while the journal cannot be used.
+            self._had_keys = self._had_keys or bool(rows)
             self._snapshot = KeySnapshot(rows, self._snapshot.sessions)
-            repository.copy(rows)
-            self._snapshot = KeySnapshot(rows, self._active_sessions(repository))
-            keys, sessions = _drained(self._keys_used), _drained(self._sessions_used)
-            if keys or sessions:
-                repository.note_use(keys, sessions)
-            self._note_time(repository)
+            if not rows and (self._had_keys or store.get_note(KEYS_WANTED) is not None):
+                self._had_keys = True
+                raise file.missing()
+            self._confirmed_s = asked_s
+            if rows and not self._had_keys_noted:
+                store.set_note(KEYS_WANTED, "1")
+                self._had_keys_noted = True
+            self._snapshot = KeySnapshot(rows, self._active_sessions(sessions, rows))
+            keys_used, sessions_used = _drained(self._keys_used), _drained(self._sessions_used)
+            if keys_used:
+                file.note_use(keys_used)
+            if sessions_used:
+                sessions.note_use(sessions_used)
+            self._note_time(file)
 
-    def _active_sessions(self, repository: KeyRepository) -> list[SessionRow]:
-        """The sessions; those without a use for too long are deleted."""
-        rows, now, clock_s = repository.sessions(), self.time.now(), self._clock()
+    def _active_sessions(
+        self, repository: SessionRepository, keys: Sequence[KeyRow]
+    ) -> list[SessionRow]:
+        """Return the sessions; delete those unused for too long and those of revoked keys."""
+        rows, now, clock_s = repository.all(), self.time.now(), self._clock()
         for row in rows:  # of an earlier program, or new
             idle = max(timedelta(0), now - datetime.fromisoformat(row.used_at))
             self._session_used_s.setdefault(row.digest, clock_s - idle.total_seconds())
         known = {*(row.digest for row in rows), *self._unwritten}
         for digest in self._session_used_s.keys() - known:
             self._session_used_s.pop(digest, None)
-        ended = {row.digest for row in rows if self._is_idle(row)}
+        in_force = {key.digest for key in keys if key.revoked_at is None}
+        ended = {row.digest for row in rows if self._is_idle(row) or row.key not in in_force}
         if ended:
             repository.sign_out(*ended)
         return [row for row in rows if row.digest not in ended]
@@ -208,19 +243,19 @@ class Authenticator:
         used_s = self._session_used_s.get(session.digest)
         return used_s is None or self._clock() - used_s > 3600.0 * IDLE_H
 
-    def _note_time(self, repository: KeyRepository) -> None:
+    def _note_time(self, file: KeyFile) -> None:
         """Store the time once an hour, and whenever a key has ended."""
         now, rows = self.time.now(), self._snapshot.keys
         noted = utc_text(now)[:HOUR], _usable(rows, utc_text(now))
         if noted != self._noted and rows:
-            repository.note_latest(now)
+            file.note_latest(now)
         self._noted = noted
 
-    def agree_to_time(self, repository: KeyRepository) -> None:
+    def agree_to_time(self, store: Store) -> None:
         """Accept the present time of day, although a later one was seen; raises StoreError."""
         with self._turn:
             self.time.agree()
-            repository.note_latest(self.time.now())
+            KeyFile(store.folder).note_latest(self.time.now())
 
     @property
     def unconfirmed(self) -> bool:
@@ -241,7 +276,7 @@ class Authenticator:
             if key is None:
                 return Caller(address, showed=True)
             self._note_use(key, now)
-            return Caller(address, key.name, key.scope, "key", showed=True)
+            return Caller(address, key.name, key.scope, "key", showed=True, digest=key.digest)
         found = None if cookie is None else self._session(cookie, now)
         if found is None:
             return Caller(address, showed=cookie is not None)
@@ -252,10 +287,12 @@ class Authenticator:
         self._note_use(key, now)
         if not _same_minute(session.used_at, now):
             self._sessions_used[session.digest] = now
-        return Caller(address, key.name, key.scope, "session", showed=True)
+        return Caller(address, key.name, key.scope, "session", showed=True, digest=key.digest)
 
     def _session(self, cookie: str, now: str) -> tuple[SessionRow, KeyRow] | None:
         snapshot = self._snapshot
+        if digest_of(cookie) in self._signed_out:
+            return None
         unwritten = KeySnapshot(snapshot.keys, list(self._unwritten.values()))
         return snapshot.session(cookie, now) or unwritten.session(cookie, now)
 
@@ -280,22 +317,22 @@ class Authenticator:
         if not right or user is None:
             return Caller(caller.address, showed=True)
         self._note_use(user, now)
-        return Caller(caller.address, user.name, user.scope, "key", showed=True)
+        return Caller(caller.address, user.name, user.scope, "key", showed=True, digest=user.digest)
 
-    def sign_in(self, repository: KeyRepository, caller: Caller, cookie: str) -> None:
+    def sign_in(self, store: Store, caller: Caller, cookie: str) -> None:
         """Let a cookie stand for the key that a caller has shown.
 
         The session counts at once, also while the journal cannot be written.
         """
-        assert caller.name is not None
-        row = SessionRow(digest_of(cookie), caller.name, self._now())
+        assert caller.digest
+        row = SessionRow(digest_of(cookie), caller.digest, self._now())
 
         def write() -> None:
             with self._sessions_turn:
                 if row.digest not in self._unwritten:  # signed out meanwhile
                     return
-                repository.sign_in(row.digest, row.key, row.used_at)
-            self.refresh(repository)
+                SessionRepository(store).sign_in(row)
+            self.refresh(store)
             self._unwritten.pop(row.digest, None)
 
         while len(self._unwritten) >= SESSIONS_MAX:
@@ -306,19 +343,32 @@ class Authenticator:
 
     @property
     def unwritten(self) -> int:
-        """Number of sessions that are not in the journal yet."""
-        return len(self._unwritten)
+        """Number of sessions whose begin or end is not in the journal yet."""
+        return len(self._unwritten) + len(self._signed_out)
 
     def write_sessions(self) -> None:
-        """Write the sessions that the journal could not take when their users signed in."""
+        """Write begins and ends of sessions that the journal could not take at their time."""
         self._write_queue.flush()
 
-    def sign_out(self, repository: KeyRepository, cookie: str) -> None:
-        """End the session of a cookie."""
-        with self._sessions_turn:
-            self._unwritten.pop(digest_of(cookie), None)
-            repository.sign_out(digest_of(cookie))
-        self.refresh(repository)
+    def sign_out(self, store: Store, cookie: str) -> None:
+        """End the session of a cookie.
+
+        It ends at once, also while the journal cannot be written.
+        """
+        digest = digest_of(cookie)
+        if digest in self._unwritten or any(
+            row.digest == digest for row in self._snapshot.sessions
+        ):
+            self._signed_out.add(digest)
+        self._unwritten.pop(digest, None)
+
+        def write() -> None:
+            with self._sessions_turn:
+                SessionRepository(store).sign_out(digest)
+            self.refresh(store)
+            self._signed_out.discard(digest)
+
+        self._write_queue.submit(write)
 
 
 def _usable(rows: Sequence[KeyRow], now: str) -> frozenset[str]:

@@ -2,19 +2,19 @@
 
 import os
 from collections.abc import Generator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 
 from pincette.api.access import KeyView, Scope
+from pincette.core.files import make_folder
 from pincette.security.latest_time import utc
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.key_sync import BEHIND, KEY_CLOCK
 from pincette_supervisor.access.passwords import hashed
 from pincette_supervisor.config import STORE, STORE_URL
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.database import columns
-from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError, KeyRow
+from pincette_supervisor.journal.key_file import KEYS_WANTED, KeyFile, KeyNameTakenError, KeyRow
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import utc_text
 
@@ -22,8 +22,9 @@ from pincette_supervisor.journal.tables import utc_text
 class KeyStore:
     """The keys in a data folder."""
 
-    def __init__(self, repository: KeyRepository | KeyFile) -> None:
-        self._repository = repository
+    def __init__(self, file: KeyFile, journal: Store | None) -> None:
+        """``journal`` is None where it cannot be used: keys do not depend on it."""
+        self._file, self._journal = file, journal
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]:
         """Make a key, which is shown this once.
@@ -33,7 +34,7 @@ class KeyStore:
         """
         key, expires_at, now = new_key(), None, utc()
         if days is not None:
-            latest = self._repository.latest_at()
+            latest = self._file.latest_at()
             if latest is not None and latest - now > BEHIND:
                 raise ValueError(
                     f"the time of day is {utc_text(now)}, and the supervisor has seen "
@@ -42,7 +43,7 @@ class KeyStore:
                 )
             expires_at = utc_text(now + timedelta(days=days))
         try:
-            row = self._repository.add(name, digest_of(key), scope, expires_at)
+            row = self._add(name, digest_of(key), scope, expires_at)
         except KeyNameTakenError as error:
             raise ValueError(
                 f"there is, or was, a key {name!r}: the audit log names it; take another name"
@@ -53,43 +54,75 @@ class KeyStore:
         """Keep a person who signs in by name and password; raises ValueError as ``add``."""
         try:
             # Of a key that nobody has been told.
-            row = self._repository.add(name, digest_of(new_key()), scope, password=hashed(password))
+            row = self._add(name, digest_of(new_key()), scope, password=hashed(password))
         except KeyNameTakenError as error:
             raise ValueError(
                 f"there is, or was, a user or a key {name!r}: take another name"
             ) from error
         return self._view(row)
 
+    def _add(
+        self,
+        name: str,
+        digest: str,
+        scope: Scope,
+        expires_at: str | None = None,
+        password: str | None = None,
+    ) -> KeyRow:
+        row = self._file.add(name, digest, scope, expires_at, password)
+        if self._journal is not None:
+            with suppress(StoreError):  # the supervisor notes it when it reads the key
+                self._journal.set_note(KEYS_WANTED, "1")
+        return row
+
     def set_password(self, name: str, password: str) -> bool:
-        """Give a user another password; false where there is no such user in force."""
-        return self._repository.set_password(name, hashed(password))
+        """Give a user another password and end the user's sessions; false if there is no such user.
+
+        The sessions end because they refer to the digest of the user, which is replaced.
+        """
+        return self._file.set_password(name, hashed(password), digest_of(new_key()))
 
     def all(self, *, users: bool = False) -> list[KeyView]:
-        """Every key there is or was; or every user."""
-        rows = self._repository.all()
+        """Return all keys, or all users, the revoked ones included.
+
+        Raises StoreError where there are none and there have been some, or might have been.
+        """
+        rows = self._file.read()
+        if not rows and self._journal is None:
+            raise StoreError(
+                "no key in the key file; the journal cannot be used to tell whether there were any"
+            )
+        if (
+            not rows
+            and self._journal is not None
+            and self._journal.get_note(KEYS_WANTED) is not None
+        ):
+            raise self._file.missing()
         return [self._view(row) for row in rows if (row.password is not None) == users]
 
     def revoke(self, name: str) -> bool:
-        """Take a key out of force; false where there is none to be."""
-        return self._repository.revoke(name)
+        """Revoke a key; false if there is no key of this name in force."""
+        return self._file.revoke(name)
 
     def _view(self, row: KeyRow) -> KeyView:
         """A key as it is shown, judged by the latest time as a supervisor does."""
         now = utc()
-        latest = max(now, self._repository.latest_at() or now)
+        latest = max(now, self._file.latest_at() or now)
         return KeyView(**columns(row, "digest", "password"), usable=row.usable(utc_text(latest)))
 
 
 @contextmanager
 def open_keys(data: Path) -> Generator[KeyStore]:
-    """Open the keys of a data folder, which is made where there is none; raises StoreError."""
+    """Open the keys of a data folder, which is made if it does not exist.
+
+    A journal that cannot be used keeps nobody from adding or revoking a key. Methods of the store
+    raise StoreError where the key file cannot be used.
+    """
+    make_folder(data)
     try:
-        store = Store(data / STORE, os.environ.get(STORE_URL, ""))
+        journal = Store(data / STORE, os.environ.get(STORE_URL, ""))
     except StoreError:
-        file = KeyFile(data)
-        if file.read() is None:  # the keys may be in that journal alone
-            raise
-        yield KeyStore(file)  # a damaged journal keeps nobody from revoking a key
+        yield KeyStore(KeyFile(data), None)
         return
-    with closing(store):
-        yield KeyStore(KeyRepository(store))
+    with closing(journal):
+        yield KeyStore(KeyFile(data), journal)

@@ -1,10 +1,10 @@
-"""Copies keys from the journal into memory, and audit entries from memory into the journal."""
+"""Reads keys into memory, and writes sessions and audit entries from memory to the journal."""
 
 from datetime import timedelta
 
 from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.access.access import Access
-from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
+from pincette_supervisor.journal.access_rows import AuditRepository
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 
@@ -31,16 +31,16 @@ class KeySync:
 
     def __init__(self, store: Store, access: Access) -> None:
         self._store = store
-        self._keys, self._audit = KeyRepository(store), AuditRepository(store)
+        self._audit = AuditRepository(store)
         self._authenticator, self._audit_buffer = access.authenticator, access.audit_buffer
-        self._authenticator.refresh(self._keys)
+        self._authenticator.refresh(store)
         self._repeated = RepeatedAction("key-sync", EVERY_S, self._sync, daemon=False)
         self._repeated.start()
 
     def _sync(self, *, last: bool = False) -> None:
         try:
             self._authenticator.write_sessions()
-            self._authenticator.refresh(self._keys)
+            self._authenticator.refresh(self._store)
             self._audit_buffer.flush(self._audit, everything=last)
         except Exception as error:
             # What was done waits: the disk may have room again.

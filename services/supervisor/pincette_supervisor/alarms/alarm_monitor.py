@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pincette.core.faults import Cause, FaultCode
+from pincette.core.faults import AT_REST, Cause, FaultCode
 from pincette.core.messages import Applied
 from pincette.core.wording import status_text
 from pincette.engine.threads import RepeatedAction
@@ -14,6 +14,8 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 LOOK_S, ASK_S = 0.25, 2.0
 """Between two looks, and between two questions to the programs of a rig in real time."""
+IDLE_S = 10.0
+"""Time without a job at rest after which the sensor is asked to sample seldom."""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
 """So many commands refused within so long are no accident of an arming."""
@@ -58,7 +60,7 @@ class AlarmMonitor:
         self._known = False
         """Whether what an earlier supervisor has left standing was looked up."""
         self._tripped = False
-        self._asked_s = float("-inf")
+        self._asked_s = self._busy_s = float("-inf")
         missed = max(1, round(MISSED_SHARE * MISSED_S / context.rig.rig.period_s))
         self._refused = GrowthDetector(REFUSED, REFUSED_S)
         self._missed = GrowthDetector(missed, MISSED_S)
@@ -143,6 +145,7 @@ class AlarmMonitor:
             return
         self._asked_s = now_s
         context.health.refresh()
+        self._let_idle(now_s)
         sensor, recorder = context.health.status("sensor"), context.health.status("recorder")
         if sensor is not None and (missed := self._missed.update(sensor.missed, now_s)):
             limit = f"{100.0 * MISSED_SHARE:g} % of the ticks in {MISSED_S:g} s"
@@ -151,6 +154,15 @@ class AlarmMonitor:
             self._raise_transient(
                 "recorder.lost", f"recorder lost {lost} messages: {status_text(recorder)}"
             )
+
+    def _let_idle(self, now_s: float) -> None:
+        """Let the sensor sample seldom once the rig has had no job for a while."""
+        actuator = self._context.health.status("actuator")
+        at_rest = actuator is not None and actuator.mode in AT_REST
+        if not at_rest or self._active() is not None or self._busy_s == float("-inf"):
+            self._busy_s = now_s
+        elif now_s - self._busy_s >= IDLE_S:
+            self._context.health.let_sample_seldom()
 
     def _raise_transient(self, cause: str, words: str) -> None:
         self._context.alarms.raise_alarm(

@@ -15,8 +15,8 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.alarm_rows import Severity
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
-from pincette_supervisor.rigs.part import is_playing
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.standing import is_playing, stroke_finding
 
 SAMPLES = {"estimator": Estimate, "controller": Telemetry}
 """Programs whose samples come while a program plays."""
@@ -52,6 +52,7 @@ def of_rig(context: RigContext, active: LiveJob | None) -> list[Check]:
         _recorder(context),
         _refused(context),
         _memory(context),
+        _stroke(context),
         *_forces(context),
         _lease(context, active),
         *_model(context),
@@ -194,6 +195,21 @@ def _memory(context: RigContext) -> Check:
         needed=False,
         value="unknown" if unknown or answer is None else "known",
         limit="known",
+    )
+
+
+def _stroke(context: RigContext) -> Check:
+    """Return the check that the stroke of the arm is that of its calibration."""
+    found = stroke_finding(context)
+    told = {} if found is None else {value.name: value.value for value in found.values}
+    return _check(
+        "estimator.stroke",
+        found is None,
+        "no change of the arm's stroke was found" if found is None else fault_text(found),
+        needed=False,
+        value=told.get("change_percent"),
+        limit=told.get("limit_percent"),
+        unit="%",
     )
 
 

@@ -7,8 +7,10 @@ drop a part for nothing. So before silence counts, the actuator itself is asked:
 - it is armed for this job: the loop is well, and the supervisor was deaf;
 - it is not: its last sample, which says why, is fetched;
 - it does not answer, and other programs are heard: the actuator is silent;
-- nobody is heard, and nobody answers: the line is cut. The loop goes on under the lease, and ends
-  by itself with it; only then the silence counts.
+- nobody is heard, and nobody answers: the line is cut, or the router has ended, and with it the
+  tokens of all programs have vanished. The loop goes on under the lease, and ends by itself with
+  it. Only then the silence counts, and it ends the job without a trip, which over the direct link
+  would reach a loop that is well, and let its part go after ``freeze_s``.
 """
 
 from pincette.bus.protocol import BusError
@@ -24,6 +26,11 @@ ASK_S = 0.7
 OTHERS = (Position, Estimate, Telemetry)
 ACTUATOR = "actuator"
 CAUSE = "supervisor.deaf"
+BESIDE_THE_SUPERVISOR = ("supervisor", "recorder")
+"""Programs that a rig with a router upstream has on the supervisor's side."""
+HEARD_SHARE = 0.5
+"""Share of the limit of silence within which another program has been heard that is heard now. One
+that was cut off together with the actuator was heard last a little after it."""
 
 
 class Silence:
@@ -36,17 +43,24 @@ class Silence:
         self._told = False
         self.excused = False
         """Whether what was asked last has shown that the loop is well, or has ended."""
+        self.cut_off = False
+        """Whether nobody was heard and nobody has answered, and the loop ends by its lease."""
 
     def words(self, lasts_s: float, job: str) -> str:
         """Why the loop counts as silent after so long without a sample; empty where it does not."""
-        self.excused = False
+        self.excused = self.cut_off = False
         words = silent_words(self._context, self._tracker, lasts_s)
-        if not words or self._context.rig.lockstep or self._context.observer.gone((ACTUATOR,)):
+        if not words or self._context.rig.lockstep or self._actuator_has_ended():
             return words
         try:
             actuator = status(self._context.bus, ACTUATOR, ASK_S)
         except BusError:
-            return words if self._hears() or lasts_s > self._lease_s else ""
+            if self._hears():
+                return words
+            self.cut_off = self._lease_s > 0.0
+            if lasts_s <= self._lease_s:
+                return ""
+            return self._cut_off_words(lasts_s) if self.cut_off else words
         if actuator.mode != Mode.ARMED or actuator.epoch != self._epoch:
             fetch = self._context.observer.fetch_latest
             self._tracker.update([*fetch(TELEMETRY), *fetch(APPLIED)])
@@ -56,9 +70,24 @@ class Silence:
         self._tell(lasts_s, job)
         return ""
 
+    def _actuator_has_ended(self) -> bool:
+        """Return whether the actuator's token has vanished while others on its side are seen."""
+        observer = self._context.observer
+        without = BESIDE_THE_SUPERVISOR if self._context.rig.bus.apart else ()
+        return bool(observer.gone((ACTUATOR,))) and observer.sees_any(without)
+
+    def _cut_off_words(self, lasts_s: float) -> str:
+        """Return why a job ends of which nothing has been heard for longer than its lease."""
+        return (
+            f"no program of the rig was heard or has answered for {lasts_s:.1f} s: the router has "
+            "ended or hangs, or the network is cut. The controller stops by itself when its lease "
+            f"of {self._lease_s:g} s ends; a held part stays held"
+        )
+
     def _hears(self) -> bool:
         """Whether any other program of the loop is heard."""
-        observer, limit_s = self._context.observer, silence_limit_s(self._context.rig)
+        observer = self._context.observer
+        limit_s = HEARD_SHARE * silence_limit_s(self._context.rig)
         ages_s = [observer.silent_s(kind) for kind in OTHERS]
         return any(age_s is not None and age_s <= limit_s for age_s in ages_s)
 

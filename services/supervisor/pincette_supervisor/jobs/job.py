@@ -3,26 +3,33 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from pincette.api.endings import Ending, EndingCode
+from pincette.api.events import EventKind
 from pincette.api.jobs import Progress
-from pincette.api.requests import JobRequest
+from pincette.api.requests import JobRequest, PolicyRequest
 from pincette.api.states import STATES, ActionType, Event, JobState, next_state
-from pincette.core.faults import Acted
-from pincette.core.messages import JobNotice
-from pincette_supervisor.jobs import policies
+from pincette.core.faults import Acted, Cause
+from pincette.core.messages import JobNotice, Trip
 from pincette_supervisor.jobs.lease import Renewal
-from pincette_supervisor.jobs.resumption import NextJob
 from pincette_supervisor.journal.store import ActionRow, JobRow, utc_now
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger(__name__)
 URGENT: tuple[Event, ...] = ("stop", "abort", "trip", "overdue")
 """Events that stop a rig: they take effect before they are stored."""
+DEFAULT_ENDING: Mapping[JobState, EndingCode] = {
+    "succeeded": "done",
+    "stopped": "requested",
+    "aborted": "requested",
+    "interrupted": "supervisor_ended",
+}
+"""Default code of the ending for each state in which a job ends."""
 PLAYING = ("running", "pausing")
 """States in which the program plays."""
 
@@ -58,8 +65,53 @@ class ChangeNotifier:
                 self._waiting.discard(entry)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobStatus:
+    """State of a job at one moment; replaced as a whole, so that a reader sees one moment."""
+
+    id: str
+    state: JobState
+    revision: int
+    entered_at: float
+    """Time at which the job entered its state, by the clock of the rig."""
+    moves: int = 0
+    """Number of changes of the state."""
+    played_s: float = 0.0
+    """Time in states in which the program plays, without the present one."""
+    cause: str = ""
+    ending: Ending | None = None
+    """Reason of the end, by what was found first; of an ended job never None."""
+    held: bool = False
+    """True while the job holds a part."""
+    letting_go: bool = False
+    """True from the request of a release until the part is known to be free."""
+    phase: str = ""
+    progress: Progress | None = None
+    waiting: int | None = None
+    """Segment of the program that waits for a person."""
+    next_job: JobRequest | None = None
+    """Request of the job that goes on after a stall, or after the arm went too far."""
+    stalled: bool = False
+    """True if a stall tripped the job; the job that goes on resets the latch."""
+
+    @property
+    def terminal(self) -> bool:
+        """True once the job has ended."""
+        return STATES[self.state].terminal
+
+    @property
+    def over(self) -> bool:
+        """True once the job has ended and holds nothing: another job can start."""
+        return self.terminal and not self.held
+
+    @property
+    def keeps_part(self) -> bool:
+        """True while the job has ended and still holds a part."""
+        return self.terminal and self.held
+
+
 class LiveJob:
-    """The state of a job, shared by its run and by requests."""
+    """A job from its start to its end, shared by its run and by requests."""
 
     def __init__(
         self,
@@ -74,60 +126,41 @@ class LiveJob:
         """The journal's row as it was at the start, with the actions since then."""
         self.planned = planned
         """None for a queued job until it starts."""
-        self.state: JobState = row.state
-        self.revision = row.revision
         self.epoch = 0
         """Of its samples; 0 before it is armed."""
         self.renewal: Renewal | None = None
         """Renews the lease under which its program plays."""
-        self.cause = ""
-        self.ending: Ending | None = None
-        """Why it ends, by what was found first; of an ended job never None."""
-        self.next_job: NextJob | None = None
-        """The one that goes on where a stall has tripped this one, or it went too far."""
-        self.held = False
-        self.letting_go = False
-        """Whether a release was requested, and the part is not known to be free yet."""
-        self.phase = ""
-        self.progress: Progress | None = None
-        self.waiting: int | None = None
-        """Segment that waits for a person; set after the progress with its instruction."""
-        self._passed = -1
-        self.moves = 0
-        """How often the state has changed."""
-        self.entered_at = context.clock()
-        self.played_s = 0.0
-        """Time in states in which the program plays, without the present one."""
+        self.status = JobStatus(
+            id=row.id, state=row.state, revision=row.revision, entered_at=context.clock()
+        )
         self.interrupted = False
         """Set where the supervisor ends."""
         self.wake = threading.Event()
         self.done = threading.Event()
         """Set once nothing moves any more and the rig is free."""
         self.recorded = threading.Event()
-        """Not set from the end on until the record is written."""
+        """Event that is cleared from the end of the job until its record is written."""
         self.recorded.set()
         self._context, self._store, self._changes = context, context.store, out
         self._lock = threading.RLock()
-        self._entering = threading.Lock()
+        """Held by a change of the state or of the actions until its write is submitted."""
+        self._replacing = threading.RLock()
+        """Held while the status is replaced; never while anything else is waited for."""
+        self._passed = -1
+        """Newest segment whose wait a person has confirmed."""
         self._actions: list[tuple[int, ActionType]] = []
         """Actions without effect so far, each with its number within the job."""
         self._action_count = len(row.actions)
 
-    @property
-    def snapshot(self) -> tuple[JobState, int]:
-        """The state, and the number of its changes."""
-        with self._lock:
-            return self.state, self.moves
+    def update(self, **values: Any) -> None:
+        """Replace the status by one with other values."""
+        with self._replacing:
+            self.status = replace(self.status, **values)
 
-    @property
-    def terminal(self) -> bool:
-        """Whether the state is terminal."""
-        return STATES[self.state].terminal
-
-    @property
-    def over(self) -> bool:
-        """Whether it has ended and holds nothing: another job can start."""
-        return self.terminal and not self.held
+    def revise(self, revision: int) -> None:
+        """Note a revision of the journal's row."""
+        with self._replacing:
+            self.update(revision=max(self.status.revision, revision))
 
     def move(
         self,
@@ -139,75 +172,104 @@ class LiveJob:
     ) -> bool:
         """Follow an event, if in ``only_from``; raises TransitionError where it has no place."""
         with self._lock:
-            if only_from is not None and self.state != only_from:
+            if only_from is not None and self.status.state != only_from:
                 return False
-            state = next_state(self.state, event)
-            self.cause, self.ending = self.cause or cause, self.ending or ending
-            now = utc_now()
-            values: dict[str, object] = {"state": state, "cause": self.cause}
+            state = next_state(self.status.state, event)
+            self.note_cause(cause, ending)
+            now, known = utc_now(), self.status
+            values: dict[str, object] = {"state": state, "cause": known.cause}
             if event == "start":
                 values["started_at"] = now
-            body = {"state": state, "cause": self.cause}
+            body = {"state": state, "cause": known.cause}
             if STATES[state].terminal:
-                self.ending = self.ending or Ending(code=policies.UNTOLD.get(state, "internal"))
-                values |= {"ended_at": now, "ending": self.ending.model_dump(mode="json")}
-                body["ending"] = self.ending.code
-            entered = self.moves + 1
+                end = known.ending or Ending(code=DEFAULT_ENDING.get(state, "internal"))
+                self.update(ending=end)
+                values |= {"ended_at": now, "ending": end.model_dump(mode="json")}
+                body["ending"] = end.code
+            enter = partial(self._enter, state, known.moves + 1)
             urgent = event in URGENT
             if urgent:  # what acts on the state waits for no disk
-                self._enter(state, self.revision + 1, entered)
+                enter(known.revision + 1)
                 self.wake.set()
             log.info("job %s is %s", self.id, state, extra={"job": self.id, **body})
-
-            def write() -> None:
-                events = self._context.events
-                with events.transaction("state", self.id, **body, event=event) as callbacks:
-                    revision = self._store.change(self.id, **values)
-                    # A listener may act at once, so the state is set before the event is out.
-                    callbacks.append(partial(self._enter, state, revision, entered))
-
-            if urgent:
-                self._context.write_queue.post(write)
-            elif not self._context.write_queue.submit(write):
-                self._enter(state, self.revision + 1, entered)
+            # A listener may act at once, so the state is set before the event is out.
+            self._write(
+                partial(self._store.change, self.id, **values),
+                "state",
+                {**body, "event": event},
+                then=enter,
+                wait=not urgent,
+            )
             self.notify()
         self.wake.set()
         self._changes.notify_all()
         return True
 
-    def _enter(self, state: JobState, revision: int, entered: int) -> None:
-        """Set the state, unless the count of moves has reached ``entered`` already."""
-        with self._entering:
-            self.revision = max(self.revision, revision)
-            if self.moves >= entered:
+    def _enter(self, state: JobState, moves: int, revision: int) -> None:
+        """Set the state, unless it has changed ``moves`` times already."""
+        with self._replacing:
+            self.revise(revision)
+            before, now = self.status, self._context.clock()
+            if before.moves >= moves:
                 return
-            moment = self._context.clock()
-            if self.state in PLAYING:
-                self.played_s += moment - self.entered_at
-            self.state, self.entered_at = state, moment
-            self.moves = entered
+            played_s = now - before.entered_at if before.state in PLAYING else 0.0
+            self.update(
+                state=state, entered_at=now, moves=moves, played_s=before.played_s + played_s
+            )
+
+    def _write(
+        self,
+        change: Callable[[], int],
+        kind: EventKind | None = None,
+        body: Mapping[str, Any] | None = None,
+        *,
+        then: Callable[[int], None] | None = None,
+        wait: bool = True,
+    ) -> None:
+        """Write a change of the job to the journal, with an event where a kind is given.
+
+        Parameters
+        ----------
+        change
+            Changes the journal, and returns the revision.
+        then
+            Called with the revision before the event is passed on; also where the write is late.
+        wait
+            False for a change that waits for no disk.
+        """
+        apply = then or self.revise
+
+        def write() -> None:
+            if kind is None:
+                apply(change())
+            else:
+                events = self._context.events
+                with events.transaction(kind, self.id, **(body or {})) as callbacks:
+                    callbacks.append(partial(apply, change()))
+            self._changes.notify_all()
+
+        if not wait:
+            self._context.write_queue.post(write)
+        elif not self._context.write_queue.submit(write):
+            apply(self.status.revision + 1)
+        self._changes.notify_all()
 
     def store(self, **values: object) -> None:
         """Store values of the journal's row; see ``Store.change``."""
-
-        def write() -> None:
-            self.revision = max(self.revision, self._store.change(self.id, **values))
-
         with self._lock:
-            if not self._context.write_queue.submit(write):
-                self.revision += 1
-        self._changes.notify_all()
+            self._write(partial(self._store.change, self.id, **values))
 
     def notify(self) -> None:
         """Publish the job's state on the bus."""
+        status = self.status
         notice = JobNotice(
             job=self.id,
             kind=self.kind,
             epoch=self.epoch,
-            state=self.state,
-            phase=self.phase,
-            cause=self.cause[:200],
-            held=self.held,
+            state=status.state,
+            phase=status.phase,
+            cause=status.cause[:200],
+            held=status.held,
             at=utc_now(),
         )
         self._context.bus.publish(notice)
@@ -215,10 +277,21 @@ class LiveJob:
     def end(self, event: Event, cause: str = "", code: EndingCode | None = None) -> None:
         """Move to a terminal state; a stop or an abort that came first is confirmed instead."""
         with self._lock:
-            if not self.terminal:
+            if not self.status.terminal:
                 ending = None if code is None else Ending(code=code)
-                known = event in STATES[self.state].events
+                known = event in STATES[self.status.state].events
                 self.move(event if known else "confirm", cause, ending=ending if known else None)
+
+    def abort_trip(self, why: str = "") -> Trip:
+        """Return the trip of an abort: a freeze, unless the request says ramp.
+
+        Parameters
+        ----------
+        why
+            Why the supervisor aborts the job; empty: a person does.
+        """
+        ramps = isinstance(self.request, PolicyRequest) and self.request.on_abort == "ramp"
+        return Trip(Cause.SUPERVISOR if why else Cause.ABORT, release_now=ramps, words=why)
 
     def set_plan(self, planned: Planned) -> None:
         """Set the plan that is played."""
@@ -226,80 +299,80 @@ class LiveJob:
         plan = {**planned.plan.model_dump(mode="json"), "values": planned.values}
         self.store(plan=plan)
 
-    def set_epoch(self, epoch: int) -> None:
-        """Set the epoch of its samples."""
-        self.epoch = epoch
-        self.store(epoch=str(epoch))
-
     def note_cause(self, cause: str, ending: Ending | None = None) -> None:
         """Set the cause of a failure, unless there is one."""
-        self.cause, self.ending = self.cause or cause, self.ending or ending
+        with self._replacing:
+            known = self.status
+            self.update(cause=known.cause or cause, ending=known.ending or ending)
 
     def append_cause(self, cause: str) -> None:
         """Add a cause after the job's end."""
-        self.cause = f"{self.cause}; {cause}" if self.cause else cause
-        self.store(cause=self.cause)
+        with self._replacing:
+            known = self.status.cause
+            self.update(cause=f"{known}; {cause}" if known else cause)
+        self.store(cause=self.status.cause)
 
     def update_progress(self, progress: Progress, *, held: bool, waiting: int | None) -> None:
-        """Set progress and what the program waits for."""
-        self.progress = progress
-        before = (self.held, self.waiting)
-        self.waiting = None if waiting is None or waiting <= self._passed else waiting
-        self.held = held
-        if (held, self.waiting) != before:
+        """Set the progress, and the segment that waits for a person."""
+        with self._replacing:
+            before = self.status
+            passed = waiting is None or waiting <= self._passed
+            self.update(progress=progress, held=held, waiting=None if passed else waiting)
+            after = self.status
+        if (after.held, after.waiting) != (before.held, before.waiting):
             self.store()
 
     def begin_phase(self, phase: str, seq: int, held: bool) -> None:
-        """Set the phase and tell it."""
-        self.phase = phase
+        """Set the phase, and publish it."""
+        self.update(phase=phase)
         append, body = self._context.events.append, {"phase": phase, "seq": seq, "held": held}
         self._context.write_queue.submit(partial(append, "phase", self.id, **body))
         self.notify()
 
     def confirm_wait(self, segment: int) -> None:
         """Note that a person has confirmed the wait of a segment."""
-        self._passed = max(self._passed, segment)
-        if self.waiting == segment:
-            self.waiting = None
+        with self._replacing:
+            self._passed = max(self._passed, segment)
+            waits = self.status.waiting == segment
+            if waits:
+                self.update(waiting=None)
+        if waits:
             self.store()
 
     def record_action(self, action: ActionType, by: str) -> None:
         """Note an action, and have it stored; waits for no disk."""
         row = ActionRow(action, utc_now(), by)
 
-        def write() -> None:
-            with self._context.events.transaction(
-                "action", self.id, type=action, by=by, applied=False, seq=None
-            ):
-                self._store.add_action(self.id, row)
-            self.revision = max(self.revision, self._store.change(self.id))
-            self._changes.notify_all()
+        def change() -> int:
+            self._store.add_action(self.id, row)
+            return self._store.change(self.id)
 
         with self._lock:
             self.row = replace(self.row, actions=(*self.row.actions, row))
             self._actions.append((self._action_count, action))
             self._action_count += 1
-            self._context.write_queue.post(write)
+            body = {"type": action, "by": by, "applied": False, "seq": None}
+            self._write(change, "action", body, wait=False)
 
     def record_effect(self, action: ActionType | Acted, seq: int | None) -> None:
         """Store the sample at which the oldest open action of a type took effect."""
+        body = {"type": action, "applied": True, "seq": seq}
         with self._lock:
             if action == "resume":  # the pause will not act any more
                 self._actions = [entry for entry in self._actions if entry[1] != "pause"]
             entry = next((entry for entry in self._actions if entry[1] == action), None)
-            now = utc_now()
+            if entry is None:
+                append = self._context.events.append
+                self._context.write_queue.submit(partial(append, "action", self.id, **body))
+                return
+            number, now = entry[0], utc_now()
 
-            def write() -> None:
-                with self._context.events.transaction(
-                    "action", self.id, type=action, applied=True, seq=seq
-                ):
-                    if entry is not None:
-                        self._store.action_took_effect(self.id, entry[0], seq, now)
+            def change() -> int:
+                self._store.action_took_effect(self.id, number, seq, now)
+                return self._store.change(self.id)
 
-            self._context.write_queue.submit(write)
-            if entry is not None:
-                self._actions.remove(entry)
-                self.store()
+            self._actions.remove(entry)
+            self._write(change, "action", body)
 
     def wait(self, timeout_s: float) -> None:
         """Wait for an action or the timeout."""

@@ -3,16 +3,130 @@
 Requests that wait for a change ask here again and again; only ``job`` reads the journal.
 """
 
+import hashlib
+import json
+import secrets
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 from time import monotonic
+from typing import Any
 
-from pincette.api.jobs import Job
+from pincette.api.endings import Ending
+from pincette.api.jobs import Action, ArtifactState, Job
+from pincette.api.requests import JobRequest
+from pincette.api.states import ActionType, allowed_actions
 from pincette_supervisor.jobs import refusals
-from pincette_supervisor.jobs.crash_recovery import NOTHING
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import JobQueue
-from pincette_supervisor.jobs.job_view import job_view
-from pincette_supervisor.journal.store import JobRow
+from pincette_supervisor.jobs.job_recorder import NOTHING, Left
+from pincette_supervisor.journal.database import columns
+from pincette_supervisor.journal.store import JobRow, utc_now
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rigs.rig_context import RigContext
+
+# A new job's row in the journal, and a job's form in REST.
+
+SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
+"""Members of a job that a person writes."""
+
+
+def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
+    """The journal row of a new job; its name is the time and a random suffix."""
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    return JobRow(
+        id=f"{stamp}-{secrets.token_hex(3)}",
+        kind=request.kind,
+        rig=rig,
+        state="queued",
+        request=request.model_dump(mode="json", exclude_unset=True),
+        plan={
+            **planned.plan.model_dump(mode="json", exclude={"curves"}),
+            "values": planned.values,
+        },
+        created_at=utc_now(),
+        requested_by=by,
+        sample=request.sample,
+        batch=request.batch,
+        operator=request.operator,
+        notes=request.notes,
+        labels=dict(request.labels),
+        priority=request.priority,
+    )
+
+
+def fingerprint_of(request: JobRequest) -> str:
+    """A digest that is equal for equal requests."""
+    tree = request.model_dump(mode="json", exclude_unset=True)
+    text = json.dumps({**tree, "kind": request.kind}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _ending(row: JobRow) -> Ending | None:
+    # As JSON, in which a code may be a text.
+    return None if row.ending is None else Ending.model_validate_json(json.dumps(row.ending))
+
+
+def job_view(
+    row: JobRow, live: LiveJob | None, position: int | None, records: Path, left: Left = NOTHING
+) -> Job:
+    """One job, with its live state and its place in the queue where it has one."""
+    status = None if live is None else live.status
+    if status is not None and status.revision > row.revision:  # not written to the journal yet
+        ended = status.ending.model_dump(mode="json") if status.terminal and status.ending else None
+        more = {"state": status.state, "cause": status.cause, "ending": ended}
+        row = replace(row, **more, revision=status.revision)
+    if live is not None and len(live.row.actions) > len(row.actions):  # the same of its actions
+        row = replace(row, actions=live.row.actions)
+    busy = status if live is not None and not live.done.is_set() else None
+    values: dict[str, Any] = row.plan.get("values", {})
+    record: dict[str, Any] = row.plan.get("record", {})
+    deleted = "deleted_at" in record
+    actions: list[ActionType] = []
+    if busy is not None or position is not None:
+        held, waiting = (
+            busy is not None and busy.held,
+            busy is not None and busy.waiting is not None,
+        )
+        actions = allowed_actions(row.state, held=held, waiting=waiting)
+    artifacts: ArtifactState = "none"
+    if deleted:
+        artifacts = "deleted"
+    elif left.being_written(row.id) or (live is not None and not live.recorded.is_set()):
+        artifacts = "being_written"
+    elif record:
+        artifacts = "ready"
+    elif busy is not None and row.epoch is not None:
+        artifacts = "being_written"
+    return Job(
+        id=row.id,
+        kind=row.kind,
+        rig=row.rig,
+        state=row.state,
+        revision=row.revision,
+        position=position,
+        cause=row.cause,
+        ending=_ending(row),
+        request=row.request,
+        values=values,
+        **{name: getattr(row, name) for name in SAID},
+        by=row.requested_by,
+        progress=None if busy is None else busy.progress,
+        result=row.result,
+        actions=[
+            Action(**columns(action, "requested_by"), by=action.requested_by)
+            for action in row.actions
+        ],
+        allowed_actions=actions,
+        created_at=row.created_at,
+        started_at=row.started_at,
+        ended_at=row.ended_at,
+        record=None if row.epoch is None or deleted else str((records / row.id).absolute()),
+        artifacts=artifacts,
+        record_complete=record.get("complete"),
+        record_detail=record.get("detail", ""),
+    )
+
 
 WRITTEN_S = 30.0
 """Longest time that a request waits for records that are being written, in s."""
@@ -40,7 +154,7 @@ class JobIndex:
         return None if live is None or live.done.is_set() else live
 
     def started(self, live: LiveJob) -> None:
-        """Take in a job that starts; those that are recorded need no place any more."""
+        """Add a job that starts, and drop the jobs whose records are complete."""
         self._lives = (*(one for one in self._lives if not one.recorded.is_set()), live)
 
     def job(self, name: str) -> Job:
@@ -67,7 +181,8 @@ class JobIndex:
         waits = self._queue.entry(name) is not None
         if waits or (live := self._live(name)) is None:
             return not waits
-        return live.done.is_set() or (live.terminal and not live.letting_go)
+        status = live.status
+        return live.done.is_set() or (status.terminal and not status.letting_go)
 
     def is_recorded(self, name: str) -> bool:
         """Whether a job has ended, and its record is written."""
@@ -81,7 +196,7 @@ class JobIndex:
         """Wait until the records of ended jobs are written, together for ``timeout_s`` at most."""
         deadline = monotonic() + timeout_s
         for live in self._lives:
-            if live.terminal:
+            if live.status.terminal:
                 live.recorded.wait(max(0.0, deadline - monotonic()))
 
     def changed_since(self, name: str, revision: int) -> bool:
@@ -90,17 +205,26 @@ class JobIndex:
         if entry is not None:
             return entry.revision != revision
         live = self._live(name)
-        return self.is_finished(name) or (live is not None and live.revision != revision)
+        return self.is_finished(name) or (live is not None and live.status.revision != revision)
 
     def is_finished(self, name: str) -> bool:
         """Return whether a job has ended: it is not queued and not live, and will not change."""
         live = self._live(name)
         return self._queue.entry(name) is None and (live is None or live.done.is_set())
 
+    def is_settled(self, name: str) -> bool:
+        """Return whether a job follows from its journal row alone, at each revision of it."""
+        if self._queue.entry(name) is not None or self.left.being_written(name):
+            return False
+        live = self._live(name)
+        return live is None or (live.done.is_set() and live.recorded.is_set())
+
     def note_revision(self, name: str, revision: int) -> None:
         """Let those who wait for a change of a job know of one that the journal has."""
-        for known in filter(None, (self._queue.entry(name), self._live(name))):
-            known.revision = max(known.revision, revision)
+        if (entry := self._queue.entry(name)) is not None:
+            entry.revision = max(entry.revision, revision)
+        if (live := self._live(name)) is not None:
+            live.revise(revision)
         self._changes.notify_all()
 
     def _live(self, name: str) -> LiveJob | None:

@@ -2,40 +2,241 @@
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import QueueOrder
-from pincette.api.states import ActionType
+from pincette.api.states import HOLDS, ActionType, JobState, TransitionError, allowed_actions
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.core.faults import ActionCode
+from pincette.core.messages import Action
+from pincette.core.topics import ACTION
 from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
 from pincette_supervisor.jobs import planner, refusals
-from pincette_supervisor.jobs.actions import JobActions, await_end, hand_over
-from pincette_supervisor.jobs.claims import Claims
-from pincette_supervisor.jobs.crash_recovery import recover_from_crash
+from pincette_supervisor.jobs.bring_up import Calibrations
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
-from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex
-from pincette_supervisor.jobs.job_queue import CAPACITY, JobQueue
-from pincette_supervisor.jobs.job_view import fingerprint_of, new_row
-from pincette_supervisor.jobs.key_turns import KeyTurns
-from pincette_supervisor.jobs.resumption import NextJob
+from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
+from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
+from pincette_supervisor.jobs.job_recorder import recover_from_crash
+from pincette_supervisor.jobs.refusals import invalid_action, unanswered
 from pincette_supervisor.jobs.run import Run
-from pincette_supervisor.journal.store import JobRow, KeyTakenError, StoreError
-from pincette_supervisor.model.proposals import Calibrations
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
+from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play, PredictionCache
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.latch import LatchControl
 from pincette_supervisor.rigs.rig_context import RigContext
+
+# Requests with the same ``Idempotency-Key`` take turns: the later one finds the earlier one's job.
+#
+# A key counts from the moment it is seen. While the first request is being planned a second one
+# waits, and then gets the same job; where the first was refused, or its caller hung up, the next
+# one is planned in its place. Across a restart the journal knows the keys that created a job.
+#
+# A key may be stopped before its job is there, as long as this supervisor runs: no job comes of it.
+
+WAITING = 12
+"""Requests that wait for another one with their key, at most: each keeps a thread."""
+STOPPED = 1000
+"""Keys that are known as stopped, the newest of them."""
+
+
+@dataclass(slots=True)
+class _Turn:
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    users: int = 0
+
+
+class KeyTurns:
+    """One lock for each key that is in use; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._guard = threading.Lock()
+        self._turns: dict[str, _Turn] = {}
+        self._accepting = threading.Lock()
+        self._stopped: deque[str] = deque(maxlen=STOPPED)
+        self._created: dict[str, str] = {}
+
+    def note_created(self, key: str | None, job: str) -> None:
+        """Note which job a key has created, so that its stop need not read the journal."""
+        if key is None:
+            return
+        while len(self._created) >= STOPPED:
+            del self._created[next(iter(self._created))]
+        self._created[key] = job
+
+    def created(self, key: str) -> str | None:
+        """Return the job that a key has created while this supervisor runs; None if unknown."""
+        return self._created.get(key)
+
+    def stop(self, key: str) -> None:
+        """Let no job come of a key; one that is being accepted is in the journal on return."""
+        with self._accepting:
+            self._stopped.append(key)
+
+    @contextmanager
+    def accepting(self, key: str | None) -> Generator[None]:
+        """While a job is written to the journal; raises ProblemError where its key is stopped."""
+        with self._accepting:
+            if key in self._stopped:
+                raise ProblemError(
+                    409,
+                    "key-stopped",
+                    "The request was stopped before its job began",
+                    "its Idempotency-Key has been stopped: nothing has moved",
+                )
+            yield
+
+    @contextmanager
+    def of(self, key: str | None) -> Generator[None]:
+        """Hold a key, once no other request holds it; raises ProblemError where too many wait."""
+        if key is None:
+            yield
+            return
+        turn = self._enter(key)
+        try:
+            with turn.lock:
+                yield
+        finally:
+            with self._guard:
+                turn.users -= 1
+                if not turn.users:
+                    del self._turns[key]
+
+    def _enter(self, key: str) -> _Turn:
+        with self._guard:
+            waiting = sum(turn.users - 1 for turn in self._turns.values())
+            turn = self._turns.setdefault(key, _Turn())
+            if turn.users and waiting >= WAITING:
+                raise ProblemError(
+                    503,
+                    "busy",
+                    "The first request with this key is still being planned",
+                    f"{WAITING} requests wait for one with their Idempotency-Key, the most: ask "
+                    "again with the same key in a moment; it creates one job",
+                    headers={"Retry-After": "1"},
+                )
+            turn.users += 1
+            return turn
+
+
+# Actions of a person on a job, passed on to the rig.
+
+ARMED: tuple[JobState, ...] = (
+    "running",
+    "pausing",
+    "paused",
+    "resuming",
+    "stopping",
+    "stopped",
+)
+"""States in which an abort is asked of the actuator."""
+Moving = Literal["start", "pause", "resume", "stop", "abort"]
+"""Actions that change the state of a job by themselves."""
+ENDS: dict[ActionType, JobState] = {"stop": "stopped", "abort": "aborted"}
+
+FREED_S = 15.0
+"""Longest wait for a job that has ended to release the rig, in s; usually a few milliseconds."""
+KEPT_S = 15.0
+"""Within this time a job that only holds a part hands it over, and its record is closed."""
+
+
+class JobActions:
+    """Takes actions on jobs; each is stored with its requester, and waits for no disk."""
+
+    def __init__(self, context: RigContext) -> None:
+        self._context = context
+
+    def on_queued(self, queue: JobQueue, entry: Entry, action: ActionType, by: str) -> None:
+        """Take a job out of the queue; raises ProblemError for another action."""
+        allowed = allowed_actions("queued", held=False)
+        if action not in allowed:
+            raise invalid_action(action, "queued", allowed)
+        now, name = utc_now(), entry.row.id
+        with self._context.events.transaction(
+            "action", name, type=action, by=by, applied=True, seq=None
+        ):
+            self._context.store.add_action(name, ActionRow(action, now, by, applied_at=now))
+        queue.remove(entry, ENDS[action])
+
+    def on_ended(self, row: JobRow, action: ActionType) -> bool:
+        """True where an ended job has the state of the action; raises ProblemError otherwise."""
+        if row.state in HOLDS[action]:
+            return True
+        raise invalid_action(action, row.state, [])
+
+    def on_live(self, live: LiveJob, action: ActionType, by: str) -> bool:
+        """Act on a live job; true where it has the action's state already; raises ProblemError."""
+        status = live.status
+        state, waiting = status.state, status.waiting
+        allowed = allowed_actions(state, held=status.held, waiting=waiting is not None)
+        if state in HOLDS[action] and action not in allowed:
+            return True
+        if action not in allowed:
+            raise invalid_action(action, state, allowed)
+        live.record_action(action, by)
+        try:
+            if action in ("release", "continue"):
+                self._context.bus.call(ACTION, Action(ActionCode(action)))
+                if action == "release":
+                    live.update(letting_go=True)
+                elif waiting is not None:
+                    live.confirm_wait(waiting)
+            elif not _moved(live, action, state):
+                raise TransitionError(f"the job has just become {live.status.state}")
+            if action == "abort" and state in ARMED:
+                reply = self._context.trip(live.abort_trip())
+                live.record_effect("abort", reply.seq)
+        except (RefusalError, TransitionError) as error:
+            raise invalid_action(action, live.status.state, allowed, str(error)) from error
+        except BusError as error:
+            raise unanswered(error) from error
+        finally:
+            self._context.write_queue.flush()
+        return False
+
+
+def _moved(live: LiveJob, action: Moving, state: JobState) -> bool:
+    """Whether a job takes an action; a stop goes on where the job's state has just gone on."""
+    while not live.status.terminal and state not in HOLDS[action]:
+        if live.move(action, only_from=state):
+            return True
+        now = live.status.state
+        if action not in ("stop", "abort") or now == state:
+            return False
+        state = now
+    return True
+
+
+def await_end(active: LiveJob | None) -> None:
+    """Wait until a job that has ended, and holds nothing, has released the rig."""
+    if active is not None and active.status.over:
+        active.done.wait(FREED_S)
+
+
+def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
+    """End a job that only holds a part where the next one begins held; raises ProblemError."""
+    if active is not None and active.status.keeps_part and planned.begins_held:
+        try:
+            context.bus.call(ACTION, Action(ActionCode.KEEP))
+        except BusError as error:
+            raise refusals.unanswered(error) from error
+        active.done.wait(KEPT_S)
+
 
 log = logging.getLogger(__name__)
 JOIN_S = 4.0
 
 
 class JobManager:
-    """The jobs of one rig."""
+    """Accept, queue, start and end the jobs of one rig."""
 
     def __init__(self, context: RigContext, play: Play = played) -> None:
         self.context = context
@@ -74,12 +275,26 @@ class JobManager:
         with self._lock:
             self.queue.load(self.name)
 
-    def plan(self, request: JobRequest) -> Planned:
-        """Plan a job; raises ProblemError where the rig is another or the numbers make no plan."""
+    @property
+    def _moving(self) -> bool:
+        """Whether a job moves the arm, or is about to."""
         live = self.active
+        return live is not None and not live.status.terminal
+
+    def resolve(self, request: JobRequest) -> ResolvedRequest:
+        """Look up what a request leaves out; raises ProblemError."""
         if request.plays is not None:  # the job whose motion is repeated may just have ended
             self.index.wait_for_records(WRITTEN_S)
-        return planner.plan(self.context, request, moving=live is not None and not live.terminal)
+        return planner.resolve(self.context, request, moving=self._moving)
+
+    def plan(self, request: JobRequest) -> Planned:
+        """Resolve and plan a request; raises ProblemError."""
+        return planner.plan(self.context, self.resolve(request))
+
+    def _feasible(self, request: JobRequest) -> tuple[ResolvedRequest, Planned]:
+        """Resolve and plan a request; raises ProblemError, also for a limit that it breaks."""
+        resolved = self.resolve(request)
+        return resolved, refusals.require_feasible(planner.plan(self.context, resolved))
 
     def create(
         self,
@@ -98,43 +313,44 @@ class JobManager:
             if known is not None:
                 return self.index.job(refusals.require_same(known, fingerprint)), True
             self.claims.require(claim)
-            request = planner.as_kept(self.context, request)
-            planned = refusals.require_feasible(self.plan(request))
+            moving = self._moving
+            resolved, planned = self._feasible(request)
             if predict and (self.active is None or request.queue):
                 refusals.require_feasible(self.predictions.checked(planned))
             await_end(self.active)
-            if planned.present is None:  # another job moved the arm as it was planned
-                planned = refusals.require_feasible(self.plan(request))
+            if moving and not self._moving:  # the position is known now
+                resolved, planned = self._feasible(resolved.kept)
             if gone():
                 raise refusals.caller_gone()
             hand_over(self.context, self.active, planned)
             try:
                 with self._lock, self.turns.accepting(key):
                     self.claims.require(claim)
-                    name = self._accept(request, planned, key, fingerprint, by)
+                    name = self._admit(resolved, planned, by, key, fingerprint)
             except KeyTakenError as error:
                 return self.index.job(refusals.require_same(error, fingerprint)), True
         return self.index.job(name), False
 
-    def _accept(
+    def _admit(
         self,
-        request: JobRequest,
+        resolved: ResolvedRequest,
         planned: Planned,
-        key: str | None,
-        fingerprint: str,
         by: str | None,
+        key: str | None = None,
+        fingerprint: str = "",
     ) -> str:
+        """Store a job and start or queue it; returns its name. The caller holds the lock."""
+        request = resolved.kept
         if self._closing:
             raise refusals.unready(["the supervisor ends, or takes the rig up anew: ask again"])
         waits = request.queue and (self.active is not None or len(self.queue) > 0)
         if waits and len(self.queue) >= CAPACITY:
             raise refusals.queue_full(len(self.queue))
         if not waits:
-            if self.active is not None:
-                raise refusals.job_active(self.active)
-            refusals.require_ready(self.context, planned)
+            refusals.require_free(self.active)
+            refusals.require_ready(self.context, begins_held=planned.begins_held)
             refusals.require_zero_confirmed(self.context, request)
-            if planned.model is not self.context.model.in_use:
+            if resolved.model is not self.context.model.in_use:
                 raise refusals.model_changed()
         row = new_row(request, planned, self.name, by)
         with self.context.events.transaction(
@@ -145,27 +361,33 @@ class JobManager:
         if waits:
             self.queue.add(row, request)
         else:
-            self._begin(row, request, planned)
+            self._begin(row, resolved.request, planned)
         return row.id
 
     def _begin(self, row: JobRow, request: JobRequest, planned: Planned | None) -> None:
-        completed = planner.with_recipe(self.context, request)
-        live = LiveJob(row, completed, planned, self.context, self.changes)
+        live = LiveJob(row, request, planned, self.context, self.changes)
         self.index.started(live)
         self._thread = threading.Thread(target=self._run_job, args=[live], name=row.id)
         self._thread.start()
 
+    def _plan_queued(self, live: LiveJob) -> Planned:
+        """Resolve and plan a queued job whose turn has come; raises ProblemError."""
+        resolved, planned = self._feasible(live.request)
+        live.request = resolved.request
+        return planned
+
     def _run_job(self, live: LiveJob) -> None:
         try:
-            Run(self.context, live, lambda r: refusals.require_feasible(self.plan(r))).main()
+            Run(self.context, live, self._plan_queued).main()
         except Exception:  # the job has ended as failed; the next one may begin
             log.exception("job %s met a fault of the supervisor", live.id)
         finally:
             with self._lock:
                 try:
-                    again = live.next_job if live.state == "failed" else None
-                    if live.state != "succeeded" and not (self._closing or again):
-                        self.queue.halt(f"job {live.id} {live.state}: {live.cause}".rstrip(": "))
+                    end = live.status
+                    again = end.next_job if end.state == "failed" else None
+                    if end.state != "succeeded" and not (self._closing or again):
+                        self.queue.halt(f"job {live.id} {end.state}: {end.cause}".rstrip(": "))
                     live.finish()
                     if again is not None and not self._closing:
                         self._go_on(live, again)
@@ -175,16 +397,15 @@ class JobManager:
                 finally:
                     live.finish()
 
-    def _go_on(self, live: LiveJob, again: NextJob) -> None:
-        """Begin the job that goes on; what stands in its way is told, and waits for a person."""
-        request, by = again.request, f"job {live.id}"
+    def _go_on(self, live: LiveJob, request: JobRequest) -> None:
+        """Start the job that goes on; where that fails, halt the queue and say why."""
+        by = f"job {live.id}"
         try:
-            if again.acknowledges:
+            if live.status.stalled:
                 self.latch.reset(by)
-            planned = refusals.require_feasible(self.plan(request))
-            name = self._accept(request, planned, None, fingerprint_of(request), by)
+            name = self._admit(*self._feasible(request), by)
         except ProblemError as error:
-            self.queue.halt(f"job {live.id} failed: {live.cause}")
+            self.queue.halt(f"job {live.id} failed: {live.status.cause}")
             live.append_cause(f"it did not begin by itself: {error}")
             return
         live.append_cause(f"as job {name}")
@@ -262,7 +483,7 @@ class JobManager:
 
     def release(self) -> None:
         """Release threads and bus, once no request needs them."""
-        self.latch.threads.shutdown()
+        self.latch.release()
         self.context.finish_records()
         self.context.health.close()
         self.context.bus.close()

@@ -1,29 +1,184 @@
 """Follows the samples of a job to their end, and passes its actions on to the rig."""
 
+from collections.abc import Callable
+from time import monotonic
+
 from pincette.api.endings import Ending
-from pincette.api.requests import ZeroingRequest
-from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
-from pincette.bus.protocol import BusError
-from pincette.core.faults import Acted, Cause, Outcome
-from pincette.core.messages import Action, Applied
+from pincette.api.requests import OnStop, ZeroingRequest
+from pincette.api.states import STATES, JobState
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.config import RigFile
+from pincette.core.faults import Acted, ActionCode, Cause, Fault, FaultCode, Outcome, fault
+from pincette.core.messages import Ack, Action, Applied
 from pincette.core.topics import ACTION, TELEMETRY
 from pincette.core.wording import fault_text
+from pincette.engine.measuring.kept import asked, how, kept
+from pincette.latency.advice import age_change
+from pincette.latency.rule import TAIL
 from pincette_supervisor.alarms.trips import TripReason, trip_ending
-from pincette_supervisor.jobs import policies
-from pincette_supervisor.jobs.controller_actions import ControllerActions
 from pincette_supervisor.jobs.deafness import Silence
+from pincette_supervisor.jobs.decide import (
+    Ask,
+    Asked,
+    AskTrip,
+    Close,
+    Command,
+    Complete,
+    Facts,
+    Interrupt,
+    Move,
+    Why,
+    decide,
+)
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
-from pincette_supervisor.jobs.lease import ended_words
+from pincette_supervisor.jobs.lease import ended_words, interruption, lease_end, lease_s
 from pincette_supervisor.jobs.missing_samples import MissingSamples
-from pincette_supervisor.jobs.resumption import moving_less, resumption
-from pincette_supervisor.jobs.stalls import exchange_fault, stall_words
 from pincette_supervisor.jobs.tracker import Tracker, gone_words
-from pincette_supervisor.jobs.watch import Watch
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Interruption, Planned
+from pincette_supervisor.plugin.functions import functions_of, kind_of
 from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext
+
+# Whether a job's deadline has passed, by the time in which somebody has looked.
+#
+# A deadline says that a rig does not do what it was asked for. Where the supervisor stood still, it
+# has only not seen it yet: that time is not the job's.
+
+STANDSTILL_S = 0.25
+"""Between two looks; what goes beyond it was a standstill of the one who looks."""
+
+RELEASING = ("unload", "release", "retreat")
+"""Phases that a stop plays if ``on_stop`` releases the part."""
+
+
+class Watch:
+    """The deadlines of one job."""
+
+    def __init__(
+        self,
+        job: LiveJob,
+        planned: Planned,
+        tracker: Tracker,
+        clock: Callable[[], float],
+        look_clock: Callable[[], float] = monotonic,
+    ) -> None:
+        """``clock`` is that of the job's states; ``look_clock`` measures the looks."""
+        self._job, self._planned, self._tracker = job, planned, tracker
+        self._clock, self._look_clock = clock, look_clock
+        self._looked_s = look_clock()
+        self._missed_s = self._missed_before_s = 0.0
+        self._moves = -1
+
+    def look(self) -> None:
+        """Look once."""
+        now_s = self._look_clock()
+        missed_s = max(0.0, now_s - self._looked_s - STANDSTILL_S)
+        self._looked_s = now_s
+        moves = self._job.status.moves
+        if moves != self._moves:
+            self._moves, self._missed_before_s = moves, self._missed_s
+        self._missed_s += missed_s
+
+    def overdue(self) -> bool:
+        """Whether the deadline of the job's state has passed."""
+        request, status, rig = self._job.request, self._job.status, self._planned.model.rig
+        on_stop = kind_of(request).stop_of(request)
+        limit_s = deadline_s(status.state, self._planned, rig, on_stop)
+        spent_s = self._clock() - status.entered_at
+        running = status.state == "running"
+        if rig.lockstep:
+            # A machine may take as long as it likes for what is played.
+            spent_s = self._tracker.played_s if running else spent_s
+        elif running:
+            spent_s += status.played_s - self._missed_s
+        else:
+            spent_s -= self._missed_s - self._missed_before_s
+        return limit_s is not None and spent_s > limit_s
+
+
+def deadline_s(
+    state: JobState, planned: Planned | None, rig: RigFile, on_stop: OnStop
+) -> float | None:
+    """Return the time in s after which a state has taken too long; None if it may last."""
+    row = STATES[state]
+    if row.deadline_s is None:
+        return None
+    if row.beyond == "" or planned is None:
+        return row.deadline_s
+    if row.beyond == "freeze":
+        return row.deadline_s + rig.safety.freeze_s + rig.safety.ramp_s
+    if row.beyond == "letting_go":
+        return row.deadline_s + (0.0 if on_stop == "hold" else _release_s(planned))
+    if state == "running" and planned.planned_s is None:
+        return None  # a program without an end, whose pause must come all the same
+    return row.deadline_s + planned.plan.duration_s
+
+
+def _release_s(planned: Planned) -> float:
+    return sum(item.duration_s or 0.0 for item in planned.plan.phases if item.phase in RELEASING)
+
+
+# What the machine kept where a job tripped by the age of its commands, and what would suit it.
+
+
+def silence_s(rig: RigFile, reason: TripReason) -> float | None:
+    """For how long no command came before a trip by a stall, in s; None of another trip.
+
+    What is told beside the silence is its cause, such as a reading that failed; and lockstep has no
+    clock.
+    """
+    codes = [one.code for one in reason.faults]
+    if rig.lockstep or reason.cause != Cause.COMMAND_AGE or codes != [FaultCode.NO_COMMAND]:
+        return None
+    return next((item.value for item in reason.faults[0].values if item.name == "silent_s"), None)
+
+
+INSTRUMENTS = {"sensor": "sensor", "actuator": "output"}
+"""Instrument of each program that has one."""
+
+
+def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
+    """Return what the newest exchanges with the instruments took, for a trip by age; else None.
+
+    Asks the programs, so that readings shortly before the trip are among them.
+    """
+    if context.rig.lockstep or reason.cause != Cause.COMMAND_AGE:
+        return None
+    context.health.refresh(force=True)
+    values: dict[str, float] = {}
+    for program, times in context.health.exchanges().items():
+        for arm, took in enumerate(times):
+            name = f"{'second_' if arm else ''}{INSTRUMENTS[program]}"
+            values |= {
+                f"{name}_minimum_s": took.minimum_s,
+                f"{name}_median_s": took.median_s,
+                f"{name}_worst_s": took.worst_s,
+            }
+    return fault(FaultCode.EXCHANGE_TIMES, **values) if values else None
+
+
+def stall_words(context: RigContext, reason: TripReason) -> str:
+    """What this machine kept and what to change, for people; empty of another trip."""
+    rig = context.rig
+    silent_s = silence_s(rig, reason)
+    if silent_s is None:
+        return ""
+    ages = context.observer.counters.ages()
+    transit_s = ages.quantile_s(TAIL) or rig.realtime.computing_s
+    told = [
+        f"unless a program hung, the machine stood still: commands came within "
+        f"{1e3 * ages.max_s:.0f} ms of their samples, p99.9 {1e3 * transit_s:.0f} ms"
+    ]
+    known = kept(context.records.parent)
+    late_s = max(0.0, silent_s - rig.rig.period_s)
+    if known is not None:
+        late_s = max(late_s, *(one.lateness.max_s for one in known.wake_ups))
+    change = age_change(asked(rig), late_s, transit_s)
+    told += [] if change is None else [f"what would suit it: {change.words()}"]
+    return "; ".join([*told, how(rig)])
+
 
 LOOK_S = 0.02
 """How often the run takes new messages."""
@@ -31,7 +186,8 @@ LATE_S = 0.5
 """How long the last samples of a run may come after the one that ended it."""
 PROGRESS_S = 0.2
 """How often progress is published at most."""
-TRIPPABLE: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming", "stopping")
+TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
+"""Outcomes of a job whose arm something presses."""
 
 
 class JobMonitor:
@@ -56,41 +212,102 @@ class JobMonitor:
             hold_at_s=planned.hold_at_s,
             thinned=archive.thinned(planned),
         )
-        lease_s = policies.lease_s(job.request, self._rig)
-        self._silence = Silence(context, self._tracker, job.epoch, lease_s)
+        length_s = lease_s(job.request, self._rig)
+        self._silence = Silence(context, self._tracker, job.epoch, length_s)
         self._watch = Watch(job, planned, self._tracker, context.clock)
         self._missing = MissingSamples(planned, job.epoch, self._rig.rig.period_s)
-        self._given_up = False
-        """Whether it was stopped since it lacks too many samples."""
         self._last_message_at = context.observer.awake_clock()
         self._applied: Applied | None = None
         """The actuator's newest sample."""
         self._over_at: float | None = None
+        self._last_fetched = False
+        """True once the controller's last sample was fetched, because samples did not arrive."""
         self._progress_sent_at = float("-inf")
-        self._actions = ControllerActions(context.bus, job, self._tracker)
+        self._lease: Why | None = None
+        """Why the controller has stopped by itself."""
+        self._lease_seq = -1
+        """Number of the sample at which it has."""
+        self._moves = 0
+        """Number of the job's moves at the last look."""
+        self._asked_in = -1
+        """Number of the job's moves in which the controller was last ordered."""
+        self._effective_seq: int | None = None
+        """The seq at which that order takes effect; None where it was refused."""
+        self._pause_asked = self._given_up = False
         self._trip_asked = self._trip_reported = False
 
     def follow(self) -> None:
         """Return when the arming is over by the actuator's sample, or all programs are silent."""
-        tracker, job = self._tracker, self._job
         while True:
-            self._watch.look()
-            messages = self._collection.drain()
-            moved = tracker.update(messages)
-            self._missing.follow(messages)
-            if moved if self._rig.lockstep else self._actuator_published():
-                self._last_message_at = self._context.observer.awake_clock()
-            if moved:
-                self._share()
-            if tracker.over and not self._awaits_last_samples():
-                self._finish()
+            facts = self._look()
+            command = decide(facts)
+            if command is not None and self._obey(command, facts.state):
                 return
-            if job.interrupted:
-                self._interrupt()
-                return
-            if self._poll_state():
-                return
-            job.wait(LOOK_S)
+            self._job.wait(LOOK_S)
+
+    def _look(self) -> Facts:
+        """Take new messages, publish the progress, and return the facts for the next command."""
+        tracker, job = self._tracker, self._job
+        self._watch.look()
+        messages = self._collection.drain()
+        moved = tracker.update(messages)
+        self._missing.follow(messages)
+        if moved if self._rig.lockstep else self._actuator_published():
+            self._last_message_at = self._context.observer.awake_clock()
+        if moved:
+            self._share()
+        over = tracker.over and not self._awaits_last_samples()
+        silent = None if over or job.interrupted else self._silent()
+        # Read after the actuator's status, whose request blocks, so that the state is the newest.
+        status = job.status
+        state, self._moves = status.state, status.moves
+        late = self._late(state, silent)
+        return Facts(
+            state=state,
+            over=over,
+            trip=tracker.trip,
+            outcome=tracker.final_outcome(),
+            held=tracker.held,
+            paused=tracker.paused,
+            interrupted=job.interrupted,
+            late=late,
+            cut_off=silent is not None and self._silence.cut_off,
+            lease=self._lease,
+            lack=self._missing.lack,
+            asked=self._asked(),
+            stop_acts=tracker.stop_took_effect,
+            pause_asked=self._pause_asked,
+            trip_asked=self._trip_asked,
+            given_up=self._given_up,
+            on_stop=ActionCode(lease_end(job.request)),
+        )
+
+    def _asked(self) -> Asked:
+        """Return the progress of the order that the present state gives the controller."""
+        if self._asked_in != self._moves:
+            return "no"
+        if self._effective_seq is None:
+            return "refused"
+        return "effective" if self._tracker.telemetry_seq >= self._effective_seq else "accepted"
+
+    def _silent(self) -> Why | None:
+        """Return why the loop counts as silent; None where it does not."""
+        lasts_s = self._context.observer.awake_clock() - self._last_message_at
+        # Once it is over, what comes late has a limit of its own.
+        words = "" if self._tracker.over else self._silence.words(lasts_s, self._job.id)
+        if self._silence.excused:
+            self._last_message_at = self._context.observer.awake_clock()
+        return (words, Ending(code="silent", values={"silent_s": lasts_s})) if words else None
+
+    def _late(self, state: JobState, silent: Why | None) -> Why | None:
+        """Return why the job does not go on: a silent loop, or a deadline that has passed."""
+        first = state == "aborting" or self._silence.cut_off
+        if (silent and first) or not self._watch.overdue():
+            return silent
+        words = f"{state} took too long: {self._tracker.lagging_program()} lags"
+        if state == "aborting":
+            words = "the actuator did not say in time that it is safe"
+        return words, Ending(code="overdue")
 
     def _actuator_published(self) -> bool:
         """Whether a sample of the actuator came since this was last called."""
@@ -99,20 +316,22 @@ class JobMonitor:
 
     def _awaits_last_samples(self) -> bool:
         """Whether samples of the last tick are on their way; in lockstep none of them is lost."""
-        if self._tracker.trip or self._tracker.complete:
+        if self._tracker.trip or self._tracker.complete or self._last_fetched:
             return False
         now = self._context.observer.awake_clock()
         if self._over_at is None:
             self._over_at = now
         if now - self._over_at < (self._context.guard_s if self._rig.lockstep else LATE_S):
             return True
-        # A busy link loses samples, and how a program ended is told once.
+        # A busy link loses samples, and the controller publishes only once how a program ended.
+        self._last_fetched = True
         self._tracker.update(self._context.observer.fetch_latest(TELEMETRY))
         return False
 
     def _share(self) -> None:
         """Update the progress of the run for requests and listeners."""
         job, tracker = self._job, self._tracker
+        self._context.health.note_part(tracker.part_held)
         wait = self._planned.waits.get(tracker.segment)
         held = tracker.held and not tracker.over and tracker.trip is None
         waiting = None if wait is None else tracker.segment
@@ -131,163 +350,158 @@ class JobMonitor:
             else:
                 job.record_effect(action, seq)
         tracker.effects.clear()
-        state = job.state
-        if tracker.trip is None:
-            return
-        if not self._trip_reported:
+        if tracker.trip is not None and not self._trip_reported:
             self._trip_reported = True
             words = self._context.trip_words(tracker.trip)
             self._context.alarms.raise_trip(tracker.trip, words, job.id)
-        if state in TRIPPABLE:
-            words, ending = self._trip_words(tracker.trip), trip_ending(tracker.trip)
-            job.move("trip", words, only_from=state, ending=ending)
 
     def _trip_words(self, trip: TripReason) -> str:
         return f"actuator tripped: {self._context.trip_words(trip)}"
 
     def _lease_ended(self, seq: int) -> None:
-        """Stop the job whose lease has ended at the controller."""
-        context, job = self._context, self._job
-        length_s = policies.lease_s(job.request, self._rig)
-        words = ended_words(context.bus, length_s)
-        ending = Ending(code="lease_ended", values={"limit_s": length_s})
-        context.alarms.raise_alarm(
-            "lease", words, severity="alarm", clears="acknowledge", job=job.id
+        """Note that the controller has stopped by itself since its lease ended."""
+        length_s = lease_s(self._job.request, self._rig)
+        words = ended_words(self._context.bus, length_s)
+        self._lease = words, Ending(code="lease_ended", values={"limit_s": length_s})
+        self._lease_seq = seq
+        self._context.alarms.raise_alarm(
+            "lease", words, severity="alarm", clears="acknowledge", job=self._job.id
         )
-        state = job.state
-        if "stop" in STATES[state].events and job.move(
-            "stop", words, only_from=state, ending=ending
-        ):
-            self._actions.acts_since(seq)
 
-    def _poll_state(self) -> bool:
-        """Act on the state; true where nothing more is to be expected of the rig."""
-        job, tracker = self._job, self._tracker
-        lasts_s = self._context.observer.awake_clock() - self._last_message_at
-        # Once it is over, what comes late has a limit of its own.
-        silence = "" if tracker.over else self._silence.words(lasts_s, job.id)
-        if self._silence.excused:
-            self._last_message_at = self._context.observer.awake_clock()
-        state, moves = job.snapshot
-        if STATES[state].terminal:  # stopped, with a part in the gripper
-            if silence:
-                self._recorder.evaluate(tracker, self._collection)
-                self._recorder.write(tracker, over=True)
-            return bool(silence)
-        if state == "aborting":
-            return self._abort(silence)
-        ending = Ending(code="silent", values={"silent_s": lasts_s})
-        if self._watch.overdue():
-            silence = f"{state} took too long: {tracker.lagging_program()} lags"
-            ending = Ending(code="overdue")
-        if silence:
-            event: Event = "overdue" if "overdue" in STATES[state].events else "trip"
-            job.move(event, silence, only_from=state, ending=ending)
-        elif state == "running" and (lack := self._missing.lack):
-            words, ending = lack
-            self._given_up = job.move("stop", words, only_from=state, ending=ending)
-        elif state == "stopping":
-            if self._actions.stopped_in_hold(moves):
-                self._close("confirm", over=False)
-        elif state == "pausing":
-            self._actions.pause(moves)
-        elif state == "resuming":
-            self._actions.resume(moves)
-        elif state == "paused" and not tracker.paused:
-            # A guard or a release has ended the pause.
-            job.move("go_on", only_from="paused")
+    def _obey(self, command: Command, state: JobState) -> bool:
+        """Carry out a command; True where nothing more is expected of the rig."""
+        match command:
+            case Move():
+                self._move(command, state)
+            case Ask():
+                self._ask(command.action, state)
+            case AskTrip():
+                return self._ask_trip()
+            case Close():
+                self._close(command)
+                return command.over
+            case Complete():
+                self._complete()
+                return True
+            case Interrupt():
+                self._interrupt()
+                return True
         return False
 
-    def _abort(self, silence: str) -> bool:
-        """Ask the actuator once; where it does not answer, or in time, the job has failed."""
+    def _move(self, move: Move, state: JobState) -> None:
+        """Follow an event, unless the job has just left the state."""
+        job, trip, why = self._job, self._tracker.trip, move.why
+        if move.event == "trip" and trip is not None:
+            why = self._trip_words(trip), trip_ending(trip)
+        words, ending = why or ("", None)
+        if not job.move(move.event, words, only_from=state, ending=ending):
+            return
+        if move.event == "go_on":
+            self._pause_asked = False
+        elif why is not None and why is self._lease:
+            # The controller stops by itself: a second order would start its stop again.
+            self._asked_in, self._effective_seq = self._moves + 1, self._lease_seq
+        elif move.event == "stop" and why is not None:
+            self._given_up = True
+
+    def _ask(self, action: ActionCode, state: JobState) -> None:
+        """Order the controller; the job is overdue where it does not answer."""
+        self._asked_in, self._effective_seq = self._moves, None
+        self._pause_asked = self._pause_asked or action == ActionCode.PAUSE
+        try:
+            reply = self._context.bus.call(ACTION, Action(action))
+        except RefusalError:
+            return  # the program has just ended; its last sample is on its way
+        except BusError as error:
+            ending = Ending(code="unanswered")
+            self._job.move("overdue", str(error), only_from=state, ending=ending)
+            return
+        self._effective_seq = reply.seq if isinstance(reply, Ack) else self._tracker.telemetry_seq
+
+    def _ask_trip(self) -> bool:
+        """Order the actuator to trip; True where it does not answer, and the job has failed."""
         job = self._job
-        if not self._trip_asked and self._tracker.trip is None:
-            self._trip_asked = True
-            self._last_message_at = self._context.observer.awake_clock()
-            try:
-                self._context.trip(policies.abort_trip(job.request, job.cause[:200]))
-            except BusError as error:
-                job.note_cause(str(error), Ending(code="unanswered"))
-                self._close("fail")
-                return True
-            return False
-        if silence or self._watch.overdue():
-            late = "the actuator did not say in time that it is safe"
-            job.note_cause(silence or late, Ending(code="silent" if silence else "overdue"))
-            self._close("fail")
+        self._trip_asked = True
+        self._last_message_at = self._context.observer.awake_clock()
+        try:
+            self._context.trip(job.abort_trip(job.status.cause[:200]))
+        except BusError as error:
+            self._close(Close("fail", (str(error), Ending(code="unanswered"))))
             return True
         return False
 
-    def _finish(self) -> None:
-        """End a run after its last sample."""
-        job, tracker = self._job, self._tracker
-        if job.terminal:
-            # The job was stopped with a part held, which has now been let go.
-            self._recorder.evaluate(tracker, self._collection)
+    def _complete(self) -> None:
+        """Complete the record of a job that was stopped while a part was held."""
+        tracker = self._tracker
+        self._recorder.evaluate(tracker, self._collection)
+        if tracker.over:
             if tracker.trip is not None:
-                job.append_cause(self._trip_words(tracker.trip))
+                self._job.append_cause(self._trip_words(tracker.trip))
             self._recorder.publish_result()
-            self._recorder.write(tracker, over=True)
-        elif tracker.trip is not None:
-            self._close("confirm" if tracker.trip.cause == Cause.ABORT else "fail")
-        elif job.state in ("stopping", "aborting"):
-            self._close("fail" if self._given_up else "confirm")
-        elif tracker.final_outcome() == Outcome.STOPPED:
-            job.move("stop", only_from=job.state)
-            self._close("confirm")
-        else:
-            self._close("done" if tracker.final_outcome() in GOOD_OUTCOMES else "fail")
+        self._recorder.write(tracker, over=True)
 
-    def _close(self, event: Event, *, over: bool = True) -> None:
+    def _close(self, close: Close) -> None:
         """Work out the result, move the job to its terminal state, then have the record written."""
-        job, tracker = self._job, self._tracker
+        job, tracker, event = self._job, self._tracker, close.event
         gone = gone_words(self._context)
         if event == "fail":
+            if close.why is not None:
+                job.note_cause(*close.why)
             if tracker.trip is not None and not self._trip_asked:
                 trip = tracker.trip
                 took = exchange_fault(self._context, trip)
                 words = [self._trip_words(trip), gone or stall_words(self._context, trip)]
-                job.cause = "; ".join(filter(None, (*words, fault_text(took))))
-                job.ending = trip_ending(trip if took is None else trip.with_fault(took))
+                job.update(
+                    cause="; ".join(filter(None, (*words, fault_text(took)))),
+                    ending=trip_ending(trip if took is None else trip.with_fault(took)),
+                )
             job.note_cause(tracker.final_words(), Ending(code="bad_outcome"))
         fault = self._recorder.evaluate(tracker, self._collection)
         if fault and event == "done":
             job.note_cause(fault, Ending(code="no_finding"))
             event = "fail"
         if event == "fail" and not gone and not self._trip_asked:
-            self._prepare_resumption(tracker.trip)
-        touched = tracker.final_outcome() == Outcome.CONTACT and not tracker.left_rest
+            self._prepare_next_job(tracker.trip)
+        touched = tracker.final_outcome() in TOUCHED and (
+            not tracker.left_rest or tracker.zero_unconfirmed
+        )
         if touched and isinstance(job.request, ZeroingRequest):
             self._context.zero_doubt.raise_by(job.id)
-        self._job.recorded.clear()  # whoever sees the end sees that the record is not there yet
-        job.end(event)
-        self._recorder.publish_result()
-        self._recorder.write(tracker, over=over)
+        # A client that sees the end also sees that the record is not there yet.
+        with self._recorder.expected():
+            job.end(event)
+            self._recorder.publish_result()
+            self._recorder.write(tracker, over=close.over)
 
-    def _prepare_resumption(self, trip: TripReason | None) -> None:
-        """Find how a calibration goes on that a stall has tripped, or that went too far."""
+    def _prepare_next_job(self, trip: TripReason | None) -> None:
+        """Ask the kind how the job goes on after a stall, or after the arm went too far."""
         job, run = self._job, self._recorder.run
+        why: Interruption
+        if trip is not None and silence_s(self._rig, trip) is not None:
+            why = "stall"
+        elif trip is None and self._tracker.final_outcome() == Outcome.OVERTRAVEL:
+            why = "overtravel"
+        else:
+            return
         if run is None:
             return
-        found = None
-        if trip is not None:
-            found = resumption(job.request, run, trip)
-        elif self._tracker.final_outcome() == Outcome.OVERTRAVEL:
-            found = moving_less(job.request, run)
-        if found is None:
-            return
-        job.cause = f"{job.cause}; {found.words}"
-        job.next_job = found.next_job
+        found = functions_of(kind_of(job.request)).goes_on(job.request, run, why)
+        if found is not None:
+            job.update(
+                cause=f"{job.status.cause}; {found.words}",
+                next_job=found.request,
+                stalled=why == "stall",
+            )
 
     def _interrupt(self) -> None:
-        """The supervisor ends: leave the rig stopped, a part held but for a calibration's."""
+        """Leave the rig stopped because the supervisor ends."""
         job = self._job
         try:
-            self._context.bus.call(ACTION, Action(policies.interruption(job.kind)), 0.5)
+            self._context.bus.call(ACTION, Action(interruption(kind_of(job.request))), 0.5)
         except BusError as error:
             job.note_cause(str(error))
         self._recorder.evaluate(self._tracker, self._collection)
-        self._job.recorded.clear()
-        if not job.terminal:
-            job.end("interrupt", "the supervisor ended", "supervisor_ended")
-        self._recorder.write(self._tracker, over=True)
+        with self._recorder.expected():
+            if not job.status.terminal:
+                job.end("interrupt", "the supervisor ended", "supervisor_ended")
+            self._recorder.write(self._tracker, over=True)

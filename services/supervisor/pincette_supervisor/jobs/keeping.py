@@ -44,7 +44,7 @@ def delete_record(manager: JobManager, name: str, by: str) -> Job:
     row = require_job(context.store, name)
     where, active = context.records / name, manager.active
     if active is not None and active.id == name:
-        raise _kept(f"job {name} is {active.state}: its record is still being written")
+        raise _kept(f"job {name} is {active.status.state}: its record is still being written")
     if row.pinned:
         raise _kept(f"the record of job {name} is pinned: unpin it first")
     if not where.is_dir():

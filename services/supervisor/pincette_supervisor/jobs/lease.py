@@ -5,31 +5,56 @@
 # results.
 
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager, suppress
 from time import monotonic
 
-from pincette.api.requests import JobRequest
+from pincette.api.job_kinds import JobKind
+from pincette.api.requests import JobRequest, OnStop
 from pincette.bus.protocol import Bus, BusError, RefusalError
 from pincette.config import RigFile
-from pincette.core.faults import FaultCode
+from pincette.core.faults import ActionCode, FaultCode, LeaseEnd
 from pincette.core.messages import Lease, Status
 from pincette.core.topics import LEASE
 from pincette.core.wording import faults_text
 from pincette.engine.arming import status
-from pincette_supervisor.jobs import policies
+from pincette_supervisor.plugin.functions import kind_of
 
 RENEWALS = 5.0
 """Within the length of a lease; all but one of them may fail."""
 ASK_S, JOIN_S = 1.0, 2.0
+STOPS: Mapping[OnStop, LeaseEnd] = {
+    "hold": LeaseEnd.STOP,
+    "release": LeaseEnd.LET_GO,
+    "retract": LeaseEnd.RETRACT,
+}
+"""How the controller stops a program, by what a stop does with a part."""
+
+
+def lease_s(request: JobRequest, rig: RigFile) -> float:
+    """Return the time for which a program plays on without its supervisor; 0: to its end."""
+    return rig.safety.lease_s * kind_of(request).lease_factor
+
+
+def lease_end(request: JobRequest) -> LeaseEnd:
+    """Return how the controller stops a job, also where its lease has ended."""
+    return STOPS[kind_of(request).stop_of(request)]
+
+
+def interruption(kind: JobKind | None) -> ActionCode:
+    """Return how a program is stopped whose supervisor ends, or has ended.
+
+    A part stays held whatever the request says of a stop, unless the kind lets it go.
+    """
+    return ActionCode(STOPS["hold" if kind is None else kind.on_stop])
 
 
 def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
     """The lease of a job's arming; None where the rig has none."""
-    length_s = policies.lease_s(request, rig)
+    length_s = lease_s(request, rig)
     if rig.lockstep or not length_s:
         return None
-    return Lease(epoch, length_s, policies.lease_end(request))
+    return Lease(epoch, length_s, lease_end(request))
 
 
 def ended_words(bus: Bus, length_s: float) -> str:
@@ -75,7 +100,7 @@ class Renewal:
             pass
 
     def renew(self, timeout_s: float) -> bool:
-        """Grant it anew; false where the controller does not take it any more."""
+        """Renew the lease; return False if the controller no longer accepts it."""
         asked_s = self._clock()
         try:
             self._bus.call(LEASE, self.lease, timeout_s)

@@ -1,29 +1,30 @@
-"""Counts the positions that a calibration lacks while it is measured, so that it need not go on.
+"""Counts the positions that a job lacks while it plays.
 
-A phase in which more are missing than may be gives no values: what is over is not played to its
-end.
+A kind of job that needs every sample gets no values from a phase that lacks too many: such a job
+is not played to its end.
 """
 
 from collections import Counter
 from collections.abc import Iterable
 
 from pincette.api.endings import Ending
+from pincette.api.job_kinds import job_kinds
 from pincette.core.messages import Message, Position, Telemetry
-from pincette_supervisor.calibration.samples import MOST_MISSING
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
+from pincette_supervisor.plugin.figures import MOST_MISSING
 
 WAITING_ROWS = 10_000
-"""Positions that are remembered at most while the calibration waits for a person."""
+"""Number of positions that are remembered at most while a job waits for a person."""
 
 
 class MissingSamples:
-    """Of one epoch, phase by phase; a job other than a calibration may lack what it will."""
+    """The positions that one epoch lacks, phase by phase, where the kind of job needs them all."""
 
     def __init__(self, planned: Planned, epoch: int, period_s: float) -> None:
         self._epoch = epoch
         self._planned: Counter[str] = Counter()
         """Samples of each phase, as planned; of one that waits for a person there is no number."""
-        if planned.plan.kind == "calibrate":
+        if job_kinds()[planned.plan.kind].needs_every_sample:
             for phase in planned.plan.phases:
                 if phase.duration_s is not None:
                     self._planned[phase.phase] += round(phase.duration_s / period_s)
@@ -64,7 +65,7 @@ class MissingSamples:
         words = (
             f"{count} of the {planned} samples of {self._phase} are missing already, limit "
             f"{100.0 * MOST_MISSING:g} %: see to the sensor's line, and to the machine "
-            "(`pincette timing`)"
+            "(`pincette latency --of-rig`)"
         )
         values = {"missing": count, "planned": planned, "limit": MOST_MISSING}
         return words, Ending(code="samples_missing", values=values)

@@ -1,38 +1,43 @@
-"""Plans jobs with the model in use, from where the arm stands."""
+"""Resolves and plans requests with what a rig knows: model, recipes, records, and position."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.control.record import replace as changed
 from pincette_supervisor import problems
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.learned import LearnedRepository
 from pincette_supervisor.journal.recipes import RecipeRepository
-from pincette_supervisor.kinds.functions import kind_of
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
-from pincette_supervisor.model.residuals import learning_digest
-from pincette_supervisor.planning.errors import FaultyRequestError, UnsupportedError
+from pincette_supervisor.planning import job_plans
+from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.last_pose import last_pose_um
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.planning.recipes import completed, pinned, plan_with_recipe
 from pincette_supervisor.planning.recorded_jobs import recorded_motion
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present, UnsupportedError
+from pincette_supervisor.plugin.functions import kind_of
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rigs.part import present
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.standing import present
 
 LOOKED_AT = 20
 """Number of jobs among which the last one that was armed is looked for."""
 
 
-def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
-    """Plan a job, from an unknown position if a job moves the arm; raises ProblemError."""
+def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> ResolvedRequest:
+    """Look up what a request leaves out; raises ProblemError.
+
+    Parameters
+    ----------
+    moving
+        Whether a job moves the arm, so that its position is not known in advance.
+    """
     rig = context.rig
     if request.rig is not None and request.rig != rig.rig.name:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
-    try:
+    with _refusals():
         request = for_arms(request, rig)
         stands = None if moving and not kind_of(request).from_present else present(context)
         if stands is not None and getattr(request, "by_um", None) is not None:
@@ -41,12 +46,29 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         if request.plays is not None:
             recorded = recorded_motion(context.store, context.records, rig, request.plays)
             stands = replace(stands or Present(), recorded=recorded)
-        planned = plan_with_recipe(
-            request, context.model.in_use, stands, RecipeRepository(context.store).find
+        find = RecipeRepository(context.store).find
+        return job_plans.resolve(request, context.model.in_use, stands, find)
+
+
+def plan(context: RigContext, resolved: ResolvedRequest) -> Planned:
+    """Plan a resolved request with what its program has learned; raises ProblemError."""
+    learned = LearnedRepository(context.store, context.rig.rig.name)
+    with _refusals():
+        return job_plans.plan(
+            resolved, lambda name: (row := learned.find(name)) and row.corrections
         )
-        return with_learned(context, planned)
+
+
+@contextmanager
+def _refusals() -> Generator[None]:
+    """Raise ProblemError for a request that cannot be planned."""
+    try:
+        yield
     except FaultyRequestError as error:
-        raise _refused(error) from error
+        fault = {"pointer": error.pointer, "message": str(error)}
+        raise ProblemError(
+            422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
+        ) from error
     except UnsupportedError as error:
         raise problems.unsupported(error) from error
     except ValueError as error:
@@ -55,51 +77,13 @@ def plan(context: RigContext, request: JobRequest, *, moving: bool) -> Planned:
         ) from error
 
 
-def with_learned(context: RigContext, planned: Planned) -> Planned:
-    """The plan of a program that learns, with what it has learned in earlier jobs."""
-    if planned.program.corrections is None:
-        return planned
-    name = learning_digest(planned.program, planned.armed.rig)
-    known = LearnedRepository(context.store, context.rig.rig.name).find(name)
-    if known is None:
-        return planned
-    program = changed(planned.program, corrections=known.corrections)
-    return replace(planned, program=program)
-
-
-def as_kept(context: RigContext, request: JobRequest) -> JobRequest:
-    """The request for the arms that the rig has, with the version of the recipe that it names.
-
-    So it stays the same. Raises ProblemError where it does not go with two arms.
-    """
-    try:
-        request = for_arms(request, context.rig)
-    except FaultyRequestError as error:
-        raise _refused(error) from error
-    return pinned(request, RecipeRepository(context.store).find)
-
-
-def _refused(error: FaultyRequestError) -> ProblemError:
-    fault = {"pointer": error.pointer, "message": str(error)}
-    return ProblemError(
-        422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
-    )
-
-
-def with_recipe(context: RigContext, request: JobRequest) -> JobRequest:
-    """The request completed by its recipe; raises FaultyRequestError without that recipe."""
-    return completed(request, RecipeRepository(context.store).find)
-
-
 def for_arms(request: JobRequest, rig: RigFile) -> JobRequest:
-    """A grip as a grip with both arms where the rig has two; every other request as it is.
-
-    Whoever asks for a force and a hold means whatever arms there are.
+    """Return a grip as a grip with both arms where the rig has two, and other requests unchanged.
 
     Raises
     ------
     FaultyRequestError
-        Where the grip says what is of one arm alone.
+        Where the grip has members that only a rig with one arm knows.
     """
     if rig.second is None or not isinstance(request, GripJobRequest):
         return request

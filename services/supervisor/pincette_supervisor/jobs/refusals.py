@@ -1,20 +1,18 @@
 """Why a job or an action is not taken, as problem documents."""
 
-from pincette.api.job_kinds import JobKind
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
 from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_queue import Entry, JobQueue
+from pincette_supervisor.jobs.readiness import lasting_readiness, reset_words
 from pincette_supervisor.journal.store import JobRow, KeyTakenError, Store
 from pincette_supervisor.journal.tables import Creation
-from pincette_supervisor.kinds.functions import kind_of
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
+from pincette_supervisor.plugin.functions import kind_of
 from pincette_supervisor.problems import ProblemError, not_found
-from pincette_supervisor.rigs.part import held_words, playing_words, reset_words
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.rigs.standing import standing
 
 
 def require_job(store: Store, name: str) -> JobRow:
@@ -39,29 +37,37 @@ def require_feasible(planned: Planned) -> Planned:
     )
 
 
-def require_ready(context: RigContext, planned: Planned | None) -> None:
-    """Raise ProblemError where the rig cannot start a job; without a plan, any job.
+def require_ready(context: RigContext, *, begins_held: bool, queued: bool = False) -> None:
+    """Raise ProblemError where no job can start on the free rig.
 
-    The programs are asked anew: an actuator that has just been started in the place of another is
-    latched, and a job that was taken by the word of the one before would be refused by it.
+    The programs are asked for their state: an actuator that has just taken the place of another is
+    latched, and would refuse a job that was admitted by the state of the other.
+
+    Parameters
+    ----------
+    begins_held
+        True for a job that begins with a held part.
+    queued
+        True for the next job of the queue, which waits for the program of the one before.
     """
     context.health.refresh(force=True)
-    latched = context.health.latched()
-    if latched is not None:
-        code = "estop-engaged" if latched.cause == Cause.ESTOP else "rig-latched"
-        words = reset_words(context, latched)
-        raise ProblemError(409, code, "Nothing may move", words, cause=str(latched.cause))
-    if reasons := context.lasting_reasons():
-        raise unready(reasons)
-    if planned is None:
+    found = lasting_readiness(context)
+    if found.latched is not None:
+        code = "estop-engaged" if found.latched.cause == Cause.ESTOP else "rig-latched"
+        words = reset_words(context, found.latched)
+        raise ProblemError(409, code, "Nothing may move", words, cause=str(found.latched.cause))
+    if found.faults:
+        raise unready(list(found.faults))
+    if begins_held and found.standing.part == "none":
+        name = context.rig.rig.name
+        words = f"rig {name} holds no part: there is nothing to hold or to release"
+        raise ProblemError(409, "nothing-held", "The gripper holds no part", words)
+    if found.is_free(begins_held=begins_held):
         return
-    if planned.begins_held:
-        require_part(context)
-        return
-    if words := held_words(context):
-        raise part_held(words)
-    if words := playing_words(context):
-        raise unready([words])
+    if found.occupant == "part":
+        raise part_held(found.taken)
+    if not queued:
+        raise unready([found.taken])
 
 
 def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
@@ -77,21 +83,10 @@ def require_zero_confirmed(context: RigContext, request: JobRequest) -> None:
         )
 
 
-def require_startable(context: RigContext, kind: JobKind) -> None:
-    """Raise ProblemError where the rig cannot start a job of a kind, by what its programs say."""
-    require_ready(context, None)
-    if kind.begins_held:
-        require_part(context)
-    elif words := held_words(context):
-        raise part_held(words)
-
-
-def require_part(context: RigContext) -> None:
-    """Raise ProblemError if it is known that the gripper holds no part."""
-    if standing(context).part == "none":
-        name = context.rig.rig.name
-        words = f"rig {name} holds no part: there is nothing to hold or to release"
-        raise ProblemError(409, "nothing-held", "The gripper holds no part", words)
+def require_startable(context: RigContext, entry: Entry) -> None:
+    """Raise ProblemError where the next job of the queue cannot start."""
+    begins_held = kind_of(entry.request).begins_held
+    require_ready(context, begins_held=begins_held, queued=True)
 
 
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
@@ -104,7 +99,7 @@ def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
     if entry is None:
         return None
     try:
-        require_startable(context, kind_of(entry.request))
+        require_startable(context, entry)
     except ProblemError as error:
         queue.halt(str(error))
         return None
@@ -114,11 +109,11 @@ def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
 def require_resumable(context: RigContext, queue: JobQueue, active: LiveJob | None) -> None:
     """Raise ProblemError where the next of a queue that is not empty could not begin."""
     if active is None:
-        require_startable(context, kind_of(queue.first.request))
-    elif active.terminal and active.held:
+        require_startable(context, queue.first)
+    elif (status := active.status).keeps_part:
         # Whoever waited for this job's end would wait for a person to let the part go.
         raise part_held(
-            f"job {active.id} is {active.state} and holds a part: release it, then resume the queue"
+            f"job {active.id} is {status.state} and holds a part: release it, then resume the queue"
         )
 
 
@@ -143,11 +138,12 @@ def unanswered(error: BusError) -> ProblemError:
 
 def job_active(active: LiveJob) -> ProblemError:
     """409 because another job has the rig."""
-    doing = f"is {active.state}"
-    if active.terminal:
+    status = active.status
+    doing = f"is {status.state}"
+    if status.terminal:
         doing += (
             ", holds a part: release it, or start a job that holds or releases it"
-            if active.held
+            if status.held
             else ", the arm is not at rest yet or its record is being closed"
         )
     return ProblemError(
@@ -156,7 +152,7 @@ def job_active(active: LiveJob) -> ProblemError:
         "Another job has the rig",
         f"job {active.id} {doing}",
         job=active.id,
-        allowed_actions=allowed_actions(active.state, held=active.held),
+        allowed_actions=allowed_actions(status.state, held=status.held),
     )
 
 

@@ -4,23 +4,23 @@ import secrets
 from collections.abc import Callable
 
 from pincette.api.endings import Ending, EndingCode
-from pincette.api.requests import JobRequest, ZeroingRequest
+from pincette.api.requests import ZeroingRequest
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
 from pincette.core.topics import ACTION
 from pincette.engine.arming import arm
-from pincette_supervisor.jobs import policies
 from pincette_supervisor.jobs.job import LiveJob
-from pincette_supervisor.jobs.job_monitor import JobMonitor
+from pincette_supervisor.jobs.job_monitor import JobMonitor, deadline_s
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import Renewal, lease_of, renewing
+from pincette_supervisor.jobs.readiness import lasting_readiness, reset_words
 from pincette_supervisor.jobs.refusals import require_zero_confirmed
 from pincette_supervisor.journal.store import StoreError
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rigs.part import held_words, is_playing, reset_words
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.standing import is_playing
 
 KEEP_S, LOOK_S = 2.0, 0.02
 """How long a program may take to hand its part over."""
@@ -37,7 +37,7 @@ class Run:
     """Prepares and arms one job, and has it followed."""
 
     def __init__(
-        self, context: RigContext, job: LiveJob, plan: Callable[[JobRequest], Planned]
+        self, context: RigContext, job: LiveJob, plan: Callable[[LiveJob], Planned]
     ) -> None:
         self._context, self._job, self._plan = context, job, plan
 
@@ -67,10 +67,10 @@ class Run:
     def _prepare(self) -> Planned | None:
         job = self._job
         job.move("prepare", only_from="queued")
-        if job.planned is None and job.state == "preparing":
-            job.set_plan(self._plan(job.request))
+        if job.planned is None and job.status.state == "preparing":
+            job.set_plan(self._plan(job))
         planned = job.planned
-        if planned is not None and job.state == "preparing":
+        if planned is not None and job.status.state == "preparing":
             reasons = self._reasons(planned)
             if reasons:
                 job.end("fail", "; ".join(reasons), "not_ready")
@@ -82,18 +82,18 @@ class Run:
         return planned
 
     def _reasons(self, planned: Planned) -> list[str]:
-        """Why the rig cannot start; a latch of switching on is cleared."""
+        """Return why the rig cannot start; clear the latch of an actuator that was switched on."""
         context = self._context
-        context.health.refresh(force=True)
-        if reasons := context.lasting_reasons():
-            return reasons
+        context.health.refresh()
+        found = lasting_readiness(context)
+        if found.latched is not None:
+            return [reset_words(context, found.latched)]
+        if found.faults:
+            return list(found.faults)
         context.health.clear_boot()
-        if latched := context.health.latched():
-            return [reset_words(context, latched)]
-        if not planned.begins_held:
-            words = held_words(context)
-            return [words] if words else []
-        return self._take_over()
+        if planned.begins_held:
+            return self._take_over()
+        return [found.taken] if found.occupant == "part" else []
 
     def _take_over(self) -> list[str]:
         """End a program that only holds a part, which stays held; returns why that fails."""
@@ -110,8 +110,8 @@ class Run:
 
     def _see_deadline(self, planned: Planned) -> None:
         job = self._job
-        limit_s = policies.deadline_s("preparing", planned, planned.model.rig, "hold")
-        spent_s = self._context.clock() - job.entered_at
+        limit_s = deadline_s("preparing", planned, planned.model.rig, "hold")
+        spent_s = self._context.clock() - job.status.entered_at
         if limit_s is not None and spent_s > limit_s:
             words = f"preparing took {spent_s:.1f} s, limit {limit_s:g} s"
             spent = Ending(code="overdue", values={"spent_s": spent_s, "limit_s": limit_s})
@@ -122,11 +122,11 @@ class Run:
         job = self._job
         if job.request.autostart:
             job.move("start", only_from="ready")
-        while job.state == "ready" and not job.interrupted:
+        while job.status.state == "ready" and not job.interrupted:
             job.wait(0.2)
-        if job.state == "ready":
+        if job.status.state == "ready":
             job.end("interrupt", "the supervisor ended", "supervisor_ended")
-        return job.state == "running" or self._give_up()
+        return job.status.state == "running" or self._give_up()
 
     def _give_up(self) -> bool:
         """End a job that was stopped or aborted before it moved."""
@@ -141,7 +141,7 @@ class Run:
         if trouble := recorder.begin(row):
             job.end("fail", f"recorder: {trouble}", "not_recorded")
             return False
-        job.set_epoch(job.epoch)
+        job.store(epoch=str(job.epoch))
         lease = lease_of(planned.model.rig, job.request, job.epoch)
         confirmed = isinstance(job.request, ZeroingRequest) and job.request.zero_confirmed
         try:
@@ -157,7 +157,10 @@ class Run:
         except BusError as error:
             recorder.discard(row)
             # An abort that came while the rig was being armed has latched the actuator.
-            ending = isinstance(error, RefusalError) and job.state in ("stopping", "aborting")
+            ending = isinstance(error, RefusalError) and job.status.state in (
+                "stopping",
+                "aborting",
+            )
             job.end("confirm" if ending else "fail", str(error), ending_code(error))
             return False
         if lease is not None:

@@ -8,6 +8,7 @@ from msgspec import UNSET
 from pincette.api.jobs import Progress
 from pincette.api.states import OUTCOMES
 from pincette.config import RigFile
+from pincette.control.planning.conditioning import PHASE as CONDITION
 from pincette.core.faults import TRIPPED, Acted, Outcome, Phase
 from pincette.core.messages import (
     Applied,
@@ -21,7 +22,7 @@ from pincette.core.messages import (
 from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette.core.wording import fault_text
 from pincette_supervisor.alarms.trips import TripReason, reason_of
-from pincette_supervisor.planning.planned import Wait
+from pincette_supervisor.plugin import Wait
 from pincette_supervisor.results.run_samples import THINNED, RunSamples
 from pincette_supervisor.rigs.rig_context import RigContext
 
@@ -33,7 +34,7 @@ GONE_S = 1.0
 SETTLE_S = 0.5
 """Begin of a hold that is left out of the force held."""
 
-BEFORE_APPROACH = ("", "open", "zero", Phase.RETREAT, Phase.UNLOAD)
+BEFORE_APPROACH = ("", "open", CONDITION, "zero", Phase.RETREAT, Phase.UNLOAD, Phase.STOPPING)
 """Phases of a job that has not moved towards a part yet, and those of its way back."""
 
 
@@ -63,9 +64,9 @@ class Tracker:
         self.held = False
         self.phase = ""
         self.phases: list[tuple[str, int, bool]] = []
+        """Phases begun since this list was last emptied, each with its seq and whether held."""
         self.left_rest = False
         """True once the program has left the rest in which it zeroes the force first."""
-        """Phases begun since this list was last emptied, each with its seq and whether held."""
         self.segment = -1
         """Number of the program's segment."""
         self.stop_took_effect = False
@@ -124,6 +125,29 @@ class Tracker:
                 self._final_seq = sample.seq
         elif isinstance(sample, Telemetry):
             self._view(sample)
+
+    @property
+    def zero_unconfirmed(self) -> bool:
+        """True where nothing shows that no part pressed as an arm's force was zeroed."""
+        estimate = self._estimate
+        if estimate is None:
+            return False
+        arms = (estimate,) if estimate.second is UNSET else (estimate, estimate.second)
+        return any(arm.zero_unconfirmed for arm in arms)
+
+    @property
+    def part_held(self) -> bool | None:
+        """Whether the gripper holds a part, by this run; None where nothing shows it.
+
+        The actuator's samples show a part that is held, and a confirmed zero an empty gripper.
+        """
+        if self._applied is not None and self._applied.part_held:
+            return True
+        estimate = self._estimate
+        if estimate is None or not estimate.valid or self.zero_unconfirmed:
+            return None
+        arms = (estimate,) if estimate.second is UNSET else (estimate, estimate.second)
+        return False if all(arm.zero_age_s is not None for arm in arms) else None
 
     def _view(self, sample: Telemetry) -> None:
         self._telemetry = sample
@@ -217,7 +241,7 @@ class Tracker:
             force_r_mN=force_r_mN,
             force_mN=force_mN,
             force_uncertainty_mN=uncertainty_mN,
-            voltage_V=None if applied is None else applied.voltage_V,
+            voltage_V=None if applied is None else applied.confirmed_V,
             held=self.held,
             hold_in_s=self._hold_in_s(),
             force_held_mN=self._held_sum_mN / self._held_count if self._held_count else None,

@@ -1,18 +1,14 @@
-"""Keys, signed-in pages and the audit log, as the journal keeps them."""
+"""Sessions of signed-in pages and the audit log, as the journal keeps them."""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import datetime
 from hashlib import sha256
 
 from sqlalchemy import delete, func, insert, select, update
 
-from pincette.api.access import Scope
 from pincette_supervisor.journal.database import Database, columns
-from pincette_supervisor.journal.engines import insert_of
-from pincette_supervisor.journal.key_file import KeyFile, KeyRow
-from pincette_supervisor.journal.tables import AUDIT, KEYS, SESSIONS
+from pincette_supervisor.journal.tables import AUDIT, SESSIONS
 
 AUDIT_KEPT = 200_000
 """Number of the newest audit entries, which the journal refuses to delete."""
@@ -26,110 +22,42 @@ SESSIONS_MAX = 200
 
 @dataclass(frozen=True, slots=True)
 class SessionRow:
-    """A page that was signed in with a key."""
+    """Session of a page that was signed in with a key, or by a user."""
 
     digest: str
+    """SHA-256 of the cookie."""
     key: str
+    """Digest of the key. A user's digest changes with the password."""
     used_at: str
 
 
-class KeyRepository:
-    """The keys of a data folder, and the sessions of its journal.
-
-    The key file decides. The journal has a copy, from which a lost file is written again, and from
-    which the file is made where an earlier version kept the keys in the journal alone.
-    """
+class SessionRepository:
+    """The sessions of a journal."""
 
     def __init__(self, store: Database) -> None:
-        self._store, self._file = store, KeyFile(store.folder)
-        self._copied: list[KeyRow] | None = None
-        """What the journal's copy holds; None before it was looked at."""
+        self._store = store
 
-    def add(
-        self,
-        name: str,
-        digest: str,
-        scope: Scope,
-        expires_at: str | None = None,
-        password: str | None = None,
-    ) -> KeyRow:
-        """Keep a key; raises KeyNameTakenError: what the audit log names stays the same key."""
-        self.all()
-        row = self._file.add(name, digest, scope, expires_at, password)
-        self.copy(self.all())
-        return row
-
-    def all(self) -> list[KeyRow]:
-        """Every key there is or was, by name; a lost file is written again."""
-        rows = self._file.read()
-        if rows is not None:
-            return rows
-        known = self._store.rows(KeyRow, select(KEYS).order_by(KEYS.c.name))
-        if known:
-            self._file.restore(known)
-        return self._file.all()
-
-    def copy(self, rows: list[KeyRow]) -> None:
-        """Let the journal's copy hold these keys, and end the sessions of those revoked."""
-        if rows == self._copied:
-            return
-        names = [row.name for row in rows if row.revoked_at is None]
-        with self._store.writing() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.key.not_in(names)))
-            connection.execute(delete(KEYS).where(KEYS.c.name.not_in([row.name for row in rows])))
-            for row in rows:
-                values = asdict(row)
-                put = insert_of(connection, KEYS).values(values)
-                connection.execute(put.on_conflict_do_update(index_elements=["name"], set_=values))
-        self._copied = rows
-
-    def latest_at(self) -> datetime | None:
-        """Return the latest time that a supervisor has noted; None before the first."""
-        return self._file.latest_at()
-
-    def note_latest(self, latest_at: datetime) -> None:
-        """Keep the latest time that was seen."""
-        self._file.note_latest(latest_at)
-
-    def revoke(self, name: str) -> bool:
-        """Take a key out of force and end its sessions; false where there is none to be."""
-        self.all()
-        revoked = self._file.revoke(name)
-        self.copy(self.all())
-        return revoked
-
-    def set_password(self, name: str, password: str) -> bool:
-        """Give a user another password, and sign the user out everywhere."""
-        self.all()
-        changed = self._file.set_password(name, password)
-        if changed:
-            with self._store.writing() as connection:
-                connection.execute(delete(SESSIONS).where(SESSIONS.c.key == name))
-            self.copy(self.all())
-        return changed
-
-    def sessions(self) -> list[SessionRow]:
-        """Pages that are signed in."""
+    def all(self) -> list[SessionRow]:
+        """Return all sessions."""
         return self._store.rows(SessionRow, select(SESSIONS))
 
-    def sign_in(self, digest: str, key: str, at: str) -> None:
-        """Keep a session that begins at a time."""
+    def sign_in(self, session: SessionRow) -> None:
+        """Add a session; the one that was used least recently may make room for it."""
         with self._store.writing() as connection:
             newest = select(SESSIONS.c.digest).order_by(SESSIONS.c.used_at.desc())
             kept = newest.limit(SESSIONS_MAX - 1)
             connection.execute(delete(SESSIONS).where(SESSIONS.c.digest.not_in(kept)))
-            connection.execute(insert(SESSIONS).values(digest=digest, key=key, used_at=at))
+            connection.execute(insert(SESSIONS).values(columns(session)))
 
     def sign_out(self, *digests: str) -> None:
-        """End sessions."""
+        """Delete sessions."""
         with self._store.writing() as connection:
             connection.execute(delete(SESSIONS).where(SESSIONS.c.digest.in_(digests)))
 
-    def note_use(self, keys: Mapping[str, str], sessions: Mapping[str, str]) -> None:
-        """Keep when keys, by name, and sessions, by digest, were last used."""
-        self._file.note_use(dict(keys))
+    def note_use(self, used_at: Mapping[str, str]) -> None:
+        """Store when sessions, by digest, were last used."""
         with self._store.writing() as connection:
-            for digest, at in sessions.items():
+            for digest, at in used_at.items():
                 seen = update(SESSIONS).where(SESSIONS.c.digest == digest)
                 connection.execute(seen.values(used_at=at))
 

@@ -21,11 +21,10 @@ from pincette_supervisor.journal import engines
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 KEY_FILE = "keys.json"
-"""Beside the journal; an earlier version kept the keys in the journal alone."""
-MOVE_AWAY = (
-    f"move it away to begin a new one; where no {KEY_FILE} lies beside it, first set "
-    '[supervisor] keys = "always", or the keys go with it'
-)
+"""Name of the key file, which lies beside the journal."""
+TURN_S = 10.0
+"""Longest time for which a write waits for those before it."""
+MOVE_AWAY = "move it away to begin a new one"
 SEE_DISK = "look at the disk's room and rights"
 USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
 USE_OTHER_PLACE = (
@@ -139,8 +138,12 @@ class Database:
 
     @contextmanager
     def writing(self) -> Generator[Connection]:
-        """An atomic transaction, which a nested one joins; raises StoreError, ValueError (JSON)."""
-        with self._turn:
+        """An atomic transaction, which a nested one joins; raises StoreError, ValueError (JSON).
+
+        It also raises StoreError where an earlier write has not ended within ``TURN_S``, as on a
+        disk that has stopped answering: no request waits for such a disk for ever.
+        """
+        with self._in_turn():
             self._require_open()
             if self._written is not None:
                 yield self._written
@@ -160,6 +163,18 @@ class Database:
                 raise
             finally:
                 self._written = None
+
+    @contextmanager
+    def _in_turn(self) -> Generator[None]:
+        if not self._turn.acquire(timeout=TURN_S):
+            raise StoreError(
+                f"the job store {self._place} is not written: another write has been under way "
+                f"for {TURN_S:g} s; see whether the disk answers"
+            )
+        try:
+            yield
+        finally:
+            self._turn.release()
 
     def rows(self, kind: Callable[..., T], query: Select[Any]) -> list[T]:
         """The rows of a query in a transaction of its own; see ``rows``; raises StoreError."""

@@ -17,13 +17,11 @@ from sqlalchemy import (
     URL,
     Connection,
     Engine,
-    Table,
     create_engine,
     event,
     make_url,
     text,
 )
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
 
@@ -116,13 +114,6 @@ def writing(engine: Engine) -> Engine:
     if engine.dialect.name == SERVER:
         return engine.execution_options(isolation_level="READ COMMITTED")
     return engine.execution_options(**{WRITES: True})
-
-
-def insert_of(connection: Connection, table: Table) -> Any:
-    """An INSERT that may name what becomes of a row that is there."""
-    if connection.dialect.name == SERVER:
-        return postgresql.insert(table)
-    return sqlite.insert(table)
 
 
 def require_sound(connection: Connection) -> None:

@@ -1,4 +1,4 @@
-"""Keys of the REST interface in a file of their own, so that a lost journal opens no gate."""
+"""The key file: the only place where keys of the REST interface are kept."""
 
 import fcntl
 import json
@@ -17,6 +17,9 @@ from pincette.core.files import decoded, replace_file
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import KEY_FILE, SEE_DISK, USE_LOCAL_DISK, StoreError
 from pincette_supervisor.journal.tables import utc_now, utc_text
+
+KEYS_WANTED = "keys_wanted"
+"""Note of the journal: the data folder has had keys, so a missing key file does not open REST."""
 
 
 class KeyNameTakenError(Exception):
@@ -58,10 +61,10 @@ class KeyFile:
     def __init__(self, folder: Path) -> None:
         self._path = folder / KEY_FILE
 
-    def read(self) -> list[KeyRow] | None:
-        """Every key there is or was, by name; None without a file."""
+    def read(self) -> list[KeyRow]:
+        """Return all keys, the revoked ones included, by name; an empty list without a file."""
         content = self._content()
-        return None if content is None else sorted(content.keys, key=lambda row: row.name)
+        return [] if content is None else sorted(content.keys, key=lambda row: row.name)
 
     def latest_at(self) -> datetime | None:
         """Return the latest time that a supervisor has noted; None before the first."""
@@ -85,10 +88,6 @@ class KeyFile:
         except ValueError as error:
             raise self._damaged(str(error)) from error
         return content
-
-    def all(self) -> list[KeyRow]:
-        """Every key there is or was, by name; none without a file."""
-        return self.read() or []
 
     def add(
         self,
@@ -115,13 +114,16 @@ class KeyFile:
             keys[name] = replace(row, revoked_at=utc_now())
         return True
 
-    def set_password(self, name: str, password: str) -> bool:
-        """Give a user another password; false where there is no such user in force."""
+    def set_password(self, name: str, password: str, digest: str) -> bool:
+        """Give a user another password, and a new digest, which ends the user's sessions.
+
+        Return False if there is no user of this name, or if the user was removed.
+        """
         with self._changed() as keys:
             row = keys.get(name)
             if row is None or row.revoked_at is not None or row.password is None:
                 return False
-            keys[name] = replace(row, password=password)
+            keys[name] = replace(row, password=password, digest=digest)
         return True
 
     def note_use(self, used_at: dict[str, str]) -> None:
@@ -134,12 +136,6 @@ class KeyFile:
         """Keep the latest time that was seen; has no effect without a file."""
         with self._changed(latest_at):
             pass
-
-    def restore(self, rows: Sequence[KeyRow]) -> None:
-        """Write keys where there is no file."""
-        with self._changed() as keys:
-            if not keys:
-                keys.update({row.name: row for row in rows})
 
     @contextmanager
     def _changed(self, latest_at: datetime | None = None) -> Generator[dict[str, KeyRow]]:
@@ -184,5 +180,17 @@ class KeyFile:
     def _damaged(self, why: str) -> StoreError:
         return StoreError(
             f"the key file {self._path} cannot be used: {why}; bring it back from a copy, or move "
-            "it away: the keys are then those that the journal knew last"
+            f"it away and {self._make_one}"
         )
+
+    def missing(self) -> StoreError:
+        """Return the error to raise where keys are wanted and the file has none."""
+        return StoreError(
+            f"the key file {self._path} is missing or has no keys, and this supervisor has had "
+            f"keys: bring it back from a copy, or {self._make_one}"
+        )
+
+    @property
+    def _make_one(self) -> str:
+        folder = self._path.parent
+        return f"make a new key: `pincette key add NAME --scope admin --data {folder}`"

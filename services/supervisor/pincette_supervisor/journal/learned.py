@@ -20,7 +20,7 @@ class LearnedRow:
     program: str
     """Digest of the program, its law, and the free response."""
     job: str
-    """That learned last."""
+    """Identifier of the job that learned last."""
     learned_at: str
     motion: dict[str, Any]
     """What the program does: shape, frequency, heights."""
@@ -58,6 +58,10 @@ class LearnedRepository:
             rows = {**self._read(), row.program: row}
             newest = sorted(rows.values(), key=lambda one: one.learned_at)[-MOST:]
             self._write({one.program: one for one in newest})
+
+    def forget(self, program: str) -> None:
+        """Erase what a program has learned, if it has learned anything."""
+        self.erase(program)
 
     def erase(self, program: str | None = None) -> int:
         """Forget one program, or all; returns how many are forgotten."""

@@ -1,7 +1,7 @@
 """Jobs, actions, events and notes in the journal; never called from the event loop."""
 
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -85,7 +85,7 @@ class Store(Database):
             return _select(connection, select(JOBS).where(JOBS.c.id == job.id))[0]
 
     def created(self, key: str) -> Creation | None:
-        """What an ``Idempotency-Key`` has created; None where it is not known."""
+        """Return what an ``Idempotency-Key`` has created; None if the key is unknown."""
         with self.reading() as connection:
             return _creation(connection, key)
 
@@ -123,6 +123,18 @@ class Store(Database):
         """Jobs, the newest first; only those that a filter lets through."""
         with self.reading() as connection:
             return _select(connection, found.newest(limit, connection.dialect.name))
+
+    def newest_revisions(self, limit: int, found: JobFilter = EVERY_JOB) -> list[tuple[str, int]]:
+        """Return names and revisions of the jobs that ``newest`` would return."""
+        with self.reading() as connection:
+            query = found.newest(limit, connection.dialect.name)
+            wanted = query.with_only_columns(JOBS.c.id, JOBS.c.revision)
+            return [(name, revision) for name, revision in connection.execute(wanted)]
+
+    def several(self, names: Sequence[str]) -> list[JobRow]:
+        """Return the jobs with these names, in any order."""
+        with self.reading() as connection:
+            return _select(connection, select(JOBS).where(JOBS.c.id.in_(names)))
 
     def pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[JobRow]]:
         """The same, at most ``PAGE`` jobs at once; without a limit all of them."""

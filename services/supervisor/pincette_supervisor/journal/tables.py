@@ -124,28 +124,14 @@ TRAJECTORIES = Table(
     Column("created_at", String, nullable=False),
 )
 
-KEYS = Table(
-    "keys",
-    METADATA,
-    Column("name", String, primary_key=True),
-    Column("digest", String, nullable=False, unique=True),
-    Column("scope", String, nullable=False),
-    Column("made_at", String, nullable=False),
-    Column("expires_at", String),
-    Column("revoked_at", String),
-    Column("used_at", String),
-    Column("password", String),
-)
-"""Keys of the REST interface; the digest is all that is kept of one."""
-
 SESSIONS = Table(
     "sessions",
     METADATA,
     Column("digest", String, primary_key=True),
-    Column("key", String, ForeignKey("keys.name"), nullable=False),
+    Column("key", String, nullable=False),
     Column("used_at", String, nullable=False),
 )
-"""Pages that were signed in with a key; of the cookie, too, only the digest is kept."""
+"""Signed-in pages; ``digest`` is of the cookie, ``key`` is the digest of the key or user."""
 
 AUDIT = Table(
     "audit",
@@ -236,7 +222,7 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class Creation:
-    """What an ``Idempotency-Key`` has created."""
+    """Job that an ``Idempotency-Key`` has created."""
 
     key: str
     fingerprint: str

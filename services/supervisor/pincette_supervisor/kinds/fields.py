@@ -2,6 +2,7 @@
 
 from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
 from pincette.config.laws import installed_laws
+from pincette.control.laws import two_arm_law
 
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
 ZERO_CONFIRMED = FieldSpec(
@@ -11,7 +12,7 @@ CONDITION = FieldSpec(
     name="condition",
     label="Conditioning strokes",
     choices=choices(
-        ("", "where the arm's past is not known"),
+        ("", "where the model allows them"),
         ("always", "always"),
         ("never", "never"),
     ),
@@ -128,10 +129,14 @@ LAW = (
     ),
 )
 CONTACT: tuple[ResultField, ...] = (
-    number("contact_x_um", "contact position", uncertainty="contact_x_error_um"),
+    number("contact_load.lowest_mN", "load from", optional=True),
+    number("contact_load.highest_mN", "load to", optional=True),
+    number(
+        "contact_x_um", "contact position, mean over the load", uncertainty="contact_x_error_um"
+    ),
     number(
         "contact_stiffness_mN_per_um",
-        "contact stiffness",
+        "contact stiffness, mean over the load",
         digits=3,
         uncertainty="contact_stiffness_error_mN_per_um",
     ),
@@ -146,6 +151,29 @@ ZERO_RETURN: tuple[ResultField, ...] = (
     ),
 )
 """Closure of the force after the part was let go."""
+POSITION_STEP: tuple[ResultField, ...] = (
+    ResultField(name="position_step.cause", label="cause of the step", optional=True),
+    number("position_step.step_um", "step of the position", optional=True),
+    number("position_step.slip_um", "way of the part, if it slipped", optional=True),
+    number("position_step.force_mN", "force before the step", optional=True),
+    number("position_step.force_if_slip_mN", "force after it, if the part slipped", optional=True),
+    number(
+        "position_step.force_if_sensor_mN", "force after it, if the sensor jumped", optional=True
+    ),
+    ResultField(name="position_step.rang", label="rang after it, as after a slip", optional=True),
+)
+"""A step of the position that the voltage does not explain."""
+SECOND_ZERO_RETURN = tuple(
+    figure.model_copy(
+        update={
+            "name": f"second_{figure.name}",
+            "label": f"arm 2: {figure.label}",
+            "uncertainty": figure.uncertainty and f"second_{figure.uncertainty}",
+        }
+    )
+    for figure in ZERO_RETURN
+)
+"""The same of the second arm."""
 MOTION: tuple[ResultField, ...] = (
     number("ends_at.x_um", "rests at", main=True),
     number("ends_at.voltage_V", "voltage kept", digits=3),
@@ -154,5 +182,60 @@ MOTION: tuple[ResultField, ...] = (
     number("drift_um", "drift while held", digits=3, optional=True),
     *GOAL[:4],
     ResultField(name="teach", label="taught as", optional=True),
+    ResultField(name="held_at_end", label="part still held"),
+)
+PAIR_FORM: tuple[FieldSpec, ...] = (
+    FieldSpec(name="load_s", label="Load over", advanced=True),
+    FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
+    FieldSpec(name="seek_um_per_s", label="Seek contact at", advanced=True),
+    FieldSpec(name="contact_force_mN", label="A touch is", advanced=True),
+    *(
+        FieldSpec(
+            name=f"{two_arm_law.LAW.name}-{gain.name}",
+            label=gain.name,
+            widget="number",
+            placeholder="as usual",
+            sent_as=gain.name,
+            within="gains",
+            own_unit=gain.unit,
+            meaning=gain.meaning,
+            advanced=True,
+        )
+        for gain in two_arm_law.LAW.parameters
+    ),
+    *POLICIES,
+)
+PAIR_FIGURES: tuple[ResultField, ...] = (
+    number("force_held_mN", "force of both arms", uncertainty="force_uncertainty_mN", main=True),
+    number("held_place_um", "place", main=True),
+    number("met_place_um", "place where the part was met"),
+    number("place_um.rmse", "RMSE of the place", "µm", digits=3),
+    number("place_um.rmse_percent", "the same, of its height", optional=True),
+    number("force_mN.rmse", "RMSE of the force", "mN", digits=3),
+    number("force_mN.rmse_percent", "the same, of its height", optional=True),
+    number(
+        "difference_mN",
+        "difference of both forces",
+        digits=3,
+        uncertainty="difference_uncertainty_mN",
+    ),
+    ResultField(name="forces_agree", label="both forces agree"),
+    number("peak_force_mN", "peak force of either arm"),
+    number(
+        "true_place_um.rmse",
+        "RMSE of the true place, by the simulation",
+        "µm",
+        digits=3,
+        optional=True,
+    ),
+    number(
+        "true_force_mN.rmse",
+        "RMSE of the true force, by the simulation",
+        "mN",
+        digits=3,
+        optional=True,
+    ),
+    *ZERO_RETURN,
+    *SECOND_ZERO_RETURN,
     ResultField(name="held_at_end", label="part still held"),
 )

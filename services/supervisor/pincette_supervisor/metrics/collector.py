@@ -13,9 +13,10 @@ from prometheus_client.core import (
 
 from pincette import __version__
 from pincette.api.job_kinds import job_kinds
+from pincette.api.rig_states import PART
 from pincette.api.states import STATES
 from pincette.core.faults import Mode
-from pincette.core.messages import Status
+from pincette.core.messages import Estimate, Status
 from pincette.core.topics import LOOP
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.jobs.job_manager import JobManager
@@ -33,14 +34,15 @@ MOST_RIGS = 64
 ASKED_S = 10.0
 """How long an unanswered status request counts against a program's token."""
 N_PER_MN = 1e-3
-PARTS = (
-    ("none", "known"),
-    ("none", "believed"),
-    ("held", "known"),
-    ("held", "believed"),
-    ("unknown", "unknown"),
+PARTS = tuple(
+    dict.fromkeys(
+        ("unknown" if certainty == "unknown" else reported, certainty)
+        for reports in PART.values()
+        for reported, row in reports.items()
+        for certainty in row.values()
+    )
 )
-"""What can be told of a part, and how far it can be trusted."""
+"""All pairs of a part and its certainty."""
 
 
 class RigCollector:
@@ -122,6 +124,13 @@ def _standing(exported: Sequence[JobManager]) -> Iterator[Metric]:
         told = (one.part, one.part_certainty)
         parts += [((rig, *pair), pair == told) for pair in PARTS]
     yield _metric(families.PART, parts)
+    yield _metric(families.STROKE, [((one.name,), _stroke_change(one.context)) for one in exported])
+
+
+def _stroke_change(context: RigContext) -> float:
+    estimate = context.observer.newest(Estimate)
+    change = None if estimate is None else estimate.stroke_change
+    return nan if change is None else change
 
 
 def _counts(exported: Sequence[JobManager]) -> Iterator[Metric]:

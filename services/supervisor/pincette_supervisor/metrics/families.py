@@ -44,6 +44,12 @@ PART = Family(
     ("rig", "part", "certainty"),
     "1 for what is told of the part, and how far it can be trusted; 0 for all else",
 )
+STROKE = Family(
+    "pincette_stroke_change_ratio",
+    "gauge",
+    ("rig",),
+    "change of the first arm's stroke since its calibration; NaN where it was not compared",
+)
 TRIPS = Family("pincette_trips_total", "counter", ("rig", "cause"), "trips of the actuator")
 LATENESS = Family(
     "pincette_lateness_seconds",

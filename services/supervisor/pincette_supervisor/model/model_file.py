@@ -8,25 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from pincette.config import Calibration, ConfigError
 from pincette.core.files import make_folder, replace_file
 from pincette.core.validation_wording import refusal
-
-FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Acceptance(BaseModel):
-    """How a value came into use, and how long it is to be trusted."""
-
-    model_config = FROZEN
-
-    accepted_at: str
-    due_at: str | None
-    """When it is to be measured again; null: never by itself."""
-    serial_numbers: dict[str, str]
-    """Of the instruments it was measured with, by table of the rig file; those that are known."""
+from pincette_supervisor.plugin.model_in_use import FROZEN, Acceptance
 
 
 class StoredModel(BaseModel):

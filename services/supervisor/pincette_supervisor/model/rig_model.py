@@ -3,18 +3,157 @@
 import json
 import threading
 from collections.abc import Collection, Mapping
-from datetime import datetime
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pincette.api.models import ModelChange
 from pincette.config import Calibration, ConfigError, RigFile, calibrated
+from pincette.config.calibration import CALIBRATED, OF_SECOND
 from pincette_supervisor.journal.store import Store, utc_now
-from pincette_supervisor.model.basis import basis, changes, doubtful, words
-from pincette_supervisor.model.model_file import Acceptance, ModelFiles, StoredModel
-from pincette_supervisor.model.model_in_use import RIG_FILE_ALONE, ModelInUse, rig_file_alone
-from pincette_supervisor.model.residuals import merged
-from pincette_supervisor.model.upkeep import Due, due, due_at, warnings
+from pincette_supervisor.model.model_file import ModelFiles, StoredModel
+from pincette_supervisor.plugin import ModelInUse
+from pincette_supervisor.plugin.model_in_use import RIG_FILE_ALONE, Acceptance, rig_file_alone
+from pincette_supervisor.plugin.quantities import values_of
+from pincette_supervisor.plugin.residuals import merged
+
+# When a calibration is to be made again: its time is over, or it was made with other instruments.
+#
+# Times are in UTC, as ISO 8601 has them.
+
+
+def due_at(measured_at: str, valid_days: float | None) -> str | None:
+    """When what was measured is to be measured again; None where it holds without an end."""
+    if valid_days is None:
+        return None
+    try:
+        due = datetime.fromisoformat(measured_at) + timedelta(days=valid_days)
+    except OverflowError:
+        return None
+    return due.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def overdue(accepted: Acceptance, now: datetime) -> bool:
+    """Return True once the calibration is due to be repeated."""
+    return accepted.due_at is not None and datetime.fromisoformat(accepted.due_at) < now
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """Why a calibration should be made again."""
+
+    code: Literal["overdue", "instrument_changed"]
+    text: str
+
+
+def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: datetime) -> list[Due]:
+    """Why a calibration should be made again; nothing where it is still good.
+
+    Parameters
+    ----------
+    name
+        The calibration.
+    accepted
+        How one of its values came into use.
+    present
+        Serial numbers of the rig file, by table.
+    """
+    found = [
+        Due("instrument_changed", f"{table} is {number}, calibration {name} was made with {then}")
+        for table, number in present.items()
+        if (then := accepted.serial_numbers.get(table, number)) != number
+    ]
+    if overdue(accepted, now):
+        found.append(Due("overdue", f"calibration {name} is overdue since {accepted.due_at}"))
+    return found
+
+
+def warnings(
+    sources: Mapping[str, str],
+    acceptances: Mapping[str, Acceptance],
+    present: Mapping[str, str],
+    now: datetime,
+) -> list[str]:
+    """Which calibrations should be made again, and why, in words.
+
+    Parameters
+    ----------
+    sources, acceptances
+        By quantity in use: the calibration it comes from, and how it was accepted.
+    present
+        Serial numbers of the rig file, by table.
+    """
+    found: dict[str, list[str]] = {}
+    for quantity, accepted in acceptances.items():
+        for reason in due(sources[quantity], accepted, present, now):
+            found.setdefault(reason.text, []).append(quantity)
+    return [f"{', '.join(names)}: {why}; calibrate again" for why, names in found.items()]
+
+
+# What a model was measured with, by the rig file: what of it, changed, makes the model doubtful.
+#
+# Limits, jobs and the loop's programs are none of it. A value of the rig file that a calibration
+# replaces is taken alone: where a person has changed it, only that value is not replaced any more.
+
+MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
+    "rig": ("period_s",),
+    "sensor": ("driver", "options", "offset_um", "direction"),
+    "output": ("driver", "options"),
+    "safety": ("safe_V",),
+}
+"""Keys by table: the instruments, the period, and the voltage at which the arm rests."""
+BESIDE_THE_ARM = {
+    "seed",
+    "substep_s",
+    "pace",
+    "bead",
+    "bead_contact_um",
+    "environment_stiffness_mN_per_um",
+    "passive_natural_frequency_rad_per_s",
+    "passive_damping_ratio",
+    "part",
+    "pair",
+    "baud",
+    "truth",
+    "scripts",
+    "script",
+}
+"""Keys of a simulation that are neither its arm nor its instruments."""
+
+
+def basis(rig: RigFile) -> dict[str, Any]:
+    """Values by key, as JSON has them."""
+    tree = rig.model_dump(mode="json")
+    found = {
+        f"{table}.{key}": tree[table][key] for table, keys in MEASURED_WITH.items() for key in keys
+    }
+    simulated: dict[str, Any] = tree["simulation"] or {}
+    found |= {
+        f"simulation.{key}": value for key, value in simulated.items() if key not in BESIDE_THE_ARM
+    }
+    return found | values_of(rig)
+
+
+def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChange]:
+    """Return the values that differ."""
+    return [
+        ModelChange(key=key, before=before.get(key), now=now.get(key))
+        for key in sorted({*before, *now})
+        if before.get(key) != now.get(key)
+    ]
+
+
+def doubtful(found: list[ModelChange]) -> list[ModelChange]:
+    """Changes that concern the whole model."""
+    return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
+
+
+def words(found: list[ModelChange], version: int) -> str:
+    """Changes since a version was chosen."""
+    listed = ", ".join(f"{one.key} = {one.now!r}, was {one.before!r}" for one in found)
+    return f"{listed}, when model {version} was chosen"
+
 
 KEPT_CHANGES = 100
 """Changes of instruments that are kept; older ones concern no value in use."""

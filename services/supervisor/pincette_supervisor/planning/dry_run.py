@@ -3,24 +3,20 @@
 from dataclasses import dataclass
 
 from pincette.api.job_kinds import job_kinds
-from pincette.api.pairs import PairResult
 from pincette.api.results import JobResult
-from pincette.config import ConfigError, RigFile
-from pincette.core import plugins
-from pincette.engine.timing_budget import budget
+from pincette.config import RigFile
+from pincette.engine.timing_budget import stated_output
 from pincette.records.columns import columns
-from pincette_supervisor.kinds.functions import Run, functions_of
 from pincette_supervisor.planning.identified_arm import (
-    TIME_CONSTANTS,
     IdentifiedArm,
     Instruments,
     identified_arm,
 )
 from pincette_supervisor.planning.identified_pair import IdentifiedPair, identified_pair
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.predicted_samples import Samples
-from pincette_supervisor.planning.present import Present
 from pincette_supervisor.planning.rig_emulator import RigEmulator
+from pincette_supervisor.plugin import Planned, Present, Run
+from pincette_supervisor.plugin.functions import functions_of
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
 """Of a plan, that is played: whichever is shorter."""
@@ -42,13 +38,7 @@ class DryRun:
 
 def stated_instruments(rig: RigFile) -> Instruments:
     """Delay and lag as the drivers of a rig state them; none where they state nothing."""
-    try:
-        timing = budget(rig)
-    except (ConfigError, plugins.PluginError):
-        return Instruments(0.0, 0.0)
-    delay_s = timing.sensor.exchange_s + timing.computing_s + timing.output.exchange_s
-    lag_s = timing.output.response_s / TIME_CONSTANTS
-    return Instruments(min(delay_s, rig.rig.period_s), lag_s)
+    return Instruments(*stated_output(rig))
 
 
 def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
@@ -82,9 +72,9 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
 
 
 def _figures(planned: Planned, rig: RigFile, emulator: RigEmulator) -> JobResult | None:
-    """What a job of both arms would come to; None where it is none, or nothing was played."""
+    """Return the result of the predicted samples where the kind shows it; None without samples."""
     kind = job_kinds()[planned.plan.kind]
-    if not emulator.heard or not emulator.samples.t_s or kind.result is not PairResult:
+    if not emulator.heard or not emulator.samples.t_s or not kind.figures_in_prediction:
         return None
     table = columns(emulator.heard, rig.rig.period_s)
     return functions_of(kind).evaluate(Run(rig, planned, table, emulator.heard)).result

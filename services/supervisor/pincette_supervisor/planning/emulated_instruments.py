@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.core.messages import Applied, Command, Position, Telemetry
 from pincette.core.messages.second import SecondApplied, SecondPosition
-from pincette.engine.instrument import Both, Device
+from pincette.engine.instrument import Device
 from pincette.instruments.protocols import Block
 from pincette_supervisor.planning.identified_arm import IdentifiedArm
 from pincette_supervisor.planning.identified_pair import IdentifiedPair
@@ -53,6 +53,10 @@ class ArmInstruments:
     def write_V(self, voltage_V: float) -> None:
         """Put out a voltage."""
         self.put_V = voltage_V
+
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
+        """Put out a step, whose parts the arm knows."""
+        self.put_V = voltages_V[-1]
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
         """Note that a wave is played, which is not emulated."""
@@ -107,7 +111,7 @@ class PairInstruments:
     @property
     def device(self) -> Device:
         """Each arm's sensor and output at once."""
-        return Both(OneOfPair(self, 0), OneOfPair(self, 1))
+        return (OneOfPair(self, 0), OneOfPair(self, 1))
 
     def settle(self) -> None:
         """Let both arms follow what was put out in this tick."""

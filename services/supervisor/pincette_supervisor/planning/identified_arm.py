@@ -12,6 +12,7 @@ from math import ceil, exp
 
 from pincette.config import RigFile, derived
 from pincette.config.rig_file import Part
+from pincette.control.arm.shaping import ShapedStep
 from pincette.control.response.free_response import FreeResponse
 from pincette.sim.plant import plant
 from pincette.sim.plant.hysteresis import BoucWen
@@ -24,8 +25,6 @@ SETTLED_S = 60.0
 """For how long the arm is taken to have stood at its first voltage."""
 STILL_V = 1e-9
 """Way of the voltage within a period below which it rests."""
-TIME_CONSTANTS = 3.0
-"""Of an output, within the response that its driver states: to 5 %."""
 
 
 Stretch = tuple[float, list[float]]
@@ -55,6 +54,8 @@ class IdentifiedArm:
     output_V: float
     missed_um: float = 0.0
     """What the free response misses at this place of the program, by a residual table."""
+    shaping_s: float | None = None
+    """Time between two of the parts in which a step of the voltage is written; None: it has one."""
     hung_mN: float = 0.0
     """Weight at the tip, positive towards -x."""
 
@@ -97,11 +98,11 @@ class IdentifiedArm:
 
         That way is in stretches, each of substeps of one length and of where the free arm rests.
         """
-        delay_s = self.instruments.delay_s
-        waiting = self._stretch(delay_s, self.target_V, self.output_V)
-        waited_V = waiting[-1][1] if waiting else self.output_V
-        moving = self._stretch(self.period_s - delay_s, voltage_V, waited_V)
-        output_V = moving[-1][1] if moving else waited_V
+        held = list[list[tuple[float, float]]]()
+        output_V = self.output_V
+        for length_s, target_V in self._targets(voltage_V):
+            held.append(self._stretch(length_s, target_V, output_V))
+            output_V = held[-1][-1][1] if held[-1] else output_V
         sag_um = self.parameters.compliance_um_per_mN * self.hung_mN
         before_um = self.response.position_um() - sag_um
         response = self.response.follow(output_V, self.period_s)
@@ -109,7 +110,7 @@ class IdentifiedArm:
         way_um = response.position_um() + missed_um - self.missed_um - sag_um - before_um
         travel_V, passed_s = output_V - self.output_V, 0.0
         stretches: list[Stretch] = []
-        for stretch in (waiting, moving):
+        for stretch in held:
             rests_um = list[float]()
             for dt_s, reached_V in stretch:
                 passed_s += dt_s
@@ -128,6 +129,16 @@ class IdentifiedArm:
             missed_um=missed_um,
         )
         return driven, stretches
+
+    def _targets(self, voltage_V: float) -> list[tuple[float, float]]:
+        """Return the voltages that the output aims at over a period, each after its length in s."""
+        rest_s = self.period_s - self.instruments.delay_s
+        targets = [(self.instruments.delay_s, self.target_V)]
+        if self.shaping_s is not None:
+            *first_V, _ = ShapedStep(self.target_V, voltage_V, 0.0).parts_V()
+            targets += [(self.shaping_s, part_V) for part_V in first_V]
+            rest_s -= len(first_V) * self.shaping_s
+        return [*targets, (rest_s, voltage_V)]
 
     def _stretch(
         self, length_s: float, target_V: float, output_V: float
@@ -175,5 +186,12 @@ def identified_arm(
     )
     state = rest_plain_arm(parameters, plant.start(), response.position_um())
     return IdentifiedArm(
-        parameters, instruments, rig.rig.period_s, response, state, start_V, start_V
+        parameters,
+        instruments,
+        rig.rig.period_s,
+        response,
+        state,
+        start_V,
+        start_V,
+        shaping_s=rig.shaping_s,
     )

@@ -23,7 +23,7 @@ from pincette_supervisor.planning.identified_arm import (
     Instruments,
     identified_arm,
 )
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 
 GROUND_MN = 1e6
 """What the ground holds the part by; without end, as nothing is known of it."""

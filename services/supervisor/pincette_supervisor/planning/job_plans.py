@@ -1,20 +1,144 @@
-"""From a request to a plan: what is left out comes from the rig file."""
+"""From a request to a plan: what it leaves out is looked up once, before the plan is made."""
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
-from pincette.api.job_kinds import JobKind, job_kinds
+from pydantic import ValidationError
+
+from pincette.api.job_kinds import JobKind, RecipeRules, job_kinds
 from pincette.api.requests import JobRequest
-from pincette.config import RigFile
-from pincette_supervisor.kinds.functions import functions_of, kind_of
-from pincette_supervisor.model.model_in_use import ModelInUse, rig_file_alone
-from pincette_supervisor.model.residuals import armed_with, motion_digest, table_for
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
+from pincette.config import Calibration, RigFile, calibrated
+from pincette.control.planning.repetition import Corrections
+from pincette.control.record import replace as changed
+from pincette.core.validation_wording import refusal
+from pincette_supervisor.journal.recipes import RecipeRow
+from pincette_supervisor.planning.recipes import OF_THE_JOB, completed_kinds
+from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Planned, Present
+from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
+from pincette_supervisor.plugin.residuals import (
+    armed_with,
+    learning_digest,
+    motion_digest,
+    table_for,
+)
+
+FindRecipe = Callable[[str], RecipeRow | None]
+FindLearned = Callable[[str], Corrections | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedRequest:
+    """A request and everything that its plan depends on."""
+
+    kept: JobRequest
+    """Request as the journal keeps it: its recipe has a version."""
+    request: JobRequest
+    """The kept request, completed by the recipe."""
+    model: ModelInUse
+    """Model in use when the request was resolved."""
+    expecting: ModelInUse
+    """That model with the part that the recipe expects."""
+    present: Present | None = None
+    """Position of the rig; None: unknown."""
+    recipe: RecipeRow | None = None
+
+    @property
+    def kind(self) -> JobKind:
+        """Kind of the job."""
+        return kind_of(self.request)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values that the journal keeps beside those of the plan: model, recipe and its part."""
+        found: dict[str, Any] = {"model": self.model.stamp}
+        if (recipe := self.recipe) is not None:
+            stamp = {"name": recipe.name, "version": recipe.version, "digest": recipe.digest}
+            found["recipe"] = stamp
+            if part := recipe.values.get("part"):
+                found["part"] = part
+        return found
+
+
+def resolve(
+    request: JobRequest, model: ModelInUse, present: Present | None, find_recipe: FindRecipe
+) -> ResolvedRequest:
+    """Look up what a request leaves out.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the kind is for another number of arms, or the recipe is missing or does not fit.
+    """
+    require_arms(kind_of(request), model.rig)
+    if request.recipe is None:
+        return ResolvedRequest(request, request, model, model, present)
+    recipe = _recipe(request, find_recipe)
+    kept = request.model_copy(update={"recipe": recipe.reference})
+    part = recipe.values.get("part")
+    expecting = _expecting(model, part, recipe.reference) if part else model
+    return ResolvedRequest(kept, _completed(kept, recipe), model, expecting, present, recipe)
+
+
+def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: None) -> Planned:
+    """Plan a resolved request; limits it breaks are in ``plan.violations``.
+
+    Parameters
+    ----------
+    find_learned
+        Returns what a program has learned in earlier jobs, by the digest of the program.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where members of the request do not go together.
+    UnsupportedError
+        Where the instruments are too slow for a calibration.
+    ValueError
+        Where the numbers make no plan.
+    """
+    model, expecting = resolved.model, resolved.expecting
+    present = resolved.present or Present()
+    planned = functions_of(resolved.kind).plan(resolved.request, expecting, present)
+    program = planned.program
+    values = {**planned.values, **resolved.values, "program": motion_digest(program)}
+    table = table_for(expecting.rig, program)
+    if table is not None:
+        values["residual"] = table.model_dump(mode="json", exclude={"values_um", "stride_ticks"})
+    armed = armed_with(expecting, table)
+    if program.corrections is not None:
+        learned = find_learned(learning_digest(program, armed.rig))
+        if learned is not None:
+            program = changed(program, corrections=learned)
+    return replace(
+        planned,
+        program=program,
+        values=values,
+        model=model,
+        present=resolved.present,
+        expecting=None if armed is model else armed,
+    )
+
+
+def plan_job(
+    request: JobRequest, rig: RigFile | ModelInUse, present: Present | None = None
+) -> Planned:
+    """Plan a request that names no recipe; raises as ``resolve`` and ``plan`` do.
+
+    Parameters
+    ----------
+    rig
+        Rig with the model in use, or the rig file alone.
+    present
+        Position of the rig; None: unknown.
+    """
+    model = rig if isinstance(rig, ModelInUse) else rig_file_alone(rig)
+    return plan(resolve(request, model, present, lambda _reference: None))
 
 
 def require_arms(kind: JobKind, rig: RigFile) -> None:
-    """Refuse a kind that is not for as many arms as the rig has; raises FaultyRequestError."""
+    """Raise FaultyRequestError for a kind that is for another number of arms than the rig has."""
     arms = len(rig.arms)
     if arms in kind.arms:
         return
@@ -27,36 +151,57 @@ def require_arms(kind: JobKind, rig: RigFile) -> None:
     )
 
 
-def plan_job(
-    request: JobRequest, rig: RigFile | ModelInUse, present: Present | None = None
-) -> Planned:
-    """Plan a job; limits it breaks are in ``plan.violations``.
+def _recipe(request: JobRequest, find: FindRecipe) -> RecipeRow:
+    """Return the recipe that a request names; raises FaultyRequestError without one."""
+    if kind_of(request).recipe is None:
+        *others, last = (kind.name for kind in completed_kinds())
+        kinds = f"{', '.join(others)} or {last}"
+        raise FaultyRequestError("/recipe", f"a recipe completes a {kinds}, not a {request.kind}")
+    found = find(request.recipe or "")
+    if found is None:
+        raise FaultyRequestError(
+            "/recipe", f"no recipe {request.recipe!r}; GET /api/v1/recipes lists what there is"
+        )
+    return found
 
-    Parameters
-    ----------
-    rig
-        The rig with the model in use, or the rig file alone.
-    present
-        Where it stands; None: nobody has told.
 
-    Raises
-    ------
-    FaultyRequestError
-        Where members of the request do not go together.
-    UnsupportedError
-        Where the instruments are too slow for a calibration.
-    ValueError
-        Where the numbers make no plan.
-    """
-    model = rig if isinstance(rig, ModelInUse) else rig_file_alone(rig)
-    require_arms(kind_of(request), model.rig)
-    planned = functions_of(kind_of(request)).plan(request, model, present or Present())
-    values = {**planned.values, "model": planned.model.stamp}
-    values["program"] = motion_digest(planned.program)
-    table = table_for(model.rig, planned.program)
-    if table is not None:
-        values["residual"] = table.model_dump(mode="json", exclude={"values_um", "stride_ticks"})
-    armed = armed_with(model, table)
+def _completed(request: JobRequest, recipe: RecipeRow) -> JobRequest:
+    """Return the request with what it leaves out taken from a recipe; raises FaultyRequestError."""
+    own = request.model_dump(exclude_unset=True)
+    try:
+        return type(request).model_validate({**_offered(recipe, own, kind_of(request)), **own})
+    except ValidationError as error:
+        raise FaultyRequestError(
+            "/recipe", f"recipe {recipe.reference}: {refusal(error.errors()[0])}"
+        ) from error
+
+
+def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind) -> dict[str, Any]:
+    """Return the values of a recipe that do not contradict the request's own members."""
+    rules = kind.recipe or RecipeRules()
+    refused = OF_THE_JOB | own.keys()
+    for pair in rules.exclusive:
+        if refused & set(pair):
+            refused = refused | set(pair)
+    for name, dependent in rules.dependent.items():
+        if own.get(name, recipe.values.get(name)) != recipe.values.get(name):
+            refused = refused | dependent
+    return {
+        name: value
+        for name, value in recipe.values.items()
+        if name in kind.request.model_fields and name not in refused
+    }
+
+
+def _expecting(model: ModelInUse, part: Mapping[str, float], recipe: str) -> ModelInUse:
+    """Return the model with the part that a recipe expects, for one job."""
+    values = {f"part.{name}": value for name, value in part.items()}
+    used = model.calibration
     return replace(
-        planned, values=values, present=present, expecting=None if armed is model else armed
+        model,
+        rig=calibrated(model.rig, Calibration(values=values)),
+        calibration=Calibration(
+            values={**used.values, **values},
+            sources={**used.sources, **dict.fromkeys(values, f"recipe {recipe}")},
+        ),
     )

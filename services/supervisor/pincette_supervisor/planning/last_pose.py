@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pincette_supervisor.journal.tables import JobRow
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import Present
 
 SAME_V = 0.05
 """Difference of the voltage up to which the arm has not been driven since."""

@@ -10,16 +10,13 @@ from pincette.api.predictions import PredictedCurves, PredictedPhase, Prediction
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.config.laws import resolved_law
-from pincette_supervisor.kinds.functions import functions_of
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
 from pincette_supervisor.planning.dry_run import DryRun, run_dry
 from pincette_supervisor.planning.identified_arm import Instruments
-from pincette_supervisor.planning.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
 from pincette_supervisor.planning.margins import margins, peaks, violations
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.predicted_samples import Samples, SecondSamples
-from pincette_supervisor.planning.present import Present
+from pincette_supervisor.plugin import ASSUMED, UNITS, ModelInUse, Planned, Present, value_of
+from pincette_supervisor.plugin.functions import functions_of
+from pincette_supervisor.plugin.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
 
 CURVE_POINTS = 400
 SECOND = "second."

@@ -7,14 +7,15 @@ from collections.abc import Callable
 
 from pincette.api.job_kinds import job_kinds
 from pincette_supervisor.planning.dry_run import DryRun
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.prediction import played, with_prediction
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError
 
 Play = Callable[[Planned], DryRun]
 KEPT = 8
-WAITING = 8
-"""Callers that wait for their turn, at most: they are threads that others need too."""
+WAITING = 4
+"""Greatest number of callers that wait for their turn: their threads serve other requests too, and
+there are six of them (``WORKERS`` of the server)."""
 
 
 class PredictionCache:

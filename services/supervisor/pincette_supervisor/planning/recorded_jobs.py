@@ -7,14 +7,14 @@ import numpy as np
 
 from pincette.api.job_kinds import job_kinds
 from pincette.config import RigFile
-from pincette.control.planning.recorded_motion import RecordedMotion, RecordedSegment
+from pincette.control.planning.recorded_motion import Pressed, RecordedMotion, RecordedSegment
 from pincette.core.faults import Phase
 from pincette.records import folder, parquet
 from pincette.records.columns import Columns
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.results.figures import Series, series
+from pincette_supervisor.plugin import FaultyRequestError
+from pincette_supervisor.plugin.figures import Series, series
 
 COLUMNS = (
     "seq",
@@ -29,6 +29,10 @@ COLUMNS = (
 )
 MOST_SAMPLES = 500_000
 """Samples of a motion that is read; more need too much memory."""
+PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD)
+"""Phases in which a part is pressed."""
+MOST_PRESSED = 400
+"""Pressed samples that are kept of a job."""
 LOOKED_AT = 100
 """Jobs among which the newest is looked for."""
 
@@ -62,7 +66,8 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
         raise FaultyRequestError(
             "/of_job", f"the record of job {row.id} cannot be read: {error.strerror or error}"
         ) from error
-    digest = row.plan.get("values", {}).get("program", "")
+    values = row.plan.get("values", {})
+    digest = values.get("program", "")
     try:
         return motion_of(
             table,
@@ -70,6 +75,7 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
             program=digest,
             period_s=rig.rig.period_s,
             compliance_um_per_mN=rig.model.compliance_um_per_mN,
+            pressed_from_mN=None if "residual" in values else 2.0 * rig.grip.contact_force_mN,
         )
     except ValueError as error:
         raise FaultyRequestError("/of_job", f"job {row.id}: {error}") from error
@@ -99,9 +105,20 @@ def _row(store: Store, rig: str, job: str) -> JobRow:
 
 
 def motion_of(
-    table: Columns, *, job: str, program: str, period_s: float, compliance_um_per_mN: float
+    table: Columns,
+    *,
+    job: str,
+    program: str,
+    period_s: float,
+    compliance_um_per_mN: float,
+    pressed_from_mN: float | None = None,
 ) -> RecordedMotion:
-    """Motion of a record's columns.
+    """Return the motion of a record's columns.
+
+    Parameters
+    ----------
+    pressed_from_mN
+        Force from which on a part counts as pressed; None: pressed samples are left out.
 
     Raises
     ------
@@ -134,7 +151,26 @@ def motion_of(
         raise ValueError("it did not play its program to the end")
     free_um = series(table, "x_um") + compliance_um_per_mN * series(table, "force_mN")
     reach_um = (float(np.nanmin(free_um)), float(np.nanmax(free_um)))
-    return RecordedMotion(job, program, period_s, tuple(segments), reach_um)
+    pressed = () if pressed_from_mN is None else _pressed(table, pressed_from_mN)
+    return RecordedMotion(job, program, period_s, tuple(segments), reach_um, pressed)
+
+
+def _pressed(table: Columns, from_mN: float) -> tuple[Pressed, ...]:
+    """Return samples of the pressed part after the last zero, thinned out.
+
+    A sample answers the voltage of the tick before it.
+    """
+    names = ("segment", "segment_tick", "x_um", "force_mN", "zero_age_s")
+    segment, tick, x_um, force_mN, age_s = (series(table, name) for name in names)
+    presses = np.array([phase in PRESSED for phase in table["phase"]])
+    pressed = presses[1:] & (force_mN[1:] > from_mN) & ~np.isnan(x_um[1:])
+    pressed &= ~np.isnan(segment[:-1]) & ~np.isnan(tick[:-1]) & ~np.isnan(age_s[1:])
+    rows = np.flatnonzero(pressed)
+    rows = rows[:: max(1, -(-len(rows) // MOST_PRESSED))]
+    return tuple(
+        Pressed(int(segment[row]), int(tick[row]), float(x_um[row + 1]), float(force_mN[row + 1]))
+        for row in rows
+    )
 
 
 def _stamped(numbers: Series, age_s: Series, period_s: float) -> set[int]:

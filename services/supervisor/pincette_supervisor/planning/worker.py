@@ -13,7 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pincette.engine.realtime.os_scheduling import lower_priority
 
@@ -22,6 +22,19 @@ SEMAPHORES = "/dev/shm"
 """Folder in memory where the system keeps semaphores, which the queue to the process needs."""
 A = TypeVar("A")
 R = TypeVar("R")
+
+
+class Runner(Protocol):
+    """Calls a pure function of a module, here or in another process."""
+
+    def __call__(self, work: Callable[[A], R], argument: A, /) -> R:
+        """Return what the function returns; raise what it raises."""
+        ...
+
+
+def run_here(work: Callable[[A], R], argument: A, /) -> R:
+    """Call a function in this process."""
+    return work(argument)
 
 
 class Worker:
@@ -62,6 +75,16 @@ class Worker:
         except BrokenProcessPool:
             self.close()  # somebody has killed it: a second time that is for the caller to know
             return self._begun().submit(work, argument).result()
+
+    def run_somewhere(self, work: Callable[[A], R], argument: A) -> R:
+        """Call a pure function there, or here where that process cannot do it."""
+        try:
+            return self.run(work, argument)
+        except Exception:  # an error of the function itself is raised again here
+            log.exception(
+                "a process beside the supervisor failed, and the supervisor does its work"
+            )
+            return work(argument)
 
     def _begun(self) -> ProcessPoolExecutor:
         with self._lock:

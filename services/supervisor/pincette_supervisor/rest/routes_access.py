@@ -16,7 +16,7 @@ from pincette.api.access import (
 )
 from pincette.api.problems import remedy_of, responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
-from pincette_supervisor.journal.access_rows import AuditRepository, KeyRepository
+from pincette_supervisor.journal.access_rows import AuditRepository
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
@@ -44,7 +44,7 @@ async def session(caller: AnyCaller, access: AccessState) -> Session:
     return _view(caller, keys=access.authenticator.keys_wanted)
 
 
-@router.post("/session", openapi_extra={MOST_BYTES: 4096}, responses=responses(401, 422, 429))
+@router.post("/session", openapi_extra={MOST_BYTES: 4096})
 async def sign_in(
     request: Request,
     response: Response,
@@ -68,7 +68,7 @@ async def sign_in(
     require_scope(caller, "observe")
     if caller.way == "key":
         cookie = new_cookie()
-        await run_in_threadpool(authenticator.sign_in, KeyRepository(store), caller, cookie)
+        await run_in_threadpool(authenticator.sign_in, store, caller, cookie)
         set_cookie(response, request.scope, authenticator.supervisor, cookie)
     return _view(caller, keys=authenticator.keys_wanted)
 
@@ -80,12 +80,12 @@ async def sign_out(
     """Sign a page out."""
     supervisor = access.authenticator.supervisor
     for cookie in session_cookies(request.scope, supervisor):
-        await run_in_threadpool(access.authenticator.sign_out, KeyRepository(store), cookie)
+        await run_in_threadpool(access.authenticator.sign_out, store, cookie)
     delete_cookies(response, request.scope, supervisor)
     return Session(keys=access.authenticator.keys_wanted, name=None, scope=None, signed_in=False)
 
 
-@router.post("/rigs/{rig}/page-check", responses=responses(404, 503))
+@router.post("/rigs/{rig}/page-check", responses=responses(404))
 async def page_check(
     request: Request,
     rig: str,
@@ -131,7 +131,7 @@ def _verdict(error: ProblemError | None) -> Verdict:
     return Verdict(accepted=False, code=error.code, detail=error.detail, remedy=remedy)
 
 
-@router.get("/audit", dependencies=[ADMIN], responses=responses(422))
+@router.get("/audit", dependencies=[ADMIN])
 def audit(
     access: AccessState,
     store: Journal,
@@ -160,7 +160,7 @@ def audit(
     return AuditList(entries=entries, next=entries[-1].number if len(rows) > limit else None)
 
 
-@router.get("/audit/chain", dependencies=[ADMIN], responses=responses(422))
+@router.get("/audit/chain", dependencies=[ADMIN])
 def audit_chain(
     access: AccessState,
     store: Journal,

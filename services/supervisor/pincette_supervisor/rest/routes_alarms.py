@@ -12,7 +12,6 @@ from pincette.records.folder import agree_to_clock
 from pincette_supervisor import problems
 from pincette_supervisor.access.key_sync import KEY_CLOCK
 from pincette_supervisor.alarms.checks import CLOCK
-from pincette_supervisor.journal.access_rows import KeyRepository
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
@@ -35,7 +34,7 @@ Text = Annotated[str | None, Query(max_length=80)]
 router = APIRouter(prefix="/alarms", tags=["alarms"], route_class=StrictRoute)
 
 
-@router.get("", responses=responses(422, 503), dependencies=[OBSERVE])
+@router.get("", dependencies=[OBSERVE])
 def alarms(
     store: Journal,
     rig: Text = None,
@@ -66,13 +65,13 @@ def alarms(
     )
 
 
-@router.get("/{alarm}", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+@router.get("/{alarm}", responses=responses(404), dependencies=[OBSERVE])
 def one(alarm: Number, store: Journal) -> Alarm:
     """One alarm."""
     return alarm_of(_found(AlarmRepository(store).get(alarm), alarm))
 
 
-@router.post("/{alarm}/actions", responses=responses(404, 422, 503), dependencies=[OPERATE])
+@router.post("/{alarm}/actions", responses=responses(404), dependencies=[OPERATE])
 def act(
     request: Request,
     alarm: Number,
@@ -100,7 +99,7 @@ def act(
             ) from error
     if row.cause == KEY_CLOCK and row.cleared_at is None:
         authorize(request, ("admin",))
-        access.authenticator.agree_to_time(KeyRepository(rigs.store))
+        access.authenticator.agree_to_time(rigs.store)
     return alarm_of(_found(context.alarms.acknowledge(alarm, by), alarm))
 
 

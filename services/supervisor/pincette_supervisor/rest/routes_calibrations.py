@@ -34,7 +34,7 @@ router = APIRouter(prefix="/calibrations", tags=["calibrations"], route_class=St
     responses=CREATED,
     dependencies=[OPERATE],
 )
-def create(
+async def create(
     body: CalibrationBody,
     rigs: AllRigs,
     response: Response,
@@ -44,10 +44,10 @@ def create(
     idempotency_key: IdempotencyKey = None,
 ) -> object:
     """Take a calibration: the same as a job of the kind ``calibrate``."""
-    return create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
+    return await create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
 
 
-@router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+@router.get("", responses=responses(404), dependencies=[OBSERVE])
 def proposals(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
@@ -74,7 +74,7 @@ def proposal(calibration: str, rigs: AllRigs) -> Proposal:
 
 @router.post(
     "/{calibration}/actions",
-    responses=responses(404, 409, 422, 503),
+    responses=responses(404, 409),
     dependencies=[ADMIN],
 )
 def act(calibration: str, body: ProposalAction, rigs: AllRigs, asker: Asking) -> Proposal:

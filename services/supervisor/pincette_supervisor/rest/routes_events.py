@@ -90,7 +90,7 @@ router = APIRouter(tags=["events"], route_class=StrictRoute)
     "/jobs/{job}/events",
     response_model=None,
     dependencies=[OBSERVE],
-    responses={**ANSWERS, **responses(404, 422, 503)},
+    responses={**ANSWERS, **responses(404)},
 )
 async def of_job(job: str, wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
     """Events of one job, from its first or beyond a number on; ends when the job is over."""
@@ -117,7 +117,7 @@ async def of_job(job: str, wish: Wished, rigs: AllRigs, permitted: Permitted) ->
     "/rigs/{rig}/events",
     response_model=None,
     dependencies=[OBSERVE],
-    responses={**ANSWERS, **responses(404, 422, 503)},
+    responses={**ANSWERS, **responses(404)},
 )
 async def of_rig(
     rig: str, manager: Manager, wish: Wished, store: Journal, permitted: Permitted
@@ -133,7 +133,7 @@ async def of_rig(
     "/events",
     response_model=None,
     dependencies=[OBSERVE],
-    responses={**ANSWERS, **responses(422, 503)},
+    responses=ANSWERS,
 )
 async def of_all(wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
     """Events of every rig: those to come, and where it is named, beyond a number."""

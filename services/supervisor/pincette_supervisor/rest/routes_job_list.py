@@ -1,5 +1,6 @@
 """Jobs found again over REST: listed, exported as one table, described, their records deleted."""
 
+import json
 from datetime import datetime
 from typing import Annotated, Literal
 
@@ -27,7 +28,7 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.routes_artifacts import WRITTEN
-from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table
 
 NAME_LENGTH = 200
@@ -107,7 +108,7 @@ Wanted = Annotated[JobFilter, Depends(_filter)]
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
-@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
+@router.get("", response_model=JobList, responses=responses(404), dependencies=[OBSERVE])
 def jobs(
     rigs: AllRigs,
     wanted: Wanted,
@@ -115,11 +116,14 @@ def jobs(
     before: Annotated[
         str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
     ] = None,
-) -> JobList:
+) -> Response:
     """Jobs, the newest first; those alone that are as named."""
-    found = rigs.jobs(limit + 1, wanted, before)
-    more = len(found) > limit
-    return JobList(jobs=found[:limit], next=found[limit - 1].id if more else None)
+    found = rigs.listed_jobs(limit + 1, wanted, before)
+    names = list(found)
+    following = names[limit - 1] if len(names) > limit else None
+    jobs = b",".join(found[name] for name in names[:limit])
+    content = b'{"jobs":[%b],"next":%b}' % (jobs, json.dumps(following).encode())
+    return Response(content, media_type=JSON)
 
 
 @router.get(
@@ -133,7 +137,7 @@ def jobs(
                 kind: {"schema": {"type": "string"}} for kind in job_table.MEDIA_TYPES.values()
             },
         },
-        **responses(404, 422),
+        **responses(404),
     },
     dependencies=[OBSERVE],
 )
@@ -157,7 +161,7 @@ def export(
 @router.patch(
     "/{job}",
     openapi_extra=LARGE,
-    responses=responses(404, 422, 503),
+    responses=responses(404),
     dependencies=[OPERATE],
 )
 def edit(
@@ -173,9 +177,7 @@ def edit(
     return edited
 
 
-@router.delete(
-    "/{job}/record", responses=responses(404, 409, 422, 503), dependencies=[ADMIN, WRITTEN]
-)
+@router.delete("/{job}/record", responses=responses(404, 409), dependencies=[ADMIN, WRITTEN])
 def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
     """Delete the files of a job that has ended and is not pinned; its result stays."""
     note(f"record of {job}")

@@ -19,8 +19,8 @@ from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType
-from pincette_supervisor.jobs.claims import ALWAYS
 from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.jobs.job_queue import ALWAYS
 from pincette_supervisor.kinds.bodies import AnyPlan, Body
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
@@ -46,6 +46,9 @@ STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
 """
 ACTION_THREADS = ThreadPoolExecutor(4, thread_name_prefix="act-on-job")
 """Threads for the other actions, as a release: no request that reads the journal takes them."""
+DRY_RUN_THREADS = ThreadPoolExecutor(2, thread_name_prefix="dry-run")
+"""Threads for dry runs: those that wait for a prediction leave the threads of all other requests
+free, and no more than two of them compute."""
 REPLAYED = "Idempotency-Replayed"
 Predict = Annotated[
     bool,
@@ -64,7 +67,7 @@ CREATED: dict[int | str, dict[str, Any]] = {
         f"has created already, with the header {REPLAYED}",
     },
     201: {"model": Job, "description": "taken; Location names it"},
-    **responses(404, 409, 422, 503),
+    **responses(404, 409),
 }
 """Responses of the routes that create a job."""
 
@@ -117,7 +120,7 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
     responses=CREATED,
     dependencies=[OPERATE],
 )
-def create(
+async def create(
     body: Body,
     rigs: AllRigs,
     response: Response,
@@ -130,19 +133,24 @@ def create(
 
     With ``queue`` a job waits for those before it, where another one has the rig.
     """
-    manager = rigs.of_request(body, idempotency_key)
-    return take(
-        manager,
-        body,
-        response,
-        dry_run=dry_run,
-        asker=asker,
-        predict=predict,
-        key=idempotency_key,
-    )
+
+    def taken() -> Job | JobPlan:
+        return take(
+            rigs.of_request(body, idempotency_key),
+            body,
+            response,
+            dry_run=dry_run,
+            asker=asker,
+            predict=predict,
+            key=idempotency_key,
+        )
+
+    if dry_run or body.dry_run:
+        return await asyncio.get_running_loop().run_in_executor(DRY_RUN_THREADS, taken)
+    return await run_in_threadpool(taken)
 
 
-@router.post("/stop", dependencies=[OPERATE], responses=responses(422, 503))
+@router.post("/stop", dependencies=[OPERATE])
 async def stop(body: StopRequest, rigs: AllRigs, asker: Asking) -> StoppedRequest:
     """Stop what an Idempotency-Key has begun: its job, or a request that is still being planned.
 
@@ -181,7 +189,7 @@ def _stopped_job(manager: JobManager, name: str, by: str) -> Job:
     responses={
         200: {"headers": TAGGED},
         304: {"description": "the job still has the ETag that was sent", "headers": TAGGED},
-        **responses(404, 422),
+        **responses(404),
     },
 )
 async def job_state(
@@ -240,7 +248,7 @@ async def job_state(
     dependencies=[OPERATE],
     responses={
         200: {"model": Job, "description": "what is asked for holds already"},
-        **responses(404, 409, 422, 503),
+        **responses(404, 409),
     },
 )
 async def act(

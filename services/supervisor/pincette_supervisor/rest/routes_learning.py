@@ -21,7 +21,7 @@ def _repository(manager: JobManager) -> LearnedRepository:
     return LearnedRepository(manager.context.store, manager.name)
 
 
-@router.get("", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+@router.get("", responses=responses(404), dependencies=[OBSERVE])
 def learned(
     manager: Manager,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
@@ -43,14 +43,14 @@ def learned(
     )
 
 
-@router.delete("", responses=responses(404, 409, 503), dependencies=[OPERATE])
+@router.delete("", responses=responses(404, 409), dependencies=[OPERATE])
 def erase_all(manager: Manager, note: Note) -> Erased:
     """Forget what every program has learned; a job that runs keeps what it began with."""
     note("all")
     return Erased(rig=manager.name, erased=_repository(manager).erase())
 
 
-@router.delete("/{program}", responses=responses(404, 409, 503), dependencies=[OPERATE])
+@router.delete("/{program}", responses=responses(404, 409), dependencies=[OPERATE])
 def erase(program: Annotated[str, Path(pattern=PROGRAM)], manager: Manager, note: Note) -> Erased:
     """Forget what one program has learned."""
     note(program)

@@ -10,7 +10,6 @@ from prometheus_client.exposition import choose_encoder
 
 from pincette import __version__
 from pincette.api.checks import Alive, Check, Readiness
-from pincette.api.problems import responses
 from pincette.asyncapi.document import document
 from pincette_supervisor.alarms.checks import of_rig, of_supervisor, words_of
 from pincette_supervisor.jobs.job_manager import JobManager
@@ -65,7 +64,6 @@ def readyz(rigs: AllRigs, response: Response) -> Readiness:
             "content": {PLAIN: {"schema": {"type": "string"}, "example": EXAMPLE}},
             "description": "Prometheus' text format, or OpenMetrics where it is asked for",
         },
-        **responses(503),
     },
     dependencies=[OBSERVE],
 )

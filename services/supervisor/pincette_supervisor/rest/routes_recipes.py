@@ -35,7 +35,7 @@ Repository = Annotated[RecipeRepository, Depends(_repository)]
     responses={
         200: {"model": Recipe, "description": "the newest version has these values already"},
         201: {"model": Recipe, "description": "kept; Location names the version"},
-        **responses(409, 422),
+        **responses(409),
     },
 )
 def create(body: RecipeRequest, repository: Repository, response: Response, note: Note) -> Recipe:
@@ -56,7 +56,7 @@ def create(body: RecipeRequest, repository: Repository, response: Response, note
     return _view(row)
 
 
-@router.get("", responses=responses(422), dependencies=[OBSERVE])
+@router.get("", dependencies=[OBSERVE])
 def recipes(
     repository: Repository,
     limit: Annotated[int, Query(ge=1, le=500)] = 500,
@@ -81,7 +81,7 @@ def recipe(name: str, repository: Repository) -> RecipeHistory:
     return RecipeHistory(newest=versions[0], versions=versions)
 
 
-@router.get("/{name}/{version}", responses=responses(404, 422), dependencies=[OBSERVE])
+@router.get("/{name}/{version}", responses=responses(404), dependencies=[OBSERVE])
 def version_of(
     name: str, version: Annotated[int, Path(ge=1, le=999_999)], repository: Repository
 ) -> Recipe:

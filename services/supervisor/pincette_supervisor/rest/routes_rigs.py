@@ -23,10 +23,9 @@ from pincette.api.rigs import (
     StoppedList,
 )
 from pincette.core.faults import Cause
+from pincette_supervisor.jobs.bring_up import checklist, model_view
+from pincette_supervisor.jobs.bring_up import use_model as change_model
 from pincette_supervisor.journal.listeners import TooManyListenersError
-from pincette_supervisor.model.checklist import checklist
-from pincette_supervisor.model.model_view import model_view
-from pincette_supervisor.model.model_view import use_model as change_model
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
@@ -51,7 +50,6 @@ from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.latch import unconfirmed
 from pincette_supervisor.rigs.live import LISTENERS_MAX, LiveCursor
 from pincette_supervisor.rigs.rig_view import rig_view
-from pincette_supervisor.rigs.rigs import Rigs
 from pincette_supervisor.rigs.standing import standing
 
 LIVE_INTERVAL_S = 1.0 / 15.0
@@ -63,20 +61,26 @@ LARGEST = 2**63 - 1
 router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
 
-@router.post("/estop", responses=responses(503))
+@router.post("/estop")
 async def estop_all(rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> StoppedList:
-    """Stop every rig at once; see the one of a rig. 503 where one has not confirmed."""
-    managers, unserved = rigs.all(), list(rigs.unusable)
-    others = asyncio.create_task(_stop_unserved(rigs, unserved))
-    asked = [manager.latch.stopped(by) for manager in managers]
+    """Stop every rig at once; see the one of a rig. 503 where one has not confirmed.
+
+    Rigs that are not served are stopped too. A liveliness token alone is no rig: where no program
+    on the bus takes the stop of its actuator, it is left out.
+    """
+    managers = rigs.all()
+    asked = [asyncio.ensure_future(manager.latch.stopped(by)) for manager in managers]
+    others = asyncio.ensure_future(rigs.stop_unserved())
     answers = await asyncio.gather(*asked, return_exceptions=True)
-    missed = await others
+    unserved = await others
     named = list(zip([one.name for one in managers], answers, strict=True))
     stopped = [answer for _, answer in named if isinstance(answer, Stopped)]
     silent = {name: str(answer) for name, answer in named if not isinstance(answer, Stopped)}
-    stopped += [_stopped(rig) for rig in unserved if rig not in missed]
+    stopped += [_stopped(rig) for rig in sorted(unserved.confirmed)]
     stopped = [_signed(answer, supervisor) for answer in stopped]
-    silent |= {rig: f"{rig}: {why}" for rig, why in missed.items()}
+    silent |= {
+        rig: f"{rig}: {why}" for rig, why in unserved.missed.items() if rig not in unserved.absent
+    }
     if silent:
         raise ProblemError(
             503,
@@ -94,14 +98,6 @@ def _signed(stopped: Stopped, supervisor: str) -> Stopped:
     return stopped.model_copy(update={"supervisor": supervisor})
 
 
-async def _stop_unserved(rigs: Rigs, names: list[str]) -> dict[str, str]:
-    """Stop rigs that were found and cannot be served; returns why each one was not stopped."""
-    if not names:
-        return {}
-    threads = rigs.own.latch.threads
-    return await asyncio.get_running_loop().run_in_executor(threads, rigs.stop_unserved, names)
-
-
 def _stopped(rig: str) -> Stopped:
     return Stopped(rig=rig, cause=Cause.ESTOP.value, acknowledged=True, detail="")
 
@@ -112,13 +108,13 @@ def every_rig(rigs: AllRigs) -> RigList:
     return RigList(rigs=rigs.map(rig_view))
 
 
-@router.get("/rigs/{rig}", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}", responses=responses(404), dependencies=[OBSERVE])
 def rig_state(manager: Manager) -> Rig:
     """One rig: programs, interlocks, limits, latch, and whether a job can start."""
     return rig_view(manager)
 
 
-@router.post("/rigs/{rig}/estop", responses=responses(404, 503))
+@router.post("/rigs/{rig}/estop", responses=responses(404))
 async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -> Stopped:
     """Stop at once: freeze a held part, ramp a free arm, latch. No key, no body: always taken.
 
@@ -126,13 +122,13 @@ async def estop(rig: str, rigs: AllRigs, by: Sender, supervisor: SupervisorId) -
     """
     if rigs.find(rig) is not None or rig not in rigs.unusable:
         return _signed(await rigs.get(rig).latch.stopped(by), supervisor)
-    failed = await _stop_unserved(rigs, [rig])
-    if failed:
-        raise unconfirmed(failed[rig])
+    unserved = await rigs.stop_unserved(rig)
+    if rig not in unserved.confirmed:
+        raise unconfirmed(unserved.missed.get(rig, "its programs have gone"))
     return _signed(_stopped(rig), supervisor)
 
 
-@router.post("/rigs/{rig}/reset", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
+@router.post("/rigs/{rig}/reset", responses=responses(404, 409), dependencies=[OPERATE])
 async def reset(
     manager: Manager, _body: ResetRequest, asker: Asking, supervisor: SupervisorId
 ) -> Stopped:
@@ -146,7 +142,7 @@ async def reset(
     return _signed(await loop.run_in_executor(ACTION_THREADS, perform), supervisor)
 
 
-@router.put("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
+@router.put("/rigs/{rig}/claim", responses=responses(404, 409), dependencies=[OPERATE])
 def claim(
     manager: Manager,
     body: ClaimRequest,
@@ -166,7 +162,7 @@ def claim(
     return manager.claims.take(x_claim, by=by, note=body.note, lease_s=body.lease_s)
 
 
-@router.delete("/rigs/{rig}/claim", responses=responses(404, 409, 422, 503), dependencies=[OPERATE])
+@router.delete("/rigs/{rig}/claim", responses=responses(404, 409), dependencies=[OPERATE])
 def give_back(
     manager: Manager,
     asker: Asking,
@@ -180,7 +176,7 @@ def give_back(
 
 @router.post(
     "/rigs/{rig}/queue/actions",
-    responses=responses(404, 409, 422, 503),
+    responses=responses(404, 409),
     dependencies=[OPERATE],
 )
 def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
@@ -192,19 +188,19 @@ def order_queue(manager: Manager, body: QueueRequest, asker: Asking) -> Rig:
     return rig_view(manager)
 
 
-@router.get("/rigs/{rig}/timing", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}/timing", responses=responses(404), dependencies=[OBSERVE])
 def timing(manager: Manager) -> LoopTiming:
     """How punctual the programs of the loop have been since they were armed."""
     return loop_timing(manager.context.bus)
 
 
-@router.get("/rigs/{rig}/model", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}/model", responses=responses(404), dependencies=[OBSERVE])
 def model(manager: Manager) -> ModelView:
     """The model in use: every quantity that can be calibrated, and the versions there are."""
     return model_view(manager.context.model)
 
 
-@router.get("/rigs/{rig}/checklist", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}/checklist", responses=responses(404), dependencies=[OBSERVE])
 def calibration_checklist(manager: Manager) -> Checklist:
     """The calibrations in the order to make them: what each needs and has found, what is next."""
     return checklist(manager.context.model, manager.calibrations)
@@ -212,7 +208,7 @@ def calibration_checklist(manager: Manager) -> Checklist:
 
 @router.post(
     "/rigs/{rig}/model/actions",
-    responses=responses(404, 409, 422, 503),
+    responses=responses(404, 409),
     dependencies=[ADMIN],
 )
 def use_model(manager: Manager, body: ModelAction, asker: Asking) -> ModelView:
@@ -223,7 +219,7 @@ def use_model(manager: Manager, body: ModelAction, asker: Asking) -> ModelView:
         return change_model(manager.context.model, body.version)
 
 
-@router.get("/rigs/{rig}/history", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}/history", responses=responses(404), dependencies=[OBSERVE])
 def history(
     manager: Manager,
     store: Journal,
@@ -239,7 +235,7 @@ def history(
     return manager.context.history.read(store, until_s - 3600.0 * hours, until_s, points)
 
 
-@router.get("/rigs/{rig}/samples", responses=responses(404, 422, 503), dependencies=[OBSERVE])
+@router.get("/rigs/{rig}/samples", responses=responses(404), dependencies=[OBSERVE])
 async def newest_samples(
     manager: Manager,
     after: Annotated[
@@ -276,7 +272,7 @@ async def _live_cursor(
 @router.get(
     "/rigs/{rig}/live",
     response_class=EventSourceResponse,
-    responses=responses(404, 503),
+    responses=responses(404),
     dependencies=[OBSERVE],
 )
 async def samples(

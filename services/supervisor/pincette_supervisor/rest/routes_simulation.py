@@ -25,7 +25,7 @@ router = APIRouter(tags=["simulation"], route_class=StrictRoute)
 
 @router.get(
     "/rigs/{rig}/simulation/commands",
-    responses=responses(404, 409, 503),
+    responses=responses(404, 409),
     dependencies=[OBSERVE],
 )
 def operations(manager: Manager) -> SimulationOperationList:
@@ -40,7 +40,7 @@ def operations(manager: Manager) -> SimulationOperationList:
 
 @router.post(
     "/rigs/{rig}/simulation/commands",
-    responses=responses(404, 409, 422, 503),
+    responses=responses(404, 409),
     dependencies=[OPERATE],
 )
 def command(manager: Manager, body: SimulationCommand, asker: Asking) -> SimulationCommand:

@@ -1,6 +1,7 @@
 """Trajectories over REST: plan, check, predict, keep, look at, and make jobs of them."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Any, cast
 
 from fastapi import APIRouter, Depends, Query, Response
@@ -16,12 +17,12 @@ from pincette.api.trajectories import (
     TrajectorySummary,
 )
 from pincette_supervisor import problems
+from pincette_supervisor.jobs import planner
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.refusals import require_feasible
+from pincette_supervisor.jobs.trajectory_store import TrajectoryStore
 from pincette_supervisor.journal.trajectories import TrajectoryRow
 from pincette_supervisor.kinds.bodies import TrajectoryBody
-from pincette_supervisor.kinds.functions import kind_of
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.sample_formats import (
     MEDIA_TYPES,
     Format,
@@ -30,7 +31,7 @@ from pincette_supervisor.planning.sample_formats import (
     columns_of,
     table,
 )
-from pincette_supervisor.planning.trajectory_store import TrajectoryStore
+from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
@@ -90,7 +91,7 @@ router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=St
             "description": "known already; or dry run: the plan, feasible or not",
         },
         201: {"model": Trajectory, "description": "kept; Location names it"},
-        **responses(404, 422, 503),
+        **responses(404),
     },
 )
 def create(
@@ -119,7 +120,7 @@ def create(
     "/plot",
     openapi_extra=LARGE,
     response_class=Response,
-    responses={**PNG, **responses(404, 422, 503)},
+    responses={**PNG, **responses(404)},
     dependencies=[OPERATE],
 )
 def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
@@ -130,7 +131,7 @@ def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
     return _png(manager, planned, "not kept")
 
 
-@router.get("", responses=responses(404, 422), dependencies=[OBSERVE])
+@router.get("", responses=responses(404), dependencies=[OBSERVE])
 def trajectories(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
@@ -152,7 +153,7 @@ def trajectories(
     )
 
 
-@router.get("/{digest}", responses=responses(404, 503), dependencies=[OBSERVE])
+@router.get("/{digest}", responses=responses(404), dependencies=[OBSERVE])
 def trajectory(stored: StoredTrajectory) -> Trajectory:
     """One trajectory, planned and predicted with the model that it was made with."""
     manager = stored.manager
@@ -166,7 +167,7 @@ def trajectory(stored: StoredTrajectory) -> Trajectory:
     "/{digest}/samples",
     dependencies=[OBSERVE],
     response_model=None,
-    responses={**FORMATS, **responses(404, 409, 422, 503)},
+    responses={**FORMATS, **responses(404, 409)},
 )
 def samples(
     stored: StoredTrajectory,
@@ -202,7 +203,7 @@ def samples(
     "/{digest}/plot",
     dependencies=[OBSERVE],
     response_class=Response,
-    responses={**PNG, **responses(404, 409, 503)},
+    responses={**PNG, **responses(404, 409)},
 )
 def plot(stored: StoredTrajectory) -> Response:
     """References, what is predicted, and the limits, as a picture."""
@@ -219,7 +220,7 @@ def plot(stored: StoredTrajectory) -> Response:
     responses={
         200: {"model": Job, "description": "the job that the key has created already"},
         201: {"model": Job, "description": "taken; Location names it"},
-        **responses(404, 409, 422, 503),
+        **responses(404, 409),
     },
 )
 def start(
@@ -243,13 +244,10 @@ def start(
 
 
 def _planned_anew(manager: JobManager, body: TrajectoryBody) -> tuple[TrajectoryRow, Planned]:
-    """Plan and predict, from rest at the safe voltage, wherever the arm stands."""
-    planned = replace(manager.plan(body), present=None)
-    store = TrajectoryStore(manager.context)
-    row = store.row_of(body)
-    if kind_of(body).from_present:
-        planned = store.require_planned(row)
-    return row, manager.predictions.predicted(planned)
+    """Plan and predict from rest at the safe voltage, wherever the arm is."""
+    resolved = replace(manager.resolve(body), present=None)
+    row = TrajectoryStore(manager.context).row_of(resolved)
+    return row, manager.predictions.predicted(planner.plan(manager.context, resolved))
 
 
 def _summary(store: TrajectoryStore, row: TrajectoryRow) -> TrajectorySummary:
@@ -277,8 +275,6 @@ def _view(manager: JobManager, row: TrajectoryRow, planned: Planned | None) -> T
 
 
 def _png(manager: JobManager, planned: Planned, name: str) -> Response:
-    rig = planned.model.rig
-    drawn = plan_png(
-        planned, manager.predictions.dry_run(planned).samples, name=f"{rig.rig.name} · {name}"
-    )
+    draw = partial(plan_png, planned, name=f"{planned.model.rig.rig.name} · {name}")
+    drawn = manager.context.draw(draw, manager.predictions.dry_run(planned).samples)
     return Response(drawn, media_type="image/png")

@@ -5,29 +5,101 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from ctypes import CDLL
 from dataclasses import dataclass, replace
+from math import hypot, sqrt
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pincette import __version__
 from pincette.api.job_kinds import job_kinds
-from pincette.api.results import ClosedLoopResult, JobResult
+from pincette.api.pairs import PairResult
+from pincette.api.results import ClosedLoopResult, JobResult, ZeroReturn
 from pincette.api.states import GOOD_OUTCOMES
-from pincette.config import RigFile
+from pincette.config import RigFile, derived
+from pincette.control.force.estimation import late_creep_um, uncertainty
+from pincette.control.response.model_errors import passing
+from pincette.core.faults import Phase
 from pincette.core.messages import Message, Recorded
+from pincette.records.columns import Columns
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
-from pincette_supervisor.kinds.functions import Evaluation, Run, functions_of
-from pincette_supervisor.planning.planned import Planned
+from pincette_supervisor.planning.worker import Runner, run_here
+from pincette_supervisor.plugin import Evaluation, Planned, Run
+from pincette_supervisor.plugin.drawing import Picture
+from pincette_supervisor.plugin.figures import series, table_of_arm
+from pincette_supervisor.plugin.functions import functions_of
+from pincette_supervisor.plugin.goal import goal_of
+from pincette_supervisor.plugin.position_step import with_ring
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
-from pincette_supervisor.results.drawing import Picture
-from pincette_supervisor.results.goal import goal_of
-from pincette_supervisor.results.long_hold import completed
-from pincette_supervisor.results.run_samples import THINNED, RunSamples
-from pincette_supervisor.results.zero_return import zero_return_of
+from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
+
+# The force that a job reads as its arm comes back, free again, to the place of its zero; pure.
+
+
+def zero_returns(result: JobResult, table: Columns, rig: RigFile) -> dict[str, ZeroReturn | None]:
+    """Return the members of a result that state the zero return of each arm."""
+    if isinstance(result, PairResult):
+        first, second = (
+            zero_return_of(table_of_arm(table, number), arm)
+            for number, arm in enumerate(rig.arms, start=1)
+        )
+        return {"zero_return": first, "second_zero_return": second}
+    if isinstance(result, ClosedLoopResult) and rig.second is None:
+        return {"zero_return": zero_return_of(table, rig)}
+    return {}
+
+
+def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
+    """Return the closure of the force at the place of the last zero before the part was met.
+
+    None where the job took no zero, held no part, or did not go back free past that place.
+    """
+    x_um, force_mN, age_s = (series(table, name) for name in ("x_um", "force_mN", "zero_age_s"))
+    held = np.array([bool(one) for one in table["held"]])
+    zeros = np.flatnonzero(age_s < 0.5 * rig.rig.period_s)
+    if not held.any() or not len(zeros) or zeros[-1] > int(np.argmax(held)):
+        return None
+    place_um = float(x_um[zeros[-1]])
+    back = (
+        np.array([phase == Phase.RETREAT for phase in table["phase"]])
+        & ~held
+        & ~np.isnan(x_um + force_mN + age_s)
+    )
+    here = passing(x_um[back], place_um)
+    if here is None:
+        return None
+    read_mN = force_mN[back][here]
+    stated_mN = series(table, "force_uncertainty_mN")[back][here]
+    uncertainty_mN = float(np.nanmean(stated_mN))
+    free = rig.model.free_response
+    if free is not None and free.return_error_um is not None:
+        rest = derived.rest_samples(rig.rig.period_s)
+        late_um = late_creep_um(
+            percent_per_decade=free.creep_percent_per_decade,
+            stroke_um=rig.model.piezo_um_per_V * float(np.nanmax(series(table, "voltage_V"))),
+            age_s=float(age_s[back][here][-1]),
+            known_to_s=derived.creep_known_s(rig.model),
+        )
+        uncertainty_mN = uncertainty(
+            noise_um=rig.sensor.noise_um * sqrt(1.0 / len(read_mN) + 1.0 / rest),
+            free_error_um=hypot(free.return_error_um, late_um),
+            compliance_um_per_mN=rig.model.compliance_um_per_mN,
+            creep_mN_per_decade=rig.model.creep_mN_per_decade,
+            zero_age_s=float(age_s[back][here][-1]),
+            forgotten_mN=0.0,
+        )
+    mean_mN = float(np.mean(read_mN))
+    return ZeroReturn(
+        force_mN=mean_mN,
+        uncertainty_mN=uncertainty_mN,
+        x_um=place_um,
+        verified=abs(mean_mN) <= uncertainty_mN,
+    )
 
 
 def trim_memory() -> None:
-    """Give the system back what drawing has freed; glibc would keep it, in pieces, for each thread.
+    """Return freed memory to the system; glibc would keep it, in pieces, for each thread.
 
     The interpreter runs on meanwhile. Another library of C may have no such call.
     """
@@ -48,6 +120,25 @@ class Take:
     messages: Iterable[Message]
     dropped: int = 0
     """Messages that found no room."""
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What a picture shows."""
+
+    run: Run
+    evaluation: Evaluation
+    name: str
+    """Names of rig and job."""
+
+
+def picture(subject: Subject) -> Picture:
+    """Draw what a job has gathered."""
+    run = subject.run
+    plot = functions_of(job_kinds()[run.planned.plan.kind]).plot
+    drawn = plot(run, subject.evaluation, subject.name)
+    trim_memory()
+    return drawn if isinstance(drawn, Picture) else Picture(drawn)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,26 +165,24 @@ class Record:
         """The result as it is stored and sent."""
         return self.result.model_dump(mode="json")
 
-    def write(self, folder: Path, recorded: Recorded | str = NOT_RECORDED) -> None:
+    def write(
+        self, folder: Path, recorded: Recorded | str = NOT_RECORDED, draw: Runner = run_here
+    ) -> None:
         """Write everything but the samples, which are the recorder's; raises OSError."""
         run, job = self.run, self.job
+        subject = Subject(run, self.evaluation, f"{run.rig.rig.name} · {job.id}")
+        with ATTENTION.at("drawing"):
+            made = draw(picture, subject)
         write_documents(
             folder,
             job,
             run.planned,
             result=self.tree,
-            picture=picture(run, self.evaluation, f"{run.rig.rig.name} · {job.id}"),
+            picture=made,
             whose=about(run.planned, job, self.epoch),
             recorded=recorded,
         )
         trim_memory()
-
-
-def picture(run: Run, evaluation: Evaluation, name: str) -> Picture:
-    """Draw what a job has gathered."""
-    with ATTENTION.at("drawing"):
-        drawn = functions_of(job_kinds()[run.planned.plan.kind]).plot(run, evaluation, name)
-    return drawn if isinstance(drawn, Picture) else Picture(drawn)
 
 
 def about(planned: Planned, job: JobRow, epoch: int) -> dict[str, str]:
@@ -152,8 +241,9 @@ def gathered(
     )
     if goal is not None:
         result = result.model_copy(update={"goal": goal})
-    if isinstance(result, ClosedLoopResult) and rig.second is None:
-        returned = zero_return_of(tables.extreme, planned.armed.rig)
-        result = result.model_copy(update={"zero_return": returned})
+    result = result.model_copy(update=zero_returns(result, tables.extreme, planned.armed.rig))
+    if result.position_step is not None and rig.second is None:
+        step = with_ring(result.position_step, tables.extreme, planned.armed.rig)
+        result = result.model_copy(update={"position_step": step})
     run = replace(run, table=tables.extreme)  # the picture shows the extremes as well
     return Record(job, run, replace(evaluation, result=result), epoch)

@@ -1,19 +1,291 @@
 """What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
 
-from collections.abc import Mapping
+import base64
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from pincette.api.job_kinds import job_kinds
+from pincette.api.job_kinds import JobKind, job_kinds
 from pincette.api.live import LoopTiming
+from pincette.api.states import OUTCOMES
 from pincette.core.files import make_folder
 from pincette.core.messages import Recorded
+from pincette.core.units import bare, unit_of
 from pincette.records import folder as files
+from pincette.records.record_times import END, SAMPLE_0
+from pincette.records.timings import rows
 from pincette_supervisor.journal.store import JobRow
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.results.drawing import Picture
-from pincette_supervisor.results.report import report
+from pincette_supervisor.plugin import Planned
+from pincette_supervisor.plugin.drawing import Picture
+
+# A job as one page that needs nothing else: figures, picture, course, model; pure.
+#
+# Names of the result carry their units, and the page takes them from there; so a figure that a
+# result gains is in the report as well.
+
+ABSENT = "–"
+TITLES = {
+    "limits_acted": "Limits that acted",
+    "assumptions": "Assumptions",
+}
+"""Of parts whose name says too little."""
+WORDS = {
+    "sliding_in_band": "samples in which the law's sliding function is within its band "
+    "(outside of it the law brings it back)"
+}
+"""Explanations of figures whose names are not clear alone."""
+SHARES = frozenset({"sliding_in_band"})
+"""Figures from 0 to 1, told in percent."""
+DECIMALS = {"µm": 3, "mN": 2, "V": 4, "s": 2, "%": 2, "mN/µm": 2}
+"""Of results, by unit: a tenth of what the instruments resolve. Other figures have four digits."""
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
+       max-width: 64rem; margin: 2rem auto; padding: 0 1.5rem; }
+h1 { font-size: 1.5rem; margin: 0; } h2 { font-size: 1.05rem; margin: 2rem 0 .5rem; }
+p.whose { color: #5a646e; margin: .2rem 0 1.2rem; } img { width: 100%; height: auto; }
+p.verdict { font-size: 1.1rem; margin: .6rem 0 .2rem; }
+p.missing { border-left: 4px solid #b3261e; background: #fbeceb; padding: .6rem .9rem; }
+table { border-collapse: collapse; width: 100%; }
+th, td { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e3e7eb;
+         vertical-align: top; overflow-wrap: anywhere; }
+th { font-weight: 600; } td.number { font-variant-numeric: tabular-nums; }
+.columns { columns: 2; column-gap: 2.5rem; } .columns tr { break-inside: avoid; }
+@media print { body { margin: 0; max-width: none; } h2 { break-after: avoid; } }
+@media (max-width: 40rem) { .columns { columns: 1; } }
+"""
+
+GOALS: Mapping[bool | None, str] = {True: "met", False: "missed", None: "not judged"}
+
+
+def report(
+    *,
+    kind: JobKind,
+    values: Mapping[str, Any],
+    result: Mapping[str, Any],
+    picture: bytes,
+    whose: Mapping[str, str],
+    state: Mapping[str, bool | str],
+    timing: LoopTiming | None = None,
+) -> str:
+    """Draw up the page.
+
+    Parameters
+    ----------
+    kind
+        Of the job.
+    values
+        What it was done with: the request, completed by the rig file.
+    result
+        As it is stored and sent.
+    picture
+        PNG.
+    whose
+        Job, rig, model and time; see ``archive.about``.
+    state
+        Whether the record is complete, and why not.
+    timing
+        How punctual the programs were; None where nobody counted.
+    """
+    outcome = str(result.get("outcome", "")).replace("_", " ")
+    title = f"{kind.name}: {outcome}"
+    job, rig = whose.get("job", ""), whose.get("rig", "")
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="verdict">{escape(verdict(kind, result))}</p>',
+        f'<p class="whose">{escape(_whose(whose, job, rig))}</p>',
+        _missing(state),
+        _statement(result),
+        f'<img alt="{escape(title)}, over time" src="data:image/png;base64,'
+        f'{base64.b64encode(picture).decode()}">',
+        _section("Asked for", _pairs(_scalars(values), exact=True)),
+        _section("Figures", _pairs(_figures(kind, result))),
+    ]
+    for name, value in result.items():
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            heading = TITLES.get(name, name.replace("_", " ").capitalize())
+            parts.append(_section(heading, _list(cast("Sequence[Any]", value))))
+    if timing is not None:
+        parts.append(_section("Timing", _list([*rows(timing)])))
+    parts.append(_section("Made with", _pairs(whose.items())))
+    body = "\n".join(part for part in parts if part)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)} · {escape(job)}</title>\n<style>{STYLE}</style>\n</head>\n"
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
+    """How a job ended, and the figures that say most, in one line."""
+    outcome = str(result.get("outcome", ""))
+    told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
+    for figure in kind.figures:
+        value, spread = result.get(figure.name), result.get(figure.uncertainty)
+        if figure.main and isinstance(value, int | float) and not isinstance(value, bool):
+            digits = figure.digits
+            more = f" ± {spread:.{digits}f}" if isinstance(spread, float) else ""
+            told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
+    for name, arm in (("zero_return", "the free arm"), ("second_zero_return", "the second arm")):
+        returned = result.get(name)
+        if returned is not None and not returned["verified"]:
+            told.append(
+                f"unverified: back at the place of its zero {arm} read "
+                f"{returned['force_mN']:.2f} ± {returned['uncertainty_mN']:.2f} mN"
+            )
+    if result.get("zero_unconfirmed"):
+        told.append(
+            "zero unconfirmed: a part that pressed as the force was zeroed would be hidden; see "
+            "that nothing touches the arm, then send zero_confirmed = true"
+        )
+    for prefix, arm in (("", "arm"), ("second_", "second arm")):
+        change = result.get(f"{prefix}stroke_change_percent")
+        limit = result.get(f"{prefix}stroke_limit_percent")
+        if change is not None and limit is not None and abs(change) > limit:
+            told.append(
+                f"model mismatch: the stroke of the {arm} has changed by {change:+.2f} % since its "
+                f"calibration, explained are ±{limit:.2f} %"
+            )
+    goal = result.get("goal")
+    if goal is not None:
+        told.append(f"goal {GOALS[goal['met']]}")
+    return "; ".join(told)
+
+
+def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
+    """On what, by whom, and where it was done."""
+    parts = [f"{name} {whose[name]}" for name in ("sample", "batch", "operator") if whose.get(name)]
+    by = whose.get("requested_by", "")
+    return ", ".join(
+        [
+            *parts,
+            f"job {job} on rig {rig}",
+            *([f"asked for by {by}"] if by else []),
+            *_times(whose),
+        ]
+    )
+
+
+def _times(whose: Mapping[str, str]) -> list[str]:
+    """When the samples were recorded, and when the job was asked for."""
+    asked, begin, end = (whose.get(name) for name in ("created_at", SAMPLE_0, END))
+    return [
+        *([f"recorded from {begin} to {end}"] if begin and end else []),
+        *([f"asked for at {asked}"] if asked else []),
+    ]
+
+
+def _missing(state: Mapping[str, bool | str]) -> str:
+    if state.get("complete"):
+        return ""
+    why = str(state.get("detail", ""))
+    return f'<p class="missing">The record is not complete: {escape(why)}</p>'
+
+
+def _statement(result: Mapping[str, Any]) -> str:
+    said = result.get("statement")
+    return f"<p>{escape(str(said))}</p>" if said else ""
+
+
+def _section(heading: str, content: str) -> str:
+    return f"<h2>{escape(heading)}</h2>\n{content}" if content else ""
+
+
+def _scalars(
+    tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
+) -> list[tuple[str, Any]]:
+    """Every value that is neither list nor map; those of a map within by both names."""
+    found: list[tuple[str, Any]] = []
+    for name, value in tree.items():
+        if name in but:
+            continue
+        if isinstance(value, Mapping):
+            unit = unit_of(name)
+            inner = cast("Mapping[str, Any]", value)
+            for key, item in _scalars(inner, before=f"{before}{bare(name)}_"):
+                known = unit_of(key) or not isinstance(item, float)
+                found.append((key if known else f"{key}{_end(name, unit)}", item))
+        elif not isinstance(value, Sequence) or isinstance(value, str):
+            found.append((f"{before}{name}", value))
+    return found
+
+
+def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Every figure of a result, those that the kind names first."""
+    first = [figure.name.partition(".")[0] for figure in kind.figures]
+    ordered = {name: result[name] for name in (*first, *result) if name in result}
+    return _scalars(ordered, but=("outcome", "statement"))
+
+
+def _end(name: str, unit: str) -> str:
+    """The end of a name that tells the unit of what is in it."""
+    return name.removeprefix(bare(name)) if unit else ""
+
+
+def _pairs(pairs: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
+    rows = [
+        f"<tr><th>{escape(_words(name))}</th>{_told(name, value, exact=exact)}</tr>"
+        for name, value in pairs
+    ]
+    return f'<div class="columns"><table>{"".join(rows)}</table></div>' if rows else ""
+
+
+def _list(items: Sequence[Any]) -> str:
+    """A table of what has names, else a list."""
+    if not items:
+        return "<p>none</p>"
+    if not all(isinstance(item, Mapping) for item in items):
+        return f"<ul>{''.join(f'<li>{escape(_text(item))}</li>' for item in items)}</ul>"
+    rows = [dict(_scalars(item)) for item in items]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    head = "".join(f"<th>{escape(_headed(name))}</th>" for name in names)
+    lines = [
+        "".join(_cell(row.get(name), "", of=unit_of(name) or "-") for name in names) for row in rows
+    ]
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _words(name: str) -> str:
+    return WORDS.get(name, bare(name).replace("_", " "))
+
+
+def _headed(name: str) -> str:
+    unit = unit_of(name)
+    return f"{_words(name)} / {unit}" if unit else _words(name)
+
+
+def _told(name: str, value: Any, *, exact: bool) -> str:
+    """A figure; what was asked for stands there as it was asked for."""
+    if name in SHARES and isinstance(value, float):
+        return f'<td class="number">{100.0 * value:.0f} %</td>'
+    return _cell(value, unit_of(name), exact=exact)
+
+
+def _cell(value: Any, unit: str, *, exact: bool = False, of: str = "") -> str:
+    text = _text(value, "" if exact else of or unit)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    shown = f"{text} {unit}" if unit and value is not None else text
+    return f'<td class="number">{escape(shown)}</td>' if number else f"<td>{escape(shown)}</td>"
+
+
+def _text(value: Any, unit: str = "") -> str:
+    if value is None or value == "":
+        return ABSENT
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, float):
+        return str(value)
+    if not unit:
+        return f"{value:.5g}"
+    decimals = DECIMALS.get(unit)
+    # What would be rounded away keeps its first digits.
+    if decimals is None or 0.0 < abs(value) < 10.0 ** (1 - decimals):
+        return f"{value:.{4 if decimals is None else 2}g}"
+    return f"{value:.{decimals}f}"
+
 
 SAID = ("sample", "batch", "operator", "notes")
 LABEL = "label "

@@ -15,7 +15,7 @@ from pincette.records import folder, parquet
 from pincette.records.record_times import SAMPLE_0
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
-from pincette_supervisor.results.figures import Series
+from pincette_supervisor.plugin.figures import Series
 
 READ = ("t_s", "x_um", "x_r_um", "force_mN", "force_r_mN", "zero_age_s", "voltage_V", "sliding_um")
 NAMES = (

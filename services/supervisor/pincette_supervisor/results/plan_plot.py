@@ -7,17 +7,9 @@ import numpy as np
 
 from pincette.api.predictions import Prediction, Violation
 from pincette.config import RigFile
-from pincette_supervisor.planning.planned import Planned
 from pincette_supervisor.planning.predicted_samples import Samples
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import (
-    FAINT,
-    MEASURED,
-    REFERENCE,
-    SECOND,
-    Axis,
-    Sheet,
-)
+from pincette_supervisor.plugin import Planned, drawing
+from pincette_supervisor.plugin.drawing import FAINT, MEASURED, REFERENCE, SECOND, Axis, Sheet
 
 BROKEN, LIMIT = "#b3261e", "#a1383d"
 NEAR = 1.0

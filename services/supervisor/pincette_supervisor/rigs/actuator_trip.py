@@ -1,25 +1,20 @@
 """Trips a rig's actuator over the bus and, in parallel, over a link straight to the actuator."""
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from threading import BoundedSemaphore
 from time import monotonic
 from typing import cast
 
 from pincette.bus.protocol import Bus, BusError, RefusalError
-from pincette.bus.stopping import REPLY_S, StopAttempts
+from pincette.bus.stopping import DIRECT, REPLY_S, ROUTED, TRIP_S, StopAttempts
 from pincette.core.messages import Ack, Trip
 from pincette.core.topics import TRIP
 
-ROUTED, DIRECT = "through the router", "at the actuator"
 HEAD_START_S = 0.1
 """Time for which the bus is tried alone. Where it works, the actuator needs no further session."""
-TRIP_S = 1.2
-"""Limit of the time for all ways together."""
 UNDER_WAY = 8
 """Attempts of one way that may be under way; those of a dead link last for seconds."""
-MOST_AT_ONCE = 64
-"""Actuators that one request trips beside those of the served rigs."""
 
 
 class ActuatorTrip:
@@ -82,25 +77,3 @@ def _unconfirmed(attempts: StopAttempts, limit_s: float) -> BusError:
     why = [f"{way}: {error}" for way, error in attempts.failed]
     why += [f"{way}: no reply within {limit_s:.1f} s" for way in attempts.running]
     return BusError("; ".join(why))
-
-
-def trip_each(rigs: Iterable[str], call: Callable[[str], object]) -> dict[str, str]:
-    """Trip several actuators at once, each by a call of its own.
-
-    Returns why each rig that has not confirmed within ``TRIP_S`` has not.
-    """
-    attempts, wanted = StopAttempts(), sorted(rigs)[:MOST_AT_ONCE]
-
-    def start(rig: str) -> None:
-        def attempt() -> None:
-            call(rig)
-            attempts.confirm(rig, ROUTED)
-
-        attempts.start(rig, attempt)
-
-    for rig in wanted:
-        start(rig)
-    attempts.wait(TRIP_S)
-    failed = {rig: str(error) for rig, error in attempts.failed}
-    silent = f"no reply within {TRIP_S:g} s"
-    return {rig: failed.get(rig, silent) for rig in wanted if rig not in attempts.confirmed}

@@ -13,10 +13,11 @@ from pincette.api.rig_states import RigState
 from pincette.bus.protocol import Bus, BusError
 from pincette.config import ConfigError, RigFile
 from pincette.core.faults import Cause, Mode, Predecessor
-from pincette.core.messages import Applied, Position, Reset, Status, Timing, TimingRequest
+from pincette.core.idle_sampling import SAMPLE_S
+from pincette.core.messages import Applied, Idle, Position, Reset, Status, Timing, TimingRequest
 from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.plugins import PluginError
-from pincette.core.topics import LOOP, RESET, TIMING_OF
+from pincette.core.topics import IDLE, LOOP, RESET, TIMING_OF
 from pincette.core.wording import fault_text
 from pincette.engine.arming import status
 from pincette.engine.timing_budget import Budget, budget, lets_go_s
@@ -31,6 +32,8 @@ FRESH_S = 0.5
 """For how long an answer counts before the programs are asked again."""
 SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent, or read no position, this long, whichever is longer."""
+IDLE_SENSOR_S = 5.0 * SAMPLE_S
+"""The same while the sensor of an idle rig samples seldom."""
 PROGRAMS = (*LOOP, "recorder")
 """Those that a job needs."""
 SIMULATION = "rig"
@@ -45,6 +48,8 @@ SHOWN: dict[Mode, RigState] = {
 UNTRUSTED = -1
 """Instance of no program."""
 MET, CLEARED = "actuator_met", "actuator_boot_cleared"
+HOLDER = "part_holder"
+"""Note of the actuator that holds a part."""
 
 
 class LatchState(NamedTuple):
@@ -78,7 +83,12 @@ class Health:
         self.clock = clock
         self._write_queue = WriteQueue()
         """Of notes, so that no reset waits for a disk."""
-        self._met, self._cleared = (f"{note}: {rig.rig.name}" for note in (MET, CLEARED))
+        self._met, self._cleared, self._holder = (
+            f"{note}: {rig.rig.name}" for note in (MET, CLEARED, HOLDER)
+        )
+        self._holder_instance = store.get_note(self._holder) or ""
+        """Instance of the actuator that was last known to hold a part; empty: the gripper was last
+        known to be empty. In memory, as ``_cleared_instance``."""
         self._budget = _budget(rig)
         self.lets_go_s = lets_go_s(rig)
         """After so long without its host the output may have let a part go."""
@@ -95,6 +105,8 @@ class Health:
         self._armed: tuple[int, str] | None = None
         self._trusted: int | None = None
         self._met_before = False
+        self._seldom: tuple[int, int] | None = None
+        """Instance and epoch of the sensor that was asked to sample seldom."""
         self._cleared_instance = ""
         """Actuator whose latch was cleared last, in memory: streams ask for it on the event loop,
         where no read may wait for a disk."""
@@ -214,6 +226,30 @@ class Health:
         self._note(self._cleared, actuator.instance)
         self._note(self._met, actuator.instance)
 
+    def note_part(self, held: bool | None) -> None:
+        """Remember whether the gripper holds a part, over restarts of all programs.
+
+        Parameters
+        ----------
+        held
+            None where the actuator in use holds none and nothing else shows that the gripper is
+            empty. A part that this very actuator held has then been let go; one that an earlier
+            actuator held may still be there.
+        """
+        actuator = self.status("actuator")
+        if actuator is None or (held is None and self.earlier_held()):
+            return
+        found = str(actuator.instance) if held else ""
+        if found != self._holder_instance:
+            self._holder_instance = found
+            self._write_queue.submit(partial(self._store.set_note, self._holder, found))
+
+    def earlier_held(self) -> bool:
+        """Return True where an earlier actuator held a part that nobody knows to be released."""
+        actuator = self.status("actuator")
+        present = "" if actuator is None else str(actuator.instance)
+        return self._holder_instance not in ("", present)
+
     def _note(self, name: str, instance: int) -> None:
         """Store a note for the next supervisor, which otherwise asks for one more reset."""
         self._write_queue.submit(partial(self._store.set_note, name, str(instance)))
@@ -252,7 +288,27 @@ class Health:
 
     def sensor_limit_s(self) -> float:
         """How long the sensor of an idle rig may be silent; it owns the clock in real time."""
-        return max(SENSOR_S, SENSOR_PERIODS * self._rig.rig.period_s)
+        most_s = IDLE_SENSOR_S if self.samples_seldom() else SENSOR_S
+        return max(most_s, SENSOR_PERIODS * self._rig.rig.period_s)
+
+    def let_sample_seldom(self) -> None:
+        """Ask the sensor to sample seldom until the next arming; no error if it does not answer."""
+        sensor = self.status("sensor")
+        if sensor is None or self.samples_seldom():
+            return
+        try:
+            self._bus.call(IDLE, Idle(sensor.epoch), ASK_S)
+        except BusError:
+            return  # armed meanwhile, or gone: its status tells
+        self._seldom = sensor.instance, sensor.epoch
+
+    def samples_seldom(self) -> bool:
+        """Return True if the sensor was asked to sample seldom, and was not armed since."""
+        position = self._observer.newest(Position)
+        sensor = self.status("sensor")
+        if position is None or sensor is None or self._seldom is None:
+            return False
+        return self._seldom == (sensor.instance, position.epoch)
 
     def sensor_trouble(self) -> str:
         """Why the sensor cannot be relied on, by its samples; empty where it can."""
@@ -268,19 +324,9 @@ class Health:
         return f"reads no position: {fault_text(position.fault) or 'not known why'}"
 
     def reasons(self) -> list[str]:
-        """Why no job can start, the actuator's latch apart."""
+        """Return why the programs cannot play a job; the actuator's state is not among it."""
         found = [f"{service}: {trouble}" for service, trouble in self.troubles().items()]
-        found += [why for why in (self.changed, self.too_slow()) if why]
-        mode, reason = self.latch()
-        words = self._observer.trips.words(reason, self._rig)
-        if mode == Mode.FROZEN:
-            found.append(
-                f"actuator: frozen ({words}); reset it to keep the part held, then hold or "
-                "release it by a job, or wait until it has been let go"
-            )
-        if mode == Mode.RAMPING:
-            found.append(f"actuator: ramping ({words}); wait until it is safe, then reset it")
-        return found
+        return found + [why for why in (self.changed, self.too_slow()) if why]
 
     def exchanges(self) -> dict[str, tuple[ExchangeTimes, ...]]:
         """Return what exchanges took for each program that has an instrument, for each arm."""

@@ -1,23 +1,19 @@
 """The emergency stop and the reset of one rig."""
 
-import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 from pincette.api.rigs import Stopped
 from pincette.bus.protocol import BusError, RefusalError
+from pincette.bus.stopping import TRIP_S
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.engine.threads import log_failure
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.refusals import unanswered
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rigs.actuator_trip import TRIP_S
 from pincette_supervisor.rigs.rig_context import RigContext
-
-ESTOP_THREADS = 4
-LEAST_S = 0.3
-"""Time left for a trip that had to wait for others, so that each answer comes within 1.5 s."""
+from pincette_supervisor.rigs.shared_turns import LEAST_S, SharedTurns
 
 
 def unconfirmed(why: str) -> ProblemError:
@@ -36,34 +32,18 @@ class LatchControl:
     def __init__(self, context: RigContext) -> None:
         self._context = context
         name = context.rig.rig.name
-        self.threads = ThreadPoolExecutor(ESTOP_THREADS, thread_name_prefix=f"estop-{name}")
-        """For emergency stops: no other call, and no other rig, takes them."""
+        self._turns = SharedTurns[Stopped](f"estop-{name}")
         self._aside = ThreadPoolExecutor(1, thread_name_prefix=f"aside-{name}")
         """Writes an emergency stop down, so that no disk holds it up."""
-        self._slots = asyncio.Semaphore(ESTOP_THREADS)
-        self._next: asyncio.Task[Stopped] | None = None
-        """Trips the actuator, and has not begun to."""
 
     async def stopped(self, by: str) -> Stopped:
         """Trip the actuator in a thread of its own, which no other request and no other rig uses.
 
-        Anybody may request it, at any rate. Requests that come while all threads are busy share
-        the next trip, which begins after all of them have arrived.
+        Anybody may request it, at any rate: requests share trips, see ``SharedTurns``.
         """
-        loop = asyncio.get_running_loop()
-        task = self._next
-        if task is None or task.done() or task.get_loop() is not loop:
-            task = self._next = loop.create_task(self._in_turn(by))
-            task.add_done_callback(lambda done: done.cancelled() or done.exception())
-        return await asyncio.shield(task)
-
-    async def _in_turn(self, by: str) -> Stopped:
-        loop = asyncio.get_running_loop()
-        begun_s = loop.time()
-        async with self._slots:
-            self._next = None
-            limit_s = max(LEAST_S, TRIP_S - (loop.time() - begun_s))
-            return await loop.run_in_executor(self.threads, self.estop, by, limit_s)
+        return await self._turns.call(
+            lambda waited_s: self.estop(by, max(LEAST_S, TRIP_S - waited_s))
+        )
 
     def estop(self, by: str, limit_s: float = TRIP_S) -> Stopped:
         """Trip the actuator at once over all ways; takes no lock and touches no disk."""
@@ -102,3 +82,7 @@ class LatchControl:
     def close(self) -> None:
         """Wait until emergency stops are written down."""
         self._aside.shutdown()
+
+    def release(self) -> None:
+        """End the threads, once no request needs them."""
+        self._turns.close()

@@ -15,6 +15,7 @@ from typing import Any
 from msgspec import UNSET
 
 from pincette.api.live import LiveBatch, SecondColumns
+from pincette.core.idle_sampling import idle_periods
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
 from pincette.core.topics import Topic
 from pincette_supervisor.journal.listeners import TooManyListenersError
@@ -44,6 +45,8 @@ class Row:
     """Whether it has the controller's telemetry; without, phase and playing stay as before."""
     estimated: bool = False
     """Whether it has the estimator's word, be it a force or none."""
+    applied: bool = False
+    """Whether it has the actuator's message, be the voltage confirmed or not."""
     armed: bool = True
     """Whether the actuator follows commands, as far as known."""
     after_gap: bool = False
@@ -87,6 +90,10 @@ class LiveSamples:
         self._pending: dict[int, Row] = {}
         """Rows of the newest epoch that still wait for messages, by seq."""
         self._epoch: int | None = None
+        self._place = (-1, -1)
+        """Epoch of the newest row, and its number divided by the stride; an idle rig leaves numbers
+        out, which need not be multiples of the stride."""
+        self._idle_stride = max(self._stride, idle_periods(period_s))
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._count = 0
         self._listeners: Counter[str] = Counter()
@@ -96,17 +103,18 @@ class LiveSamples:
         """Put a message into its row; called in threads of the bus."""
         if not isinstance(message, Position | Estimate | Telemetry | Applied):
             return
-        if message.seq % self._stride:
-            return
         with self._lock:
             if isinstance(message, Position):
-                self._begin(message)
+                place = message.epoch, message.seq // self._stride
+                if place != self._place:
+                    self._place = place
+                    self._begin(message)
                 return
             row = self._pending.get(message.seq)
             if row is None or row.epoch != message.epoch:
                 return
             _fill(row, message)
-            if row.whole and row.estimated and row.voltage_V is not None:
+            if row.whole and row.estimated and row.applied:
                 self._close(message.seq)
 
     def _begin(self, position: Position) -> None:
@@ -130,7 +138,8 @@ class LiveSamples:
             before = self._rows[-1] if self._rows else row
             if not row.whole and row.armed and before.epoch == row.epoch:
                 row.playing, row.phase = before.playing, before.phase
-            row.after_gap = before.epoch != row.epoch or row.seq - before.seq > self._stride
+            stride = self._stride if row.armed else self._idle_stride
+            row.after_gap = before.epoch != row.epoch or row.seq - before.seq > stride
             row.number = self._count
             self._count += 1
             self._rows.append(row)
@@ -145,6 +154,8 @@ class LiveSamples:
                 fresh.append(row)
             count = self._count
         step = max(1, ceil(len(fresh) / most))
+        if step == 1:
+            return count, count - place - len(fresh), fresh[::-1]
         thinned = [
             replace(fresh[i], after_gap=any(row.after_gap for row in fresh[i : i + step]))
             for i in range(0, len(fresh), step)
@@ -188,7 +199,7 @@ def _fill_second(row: SecondRow, message: Estimate | Telemetry | Applied) -> Non
         if second is not UNSET and message.valid and second.zero_age_s is not None:
             row.force_mN = second.force_mN
     elif isinstance(message, Applied):
-        row.voltage_V = None if message.second is UNSET else message.second.voltage_V
+        row.voltage_V = message.confirmed_second_V
     elif message.second is not UNSET:
         row.place_um = message.second.place_um
         row.place_r_um = message.second.place_r_um if message.playing else None
@@ -203,7 +214,8 @@ def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
             row.force_mN = message.force_mN
             row.force_uncertainty_mN = message.force_uncertainty_mN
     elif isinstance(message, Applied):
-        row.voltage_V, row.armed = message.voltage_V, message.state == "armed"
+        row.applied, row.armed = True, message.state == "armed"
+        row.voltage_V = message.confirmed_V
     else:
         row.whole, row.playing = True, message.playing
         if message.playing:

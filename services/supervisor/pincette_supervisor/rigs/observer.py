@@ -197,6 +197,10 @@ class Observer:
         """Those of these programs whose token was seen and has vanished."""
         return [program for program in programs if self._alive.get(program) is False]
 
+    def sees_any(self, without: tuple[str, ...] = ()) -> bool:
+        """Return whether the token of any program is seen, except those named."""
+        return any(seen for program, seen in self._alive.items() if program not in without)
+
     def start_buffering(self) -> MessageBuffer:
         """Begin to keep every message, for one run at a time."""
         self._buffer = MessageBuffer()

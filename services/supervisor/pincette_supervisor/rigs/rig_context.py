@@ -15,6 +15,7 @@ from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.results.history import HistoryReader
 from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
 from pincette_supervisor.rigs.health import Health
@@ -36,6 +37,8 @@ class RigContext:
     records: Path
     archivist: Executor
     """Where records are made; see ``archive.archivist``."""
+    draw: Runner = run_here
+    """Calls functions that draw pictures, in a process of their own where there is one."""
     guard_s: float = 20.0
     """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
     clock: Callable[[], float] = monotonic
@@ -54,19 +57,13 @@ class RigContext:
         return self.model.rig
 
     def reasons(self) -> list[str]:
-        """Why no job can start, the actuator's latch and a held part apart."""
+        """Return why no job can start, except for the actuator's state and a held part."""
         found = self.health.reasons()
         if self.model.trouble:
             found.append(f"model: {self.model.trouble}")
         if self.store.trouble:
             found.append(f"store: {self.store.trouble}")
         return found
-
-    def lasting_reasons(self) -> list[str]:
-        """The same, once the programs were asked anew where one was late, or has just come up."""
-        if self.reasons():
-            self.health.refresh(force=True)
-        return self.reasons()
 
     @cached_property
     def alarms(self) -> AlarmLog:

@@ -1,10 +1,11 @@
-"""Finds rigs on the router by their programs' liveliness tokens, and serves each in a thread."""
+"""Finds rigs on the router by their programs' liveliness tokens, and serves them."""
 
 import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from time import monotonic
 from typing import Protocol
 
@@ -12,21 +13,33 @@ from pincette.bus.protocol import BusError
 from pincette.config import ConfigError, RigFile
 from pincette.core.messages import RigFileReply
 from pincette.core.topics import LOOP
-from pincette.engine.rig_file import ask_rig_file, read_rig_reply
+from pincette.engine.rig_file import read_rig_reply
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import StoreError
-from pincette_supervisor.rigs.rigs import OpenBus, Rigs
+from pincette_supervisor.rigs.rigs import Rigs
 
 log = logging.getLogger(__name__)
 FIRST_S = 4.0
 """How long the supervisor waits at start for rigs that are already running."""
 SETTLE_S = 0.1
 """Programs of one rig come and go together; changes within this time are handled at once."""
-AGAIN_S = 1.0
-"""After this time a rig that was not ready is checked again."""
+AGAIN_S, AGAIN_MOST_S = 1.0, 30.0
+"""A rig that is served and not ready is checked again after the first time. One that cannot be
+served is checked after the same time, and after twice the time at each further failure, up to the
+second: any tool can hold the tokens of a rig that does not exist."""
+WORKERS = 4
+"""Number of rigs that are checked at the same time."""
 JOIN_S = 2.0
 ASKED_FIRST = ("actuator", *(name for name in LOOP if name != "actuator"))
 """Programs in the order in which their rig file counts."""
+
+
+class AskRigFile(Protocol):
+    """Requests to rigs that are not served."""
+
+    def rig_file(self, rig: str, program: str) -> RigFileReply:
+        """Return the rig file that a program of the loop runs with; raises BusError."""
+        ...
 
 
 class Everywhere(Protocol):
@@ -43,26 +56,31 @@ class Everywhere(Protocol):
 
 @dataclass(slots=True)
 class FoundRig:
-    """A rig that was found: its programs of the loop, and the thread that watches it."""
+    """A rig that was found: its programs of the loop, and when it is checked next."""
 
     programs: set[str] = field(default_factory=set[str])
     here: bool = False
-    woken: threading.Event = field(default_factory=threading.Event)
+    due_s: float = inf
+    """Time of the next check; infinite if none is due before its programs change."""
+    failures: int = 0
+    """Number of checks in a row that found a rig that cannot be served."""
+    busy: bool = False
+    """True while it is checked."""
     seen: threading.Event = field(default_factory=threading.Event)
     """Set once it has been checked."""
-    thread: threading.Thread | None = None
 
 
 class RigFinder:
     """Serves every rig whose programs appear, except the supervisor's own."""
 
     def __init__(
-        self, rigs: Rigs, open_bus: OpenBus, create: Callable[[RigFile], JobManager]
+        self, rigs: Rigs, others: AskRigFile, create: Callable[[RigFile], JobManager]
     ) -> None:
-        self._rigs, self._open_bus, self._create = rigs, open_bus, create
-        self._lock = threading.Lock()
+        self._rigs, self._others, self._create = rigs, others, create
+        self._changed = threading.Condition()
         self._found: dict[str, FoundRig] = {}
-        self._closing = threading.Event()
+        self._workers: list[threading.Thread] = []
+        self._closing = False
 
     def start(self, everywhere: Everywhere) -> None:
         """Serve the rigs that are alive, and from then on those that appear."""
@@ -77,39 +95,72 @@ class RigFinder:
         """Note that a program has come or gone; from any thread, without blocking."""
         if rig == self._rigs.own.name or program not in LOOP:
             return
-        with self._lock:
-            if self._closing.is_set():
+        with self._changed:
+            if self._closing:
                 return
             found = self._found.setdefault(rig, FoundRig())
             (found.programs.add if alive else found.programs.discard)(program)
-            found.woken.set()
-            if found.thread is None:
-                found.thread = threading.Thread(
-                    target=self._watch_rig, args=(rig, found), name=f"finds-{rig}", daemon=True
+            found.due_s, found.failures = monotonic() + SETTLE_S, 0
+            if len(self._workers) < min(WORKERS, len(self._found)):
+                number = len(self._workers) + 1
+                worker = threading.Thread(
+                    target=self._work, name=f"finds-rigs-{number}", daemon=True
                 )
-                found.thread.start()
+                self._workers.append(worker)
+                worker.start()
+            self._changed.notify()
 
-    def _watch_rig(self, rig: str, found: FoundRig) -> None:
-        done = False
+    def _work(self) -> None:
         while True:
-            found.woken.wait(None if done else AGAIN_S)
-            if self._closing.wait(SETTLE_S):
-                return
-            found.woken.clear()
-            try:
-                done = self._check(rig, found)
-            except (BusError, ConfigError, StoreError) as error:
-                done = isinstance(error, ConfigError)
-                self._refuse(rig, str(error))
-            except Exception as error:  # the thread goes on, and checks the rig again
-                done = False
-                log.exception("rig %s cannot be checked", rig)
-                self._refuse(rig, f"the supervisor has a fault, see its log: {error}")
+            with self._changed:
+                rig = self._next_due()
+                if rig is None:
+                    return
+                found = self._found[rig]
+                found.busy, found.due_s = True, inf
+            again_s = self._again_s(rig, found)
             found.seen.set()
+            with self._changed:
+                found.busy = False
+                found.due_s = min(found.due_s, monotonic() + again_s)
+                if not found.programs and found.due_s == inf and self._rigs.find(rig) is None:
+                    del self._found[rig]
+                self._changed.notify()
+
+    def _next_due(self) -> str | None:
+        """Wait until a rig is due, those first that have failed least often; None at the end."""
+        while not self._closing:
+            now_s = monotonic()
+            free = [(rig, found) for rig, found in self._found.items() if not found.busy]
+            due = [
+                (found.failures, found.due_s, rig) for rig, found in free if found.due_s <= now_s
+            ]
+            if due:
+                return min(due)[2]
+            next_s = min((found.due_s for _, found in free), default=inf)
+            self._changed.wait(None if next_s == inf else next_s - now_s)
+        return None
+
+    def _again_s(self, rig: str, found: FoundRig) -> float:
+        """Check a rig; return the time until the next check, infinite if none is needed."""
+        try:
+            return inf if self._check(rig, found) else AGAIN_S
+        except (BusError, ConfigError, StoreError) as error:
+            self._refuse(rig, str(error))
+            if isinstance(error, ConfigError):
+                return inf
+        except Exception as error:  # the thread goes on, and checks the rig again
+            log.exception("rig %s cannot be checked", rig)
+            self._refuse(rig, f"the supervisor has a fault, see its log: {error}")
+        if self._rigs.find(rig) is not None:
+            return AGAIN_S
+        with self._changed:
+            found.failures += 1
+            return min(AGAIN_MOST_S, AGAIN_S * 2.0 ** (found.failures - 1))
 
     def _check(self, rig: str, found: FoundRig) -> bool:
         """Check a rig whose programs have come or gone; False if it must be checked again."""
-        with self._lock:
+        with self._changed:
             programs = set(found.programs)
         manager = self._rigs.find(rig)
         here, found.here = found.here, bool(programs)
@@ -128,16 +179,12 @@ class RigFinder:
         """The rig files of the programs; raises BusError if none answers."""
         replies: dict[str, RigFileReply] = {}
         trouble = ""
-        bus = self._open_bus(rig, lockstep=False)
-        try:
-            for program in ASKED_FIRST:
-                if program in programs:
-                    try:
-                        replies[program] = ask_rig_file(bus, program)
-                    except BusError as error:
-                        trouble = str(error)
-        finally:
-            bus.close()
+        for program in ASKED_FIRST:
+            if program in programs:
+                try:
+                    replies[program] = self._others.rig_file(rig, program)
+                except BusError as error:
+                    trouble = str(error)
         if not replies:
             raise BusError(f"its rig file is not known: {trouble}")
         return replies
@@ -165,8 +212,8 @@ class RigFinder:
         manager.context.write_queue.submit(
             partial(manager.context.events.append, "rig", None, **found)
         )
-        with self._lock:
-            late = self._closing.is_set()
+        with self._changed:
+            late = self._closing
             if not late:
                 self._rigs.add(manager)
         if late:
@@ -202,13 +249,12 @@ class RigFinder:
 
     def close(self) -> None:
         """Serve no further rigs."""
-        with self._lock:
-            self._closing.set()
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
         deadline = monotonic() + JOIN_S
-        for found in self._found.values():
-            found.woken.set()
-            if found.thread is not None:
-                found.thread.join(max(0.0, deadline - monotonic()))
+        for worker in self._workers:
+            worker.join(max(0.0, deadline - monotonic()))
 
 
 def _end(manager: JobManager) -> None:

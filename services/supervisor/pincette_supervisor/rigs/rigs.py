@@ -1,7 +1,8 @@
 """The rigs of one supervisor: its own and those found on the router, and how one is created."""
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,13 +12,14 @@ from typing import Protocol, TypeVar
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
+from pincette.bus.stopping import TRIP_S
 from pincette.config import RigFile
 from pincette.config.rig_file import JOINED
 from pincette.core.messages import Trip
 from pincette_supervisor import problems
 from pincette_supervisor.config import MODELS, RECORDS
+from pincette_supervisor.jobs.job_index import job_view
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.jobs.job_view import job_view
 from pincette_supervisor.jobs.refusals import require_job, unready
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.job_filter import JobFilter
@@ -26,28 +28,70 @@ from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play
+from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.results import archive
-from pincette_supervisor.rigs.actuator_trip import trip_each
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
+from pincette_supervisor.rigs.other_rigs import StopOfOthers
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.shared_turns import LEAST_S, SharedTurns
 
 T = TypeVar("T")
+SETTLED_MAX = 600
+"""Jobs that are kept for lists: more than the longest list has."""
+
+
+class SettledJobs:
+    """The newest jobs as JSON that change with their journal row only; safe to use from threads.
+
+    Many clients ask for the newest jobs again and again. To read, validate and encode such a job
+    takes twenty times as long as to find it here.
+    """
+
+    def __init__(self, most: int = SETTLED_MAX) -> None:
+        self._most = most
+        self._lock = threading.Lock()
+        self._jobs: OrderedDict[str, tuple[int, bytes]] = OrderedDict()
+        """Revision and JSON, by name; the one that was used last is the last."""
+
+    def find(self, revisions: Iterable[tuple[str, int]]) -> dict[str, bytes]:
+        """Return the jobs that are here at these revisions, by name."""
+        found: dict[str, bytes] = {}
+        with self._lock:
+            for name, revision in revisions:
+                kept, encoded = self._jobs.get(name, (-1, b""))
+                if kept == revision:
+                    self._jobs.move_to_end(name)
+                    found[name] = encoded
+        return found
+
+    def add(self, name: str, revision: int, encoded: bytes) -> None:
+        """Keep a job, in place of an older revision."""
+        with self._lock:
+            self._jobs[name] = revision, encoded
+            self._jobs.move_to_end(name)
+            if len(self._jobs) > self._most:
+                self._jobs.popitem(last=False)
 
 
 class Rigs:
     """The rigs by name, the supervisor's own first; no method waits for a bus."""
 
     def __init__(
-        self, own: JobManager, trip_unserved: Callable[[str], object] | None = None
+        self,
+        own: JobManager,
+        stop_others: Callable[[Collection[str], float], StopOfOthers] | None = None,
     ) -> None:
-        """``trip_unserved``: trips the actuator of a rig that was found and cannot be served."""
+        """``stop_others``: trips the actuators of rigs that are not served, within a time."""
         self.own = own
-        self._trip_unserved = trip_unserved
+        self._stop_others = stop_others
+        self._turns = SharedTurns[StopOfOthers]("estop-others")
+        """No thread of a served rig's stop waits for one that is not served."""
         self._lock = threading.Lock()
         self._managers: Mapping[str, JobManager] = {own.name: own}
         self._unusable: Mapping[str, str] = {}
+        self._settled = SettledJobs()
 
     @property
     def store(self) -> Store:
@@ -73,12 +117,22 @@ class Rigs:
             others = {name: other for name, other in self._unusable.items() if name != rig}
             self._unusable = {**others, rig: why} if why else others
 
-    def stop_unserved(self, rigs: Iterable[str]) -> dict[str, str]:
-        """Trip rigs that cannot be served; returns why each one was not stopped."""
-        if self._trip_unserved is None:
-            return {rig: self._unusable.get(rig, "") for rig in rigs}
-        failed = trip_each(rigs, self._trip_unserved)
-        return {rig: f"{self._unusable.get(rig, '')}: {why}" for rig, why in failed.items()}
+    async def stop_unserved(self, rig: str | None = None) -> StopOfOthers:
+        """Trip a rig that cannot be served, or all of them."""
+        if not self._unusable:
+            return StopOfOthers((), {})
+        return await self._turns.call(
+            lambda waited_s: self._stop_unserved(waited_s, rig), rig or "every rig"
+        )
+
+    def _stop_unserved(self, waited_s: float, rig: str | None = None) -> StopOfOthers:
+        unusable = self._unusable
+        wanted = [*unusable] if rig is None else [rig]
+        if self._stop_others is None:
+            return StopOfOthers((), {one: unusable.get(one, "") for one in wanted})
+        found = self._stop_others(wanted, max(LEAST_S, TRIP_S - waited_s))
+        missed = {one: f"{unusable.get(one, '')}: {why}" for one, why in found.missed.items()}
+        return replace(found, missed=missed)
 
     def all(self) -> list[JobManager]:
         """All served rigs, the supervisor's own first."""
@@ -136,12 +190,27 @@ class Rigs:
         """One job; raises ProblemError if there is none of this name."""
         return self._view(require_job(self.store, name))
 
-    def jobs(self, limit: int, found: JobFilter, before: str | None = None) -> list[Job]:
-        """Jobs of all rigs, newest first, taken before one that is named; raises ProblemError."""
+    def listed_jobs(
+        self, limit: int, found: JobFilter, before: str | None = None
+    ) -> dict[str, bytes]:
+        """Return the newest jobs of all rigs as JSON by name, newest first; raises ProblemError.
+
+        ``before``: only those that were created before this job.
+        """
         if before is not None:
             found = replace(found, before_number=require_job(self.store, before).number)
         self._require_known(found.rig)
-        return [self._view(row) for row in self.store.newest(limit, found)]
+        newest = self.store.newest_revisions(limit, found)
+        jobs = self._settled.find(newest)
+        missing = [name for name, _ in newest if name not in jobs]
+        for row in self.store.several(missing) if missing else ():
+            # Asked before the job is built: one that settles meanwhile is built again.
+            settled = self._is_settled(row)
+            job = self._view(row)
+            jobs[row.id] = encoded = job.model_dump_json(by_alias=True).encode()
+            if settled and job.revision == row.revision:  # else the journal is behind
+                self._settled.add(row.id, row.revision, encoded)
+        return {name: jobs[name] for name, _ in newest if name in jobs}
 
     def job_pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[Job]]:
         """Pages of the jobs of all rigs, newest first; raises ProblemError."""
@@ -162,6 +231,10 @@ class Rigs:
         if manager is None:
             return job_view(row, None, None, self.records(row.rig))
         return manager.index.view(row)
+
+    def _is_settled(self, row: JobRow) -> bool:
+        manager = self.find(row.rig)
+        return manager is None or manager.index.is_settled(row.id)
 
     def records(self, rig: str) -> Path:
         """Folder of a rig's records, whether or not it is served."""
@@ -187,6 +260,7 @@ class Rigs:
         """Release threads and buses of all rigs."""
         for manager in self.all():
             manager.release()
+        self._turns.close()
 
 
 class OpenBus(Protocol):
@@ -207,6 +281,8 @@ class RigFactory:
     open_bus: OpenBus
     play: Play = played
     """Simulates a plan on the model, on a spare processor."""
+    draw: Runner = run_here
+    """Calls functions that draw pictures, on a spare processor."""
     awake_clock: Callable[[], float] | None = None
     """A clock that stands still while this process is suspended."""
     trip_directly: Callable[[RigFile, Trip], object] | None = None
@@ -238,5 +314,6 @@ class RigFactory:
             events=EventLog(self.store, rig.rig.name, self.listeners),
             records=home / RECORDS,
             archivist=archive.archivist(),
+            draw=self.draw,
             trip_directly=None if self.trip_directly is None else partial(self.trip_directly, rig),
         )

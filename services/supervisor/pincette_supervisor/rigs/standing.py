@@ -9,12 +9,18 @@ believed. In lockstep time is not that of the clock on the wall: the actuator's 
 from math import inf
 from typing import NamedTuple
 
-from pincette.api.rig_states import RigState
-from pincette.api.rigs import Certainty, PartState, Standing
-from pincette.core.faults import Mode
+from msgspec import UNSET
+
+from pincette.api.rig_states import PART, Certainty, PartState, ReportedPart, RigState
+from pincette.api.rigs import Standing
+from pincette.core.faults import Fault, FaultCode, Mode
 from pincette.core.messages import Applied
 from pincette_supervisor.alarms.trips import output_lost
+from pincette_supervisor.plugin import Present
 from pincette_supervisor.rigs.rig_context import RigContext
+
+PLAYING_S = 1.0
+"""Age of the newest sample from which a program is not heard any more, in s."""
 
 
 class Limits(NamedTuple):
@@ -74,21 +80,23 @@ def _state(
 def _part(
     context: RigContext, limits: Limits, heard_s: float | None
 ) -> tuple[PartState, Certainty]:
-    """Whether the gripper holds a part, as the actuator was last told."""
-    applied, (mode, reason) = context.observer.newest(Applied), context.health.latch()
-    if applied is None or mode in (None, Mode.RAMPING, Mode.LATCHED):
+    """Return whether the gripper holds a part, by the actuator's newest sample.
+
+    An actuator that took the place of one which held a part does not know of that part.
+    """
+    applied = context.observer.newest(Applied)
+    if applied is None:
         return "unknown", "unknown"
+    reported: ReportedPart = "held" if applied.part_held else "none"
     age_s = inf if heard_s is None else heard_s
-    if not applied.part_held:
-        # Nothing that fails grips one.
-        return "none", "known" if age_s <= limits.known_s else "believed"
-    if output_lost(reason):
+    reason = context.health.latch().reason
+    if reported == "none" and context.health.earlier_held():
+        return "unknown", "unknown"
+    if reported == "held" and output_lost(reason):
         lost_s = context.observer.trips.lost_s(reason)
         age_s = max(age_s, inf if lost_s is None else lost_s)
-    certainty = limits.certainty(age_s)
-    if certainty == "unknown":
-        return "unknown", "unknown"
-    return "held", certainty if mode == Mode.ARMED else "believed"
+    certainty = PART[context.health.state][reported][limits.certainty(age_s)]
+    return ("unknown" if certainty == "unknown" else reported), certainty
 
 
 def _part_age_s(context: RigContext, heard_s: float | None) -> float | None:
@@ -97,3 +105,52 @@ def _part_age_s(context: RigContext, heard_s: float | None) -> float | None:
     if context.rig.lockstep or applied is None or not applied.part_held:
         return heard_s
     return context.observer.confirmed_s()
+
+
+def is_playing(context: RigContext) -> bool:
+    """Whether a program plays, by the actuator's samples; while none has come, by its answer.
+
+    That counts for a moment alone: where a supervisor was killed before it had armed the sensor,
+    in lockstep the actuator stays armed, and nothing plays.
+    """
+    silent_s = context.observer.silent_s(Applied)
+    if silent_s is None:
+        actuator = context.health.status("actuator")
+        armed = actuator is not None and actuator.mode == Mode.ARMED
+        return armed and context.observer.listened_s() < PLAYING_S
+    return context.health.latch().mode == Mode.ARMED and silent_s < PLAYING_S
+
+
+def present(context: RigContext) -> Present | None:
+    """Where the arm stands; None where nothing is known of it."""
+    applied = context.observer.newest(Applied)
+    if applied is None:
+        return None
+    position = context.observer.standing()
+    x_um = None if position is None else position.x_um
+    other = UNSET if position is None else position.second
+    known = standing(context).part
+    return Present(
+        applied.voltage_V,
+        x_um,
+        None if known == "unknown" else known == "held",
+        second_V=None if applied.second is UNSET else applied.second.voltage_V,
+        second_um=other.x_um if other is not UNSET and other.valid else None,
+        memory_known=memory_known(context),
+        stroke=stroke_finding(context),
+    )
+
+
+def memory_known(context: RigContext) -> bool | None:
+    """Whether the estimator knows the past of the arm's hysteresis; None where it is not heard."""
+    answer = context.health.status("estimator")
+    if answer is None:
+        return None
+    return all(finding.code is not FaultCode.MEMORY_UNKNOWN for finding in answer.findings)
+
+
+def stroke_finding(context: RigContext) -> Fault | None:
+    """Return the estimator's finding that the stroke of an arm has changed; None without one."""
+    answer = context.health.status("estimator")
+    findings = () if answer is None else answer.findings
+    return next((one for one in findings if one.code is FaultCode.MODEL_MISMATCH), None)

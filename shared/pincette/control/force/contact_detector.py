@@ -2,30 +2,57 @@
 
 Along one branch of rising voltage the position of a free arm rises with d_p·u, at a slope that
 hysteresis changes little by little. Where the arm touches a spring K_e the slope drops at once, by
-the share s_p·K_e/(1 + s_p·K_e).
+the share s_p·K_e/(1 + s_p·K_e) of what it was.
+
+Two straight lines are fitted to adjacent windows of the branch, the later one up to the newest
+position. A kink is where the later slope is lower by half of that share or more and the later
+positions lie below the earlier line by ``SURE`` standard uncertainties. Windows of several lengths
+are tried: short ones find a kink soon where the sensor is quiet and the branch bends, and long
+ones average noise.
 """
 
 from dataclasses import dataclass
 from math import inf, sqrt
+from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 LEAST_STEP_UM = 1.0
-NEW_GROUND_STEPS = 2.0
-"""Steps of ``KinkLimits`` by which a kink may lie before the furthest position so far."""
 STEP_OVER_NOISE = 6.0
-"""Standard deviations of the sensor's noise in a slope that the kink must exceed."""
+"""Standard deviations of the sensor's noise in the fall of ``KinkLimits`` over a step."""
+SURE = 5.0
+"""Standard uncertainties of an extrapolated line by which the positions after a kink lie below."""
+REFUTED = 3.0
+"""Standard deviations of the noise by which a position refutes a kink."""
+BIN_UM = 0.25
+"""Travel of d_p·u over which positions are summed."""
+KEPT_BINS = 80
+"""Number of sums that are kept: the longest two windows."""
+WINDOWS_UM = ((2.0, 1.5), (3.0, 2.5), (4.5, 4.0), (6.0, 5.0), (8.0, 6.0), (11.0, 8.0))
+"""Lengths of the windows before and after a kink, as travels of d_p·u."""
+SHORT_UM, LONG_STEPS = 5.0, 1.5
+"""Length of the window after a kink beyond which one is tried only where noise asks for it, as a
+length and in steps of ``KinkLimits``: over 10 µm the slope of a free arm that saturates falls by a
+fifth."""
+LEAST_BEFORE, LEAST_AFTER = 3, 2
+"""Sums that a window has at least."""
+FILLED_BEFORE, FILLED_AFTER = 0.6, 0.5
+"""Shares of its length that a window covers at least."""
 
 
 @dataclass(frozen=True, slots=True)
 class KinkLimits:
-    """What counts as a kink."""
+    """Limits beyond which a fall of the slope counts as a kink."""
 
     step_um: float
-    """Travel of d_p·u over which a slope is drawn."""
+    """Travel of d_p·u over which noise cannot bend a slope so far."""
     drop: float
-    """Fall of dx/(d_p·du) from one step to the next, or the one after."""
+    """Fall of dx/(d_p·du), as a share of what it was."""
+    noise_um: float = 0.0
+    """Standard deviation of the sensor's noise."""
 
 
 def kink_limits(
@@ -42,7 +69,8 @@ def kink_limits(
     ratio = K_e * require_positive("compliance", compliance_um_per_mN, "µm/mN")
     drop = 0.5 * ratio / (1.0 + ratio)
     noise = require_not_negative("sensor noise", noise_um, "µm")
-    return KinkLimits(max(LEAST_STEP_UM, STEP_OVER_NOISE * sqrt(2.0) * noise / drop), drop)
+    step_um = max(LEAST_STEP_UM, STEP_OVER_NOISE * sqrt(2.0) * noise / drop)
+    return KinkLimits(step_um, drop, noise)
 
 
 class DetectedContact(FrozenRecord, frozen=True):
@@ -59,59 +87,162 @@ class DetectedContact(FrozenRecord, frozen=True):
         return self.x_um + self.slope * (nominal_um - self.nominal_um) - x_um
 
 
+class Sums(NamedTuple):
+    """Sums over the samples of a branch up to one of them, relative to the branch's begin."""
+
+    samples: int = 0
+    nominal: float = 0.0
+    x: float = 0.0
+    nominal2: float = 0.0
+    product: float = 0.0
+
+    def add(self, nominal_um: float, x_um: float) -> "Sums":
+        """Add a sample."""
+        return Sums(
+            self.samples + 1,
+            self.nominal + nominal_um,
+            self.x + x_um,
+            self.nominal2 + nominal_um * nominal_um,
+            self.product + nominal_um * x_um,
+        )
+
+
+class Line(NamedTuple):
+    """Straight line fitted to a window of a branch."""
+
+    samples: int
+    nominal_um: float
+    """Mean d_p·u."""
+    x_um: float
+    """Mean position."""
+    slope: float
+    spread_um2: float
+    """Sum of squares of d_p·u about its mean."""
+
+    def at(self, nominal_um: float) -> float:
+        """Return the position of the line in µm."""
+        return self.x_um + self.slope * (nominal_um - self.nominal_um)
+
+
+def fitted(later: Sums, earlier: Sums) -> Line | None:
+    """Fit a line to the samples between two sums; None where d_p·u does not vary."""
+    count = later.samples - earlier.samples
+    nominal, x = later.nominal - earlier.nominal, later.x - earlier.x
+    spread = later.nominal2 - earlier.nominal2 - nominal * nominal / count
+    if spread <= 0.0:
+        return None
+    slope = (later.product - earlier.product - nominal * x / count) / spread
+    return Line(count, nominal / count, x / count, slope, spread)
+
+
 class ContactDetector(FrozenRecord, frozen=True):
-    """The last two steps of the branch, and the touch on it.
+    """The positions along the newest branch, and the touch on it.
 
     It counts along d_p·u and not along x_1, since a model of the hysteresis that is made of plays
     has kinks of its own.
     """
 
     nominal_um: float
+    """d_p·u where the branch begins."""
     x_um: float
-    """At the end of the last step."""
-    slope: float = -inf
-    """Of the last step; -inf where there was none on this branch, so that none can fall from it."""
-    nominal_2_um: float = 0.0
-    x_2_um: float = 0.0
-    slope_2: float = -inf
-    """Of the step before; one that touches on its way has a slope between."""
+    """Position there."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
-    """Furthest that the arm has been before the touch."""
+    """Furthest position before this branch and before the touch."""
+    reached_um: float = -inf
+    """Furthest position on this branch before the touch."""
+    begun_um: float = 0.0
+    """d_p·u at which the open bin begins, relative to the branch's begin."""
+    open_bin: Sums = Sums()
+    """Sums up to the newest sample."""
+    ends_um: tuple[float, ...] = (0.0,)
+    """d_p·u at which each bin ends, relative to the branch's begin."""
+    bins: tuple[Sums, ...] = (Sums(),)
+    """Sums up to the end of each bin, the first before the oldest one."""
 
     def restarted(self, x_um: float, nominal_um: float) -> "ContactDetector":
-        """Begin anew, with the ground that is known to be free."""
-        return ContactDetector(nominal_um, x_um, free_to_um=self.free_to_um)
+        """Begin again, with the ground that is known to be free."""
+        return ContactDetector(nominal_um, x_um, free_to_um=max(self.free_to_um, self.reached_um))
 
     def follow(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
-        """Take in x_k and d_p·u_{k-1}; within a step nothing changes."""
-        travel_um = nominal_um - self.nominal_um
-        if -limits.step_um < travel_um < limits.step_um:
-            return self
-        touch, free_to_um = self.touch, self.free_to_um
-        if travel_um < 0.0:
+        """Take in x_k and d_p·u_{k-1}."""
+        at_um = nominal_um - self.nominal_um
+        if at_um <= self.begun_um - limits.step_um:
+            touch = self.touch
             if touch is not None and nominal_um < touch.nominal_um:
                 touch = None
-            return ContactDetector(nominal_um, x_um, touch=touch, free_to_um=free_to_um)
-        slope = (x_um - self.x_um) / travel_um
-        if touch is None or not touch.on_new_ground:
-            met = None
-            if slope < self.slope - limits.drop:
-                met = self._met(limits, self.x_um, self.nominal_um, self.slope)
-            elif slope < self.slope_2 - limits.drop:
-                met = self._met(limits, self.x_2_um, self.nominal_2_um, self.slope_2)
-            # A kink where the arm has been before does not hide one where it has not.
-            if met is not None and (touch is None or met.on_new_ground):
-                touch = met
-        if touch is None or not touch.on_new_ground:
-            free_to_um = max(free_to_um, x_um)
-        return ContactDetector(
-            nominal_um, x_um, slope, self.nominal_um, self.x_um, self.slope, touch, free_to_um
+            return replace(self.restarted(x_um, nominal_um), touch=touch)
+        if at_um < self.begun_um:
+            return self
+        sums = self.open_bin.add(at_um, x_um - self.x_um)
+        if at_um < self.begun_um + BIN_UM:
+            return replace(self, open_bin=sums)
+        closed = replace(
+            self,
+            open_bin=sums,
+            begun_um=at_um,
+            ends_um=(*self.ends_um[-KEPT_BINS:], at_um),
+            bins=(*self.bins[-KEPT_BINS:], sums),
         )
+        return closed._judged(limits)
+
+    def _judged(self, limits: KinkLimits) -> "ContactDetector":
+        """Look for a kink before the bin that has just been closed, and whether one holds."""
+        last, before = self.bins[-1], self.bins[-2]
+        x_um = self.x_um + (last.x - before.x) / (last.samples - before.samples)
+        touch = self.touch
+        if touch is not None and touch.on_new_ground:
+            way_um = self.nominal_um + self.ends_um[-1] - touch.nominal_um
+            least_um = touch.x_um + touch.slope * (1.0 - limits.drop) * way_um
+            if x_um <= least_um + REFUTED * limits.noise_um:
+                return self
+            touch = None
+        # A kink where the arm has been before does not hide one where it has not.
+        met = self._kink(limits)
+        if met is not None and (touch is None or met.on_new_ground):
+            touch = met
+        if touch is not None and touch.on_new_ground:
+            return replace(self, touch=touch)
+        return replace(self, touch=touch, reached_um=max(self.reached_um, x_um))
+
+    def _kink(self, limits: KinkLimits) -> DetectedContact | None:
+        """Return the kink that the shortest windows show; None where none do."""
+        ends_um, bins = self.ends_um, self.bins
+        last = len(bins) - 1
+        middle = first = last
+        longest_um = max(SHORT_UM, LONG_STEPS * limits.step_um)
+        for before_um, after_um in WINDOWS_UM:
+            if after_um > longest_um:
+                break
+            while middle > 0 and ends_um[last] - ends_um[middle] < after_um:
+                middle -= 1
+            first = min(first, middle)
+            while first > 0 and ends_um[middle] - ends_um[first] < before_um:
+                first -= 1
+            if middle - first < LEAST_BEFORE or last - middle < LEAST_AFTER:
+                continue
+            short = ends_um[middle] - ends_um[first] < FILLED_BEFORE * before_um
+            if short or ends_um[last] - ends_um[middle] < FILLED_AFTER * after_um:
+                continue
+            before, after = fitted(bins[middle], bins[first]), fitted(bins[last], bins[middle])
+            if before is None or after is None or before.slope <= 0.0:
+                continue
+            if after.slope >= before.slope * (1.0 - limits.drop):
+                continue
+            lever_um2 = (after.nominal_um - before.nominal_um) ** 2
+            variance = 1.0 / after.samples + 1.0 / before.samples + lever_um2 / before.spread_um2
+            below_um = before.at(after.nominal_um) - after.x_um
+            if below_um >= SURE * limits.noise_um * sqrt(variance):
+                return self._met(limits, before, after, (ends_um[first], ends_um[last]))
+        return None
 
     def _met(
-        self, limits: KinkLimits, x_um: float, nominal_um: float, slope: float
+        self, limits: KinkLimits, before: Line, after: Line, within_um: tuple[float, float]
     ) -> DetectedContact:
-        # The step that found no kink may have reached beyond it.
-        on_new_ground = x_um >= self.free_to_um - NEW_GROUND_STEPS * limits.step_um
-        return DetectedContact(x_um, nominal_um, slope, on_new_ground)
+        """Return the touch where both lines cross."""
+        low_um, high_um = within_um
+        crossing_um = (after.at(0.0) - before.at(0.0)) / (before.slope - after.slope)
+        at_um = min(max(crossing_um, low_um), high_um)
+        x_um = self.x_um + before.at(at_um)
+        on_new_ground = x_um >= self.free_to_um - LEAST_STEP_UM - SURE * limits.noise_um
+        return DetectedContact(x_um, self.nominal_um + at_um, before.slope, on_new_ground)

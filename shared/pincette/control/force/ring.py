@@ -7,15 +7,19 @@ sample a standard uncertainty of
     A/(1 + kappa) · e^(-ζω_n(T - δ))/√2 / √(1 + (ω_n·τ)²),    A ← |Δx_1| + e^(-ζω_n·T)·A
 
 is left, with the lag τ of the output and kappa = s_p·K_e of a part that is pressed, 0 without one.
-A adds the steps before as if their rings were in phase: in a smooth motion some rigs have them so.
-The phase of the ring is not used: an error of δ by 1 ms is 0.4 of a cycle at 388 Hz. The ring of
-the free arm is another one than that of the pressed arm, so that what the free arm shows corrects
-nothing in contact. Units: µm, V, s, rad/s.
+The lag itself lacks the share e^(-(T - δ)/τ) of the step then. A adds the steps before as if their
+rings were in phase: in a smooth motion some rigs have them so. The phase of the ring is not used:
+an error of δ by 1 ms is 0.4 of a cycle at 388 Hz. The ring of the free arm is another one than that
+of the pressed arm, so that what the free arm shows corrects nothing in contact. A step in three
+parts rings by a share of that (``control.arm.shaping``). Units: µm, V, s, rad/s.
 """
 
-from math import exp, sqrt
+from collections.abc import Sequence
+from math import exp, hypot, sqrt
+from typing import NamedTuple
 
 from pincette.control.arm.plant import OutputTiming
+from pincette.control.arm.shaping import shaped_ring
 from pincette.control.checks import require_positive
 
 
@@ -38,3 +42,81 @@ def ring_share(
 def ring_kept(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> float:
     """Return the share e^(-ζω_n·T) of a ring that is left after a period."""
     return exp(-damping_ratio * natural_frequency_rad_per_s * period_s)
+
+
+def lag_share(output: OutputTiming, period_s: float) -> float:
+    """Return the share of a step that the lag of the output lacks at the next sample."""
+    left_s = max(0.0, period_s - output.delay_s)
+    return exp(-left_s / output.lag_s) if output.lag_s > 0.0 else 0.0
+
+
+FREQUENCY_TOLERANCE = 0.03
+"""Relative tolerance of the mode's frequency, within which a shaped step is judged."""
+
+
+class RingShares(NamedTuple):
+    """What the ring after steps of the voltage adds to the uncertainty of a position."""
+
+    free: float = 0.0
+    """Standard uncertainty of the position of a free arm, as a share of A."""
+    pressed: float = 0.0
+    """The same of an arm that presses a part."""
+    kept: float = 0.0
+    """Share of A that is left after a period."""
+
+
+def shares_of_ring(
+    natural_frequency_rad_per_s: float,
+    damping_ratio: float,
+    output: OutputTiming,
+    period_s: float,
+    *,
+    stiffness_ratio: float,
+    stiffness_tolerance: float,
+    shaping_s: float | None = None,
+) -> RingShares:
+    """Return the shares of a rig.
+
+    Parameters
+    ----------
+    output
+        When a step of the voltage acts; of one in parts, when its middle part does.
+    stiffness_ratio, stiffness_tolerance
+        s_p·K_e of the part, and its relative tolerance.
+    shaping_s
+        Time between two parts of a step; None: steps have one part.
+    """
+    omega = natural_frequency_rad_per_s
+    whole = ring_share(omega, damping_ratio, output, period_s)
+    free = pressed = 1.0
+    if shaping_s is not None:
+        free = _shaped(omega, (1.0 - FREQUENCY_TOLERANCE, 1.0 + FREQUENCY_TOLERANCE), shaping_s)
+        spread = stiffness_ratio * stiffness_tolerance
+        ends = [sqrt(1.0 + stiffness_ratio + sign * spread) for sign in (-1.0, 1.0)]
+        pressed = _shaped(omega, (ends[0], ends[1]), shaping_s)
+    lacking = lag_share(output, period_s)
+    kept = ring_kept(omega, damping_ratio, period_s)
+    return RingShares(
+        hypot(whole * free, lacking),
+        hypot(whole * pressed, lacking) / (1.0 + stiffness_ratio),
+        kept,
+    )
+
+
+def _shaped(omega: float, factors: tuple[float, float], interval_s: float) -> float:
+    """Return the r.m.s. of a shaped step's ring over frequencies between two factors of ω_n."""
+    low, high = factors
+    shares = [
+        shaped_ring(omega * (low + (high - low) * place), interval_s) for place in (0.0, 0.5, 1.0)
+    ]
+    # Simpson's rule.
+    return sqrt((shares[0] ** 2 + 4.0 * shares[1] ** 2 + shares[2] ** 2) / 6.0)
+
+
+def ring_amplitudes_um(steps_um: Sequence[float], kept: float) -> list[float]:
+    """Return A after each step of the free place: A ← |Δx_1| + kept·A."""
+    found, amplitude_um = list[float](), 0.0
+    for step_um in steps_um:
+        amplitude_um = abs(step_um) + kept * amplitude_um
+        found.append(amplitude_um)
+    return found

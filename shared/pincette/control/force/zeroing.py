@@ -77,6 +77,7 @@ def zero_refusal(
     creep_um: float = 0.0,
     touch: DetectedContact | None = None,
     zeroed: bool = True,
+    kept: bool = False,
     memory_known: bool = True,
 ) -> Fault | None:
     """Why the force must not be zeroed on the end of ``samples``; None where it may be.
@@ -97,6 +98,9 @@ def zero_refusal(
     zeroed
         Whether there was a zero since the arming; without one the offset that is judged is that
         of where the arm was found, and has a code of its own.
+    kept
+        Whether the zero in use is of an earlier arming. An arm ahead of it is then no reason to
+        refuse: no part in front pulls it there, so a part pressed it at that zero and is gone.
     memory_known
         As for ``ZeroLimits.change_um``.
     """
@@ -131,7 +135,8 @@ def zero_refusal(
     travel_um = model.nominal_um_per_V * abs(rest.voltage_V - model.zero_V)
     change_um = model.residual_um(rest)
     limit_um = limits.change_um(model, creep_um, memory_known)
-    if not abs(change_um) <= limit_um:
+    ahead = kept and change_um > 0.0
+    if not (ahead or abs(change_um) <= limit_um):
         return fault(
             FaultCode.ZERO_OFFSET if zeroed else FaultCode.ZERO_FIRST_OFFSET,
             change_um=change_um,

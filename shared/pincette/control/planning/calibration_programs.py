@@ -13,7 +13,8 @@ from pincette.control.checks import require_positive
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Drive, Follow, PlayedSweep, Recorded, Segment
 from pincette.control.planning.sweep import Sweep
 
 NOISE_S = 8.0
@@ -50,7 +51,7 @@ FREE = Guards(
 def noise_program(duration_s: float = NOISE_S) -> Program:
     """Hold the voltage and read; phase ``noise``."""
     require_positive("duration of the noise", duration_s, "s")
-    return free_program(Segment("noise", "voltage", duration_s))
+    return free_program(Drive("noise", duration_s))
 
 
 def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
@@ -95,11 +96,11 @@ def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
         limits.position_min_um,
         limits.position_max_um,
     )
-    segments: list[Segment] = []
+    segments: list[Drive] = []
     for number in range(1, len(steps) + 1):
-        segments.append(Segment(f"hang {number}", "voltage", None))
-        segments.append(Segment(f"settle {number}", "voltage", SETTLE_S))
-        segments.append(Segment(f"measure {number}", "voltage", MEASURE_S))
+        segments.append(Drive(f"hang {number}", None))
+        segments.append(Drive(f"settle {number}", SETTLE_S))
+        segments.append(Drive(f"measure {number}", MEASURE_S))
     return Program(tuple(segments), FREE, contact_stiffness_mN_per_um=1.0)
 
 
@@ -133,10 +134,10 @@ def frequency_response_program(
     _require_swing(rig, "sweep", rest_V, amplitude_V, swing_um)
     feel = _feel(rig, swing_um, rest_V)
     return free_program(
-        Segment("feel", "voltage", feel.duration_s, path=feel),
-        Segment("rest", "voltage", SWEEP_REST_S),
-        Segment("sweep", "sweep", duration_s, sweep=sweep),
-        Segment("rest", "voltage", SWEEP_REST_S),
+        Drive("feel", feel.duration_s, courses=(Follow(feel),)),
+        Drive("rest", SWEEP_REST_S),
+        PlayedSweep("sweep", duration_s, sweep=sweep),
+        Drive("rest", SWEEP_REST_S),
         capture_hz=rate_hz,
     )
 
@@ -194,21 +195,20 @@ def output_timing_program(
     ticks, after = round(BURST_S / rig.period_s), round(RINGS_OUT_S / rig.period_s)
     signs = _signs(BURSTS * ticks)
     feel = _feel(rig, swing_um, rest_V)
-    segments = [Segment("feel", "voltage", feel.duration_s, path=feel)]
+    segments = [Drive("feel", feel.duration_s, courses=(Follow(feel),))]
     for number in range(BURSTS):
         volts = [
             rest_V + sign * amplitude_V for sign in signs[number * ticks : (number + 1) * ticks]
         ]
         voltages_V = (*volts, *([rest_V] * after))
         duration_s = len(voltages_V) * rig.period_s
-        segments.append(Segment("rest", "voltage", BURST_REST_S))
-        segments.append(
-            Segment(f"burst {number + 1}", "voltage", duration_s, voltages_V=voltages_V)
-        )
-    segments.append(Segment("rest", "voltage", BURST_REST_S))
+        segments.append(Drive("rest", BURST_REST_S))
+        courses = (Recorded(voltages_V),)
+        segments.append(Drive(f"burst {number + 1}", duration_s, courses=courses))
+    segments.append(Drive("rest", BURST_REST_S))
     made = free_program(*segments)
     # No sample tells a ring from a touch: the way was felt before.
-    felt = tuple(replace(one, guarded=not one.voltages_V) for one in made.segments)
+    felt = tuple(replace(one, guarded=not one.phase.startswith("burst")) for one in made.segments)
     return replace(made, segments=felt)
 
 
@@ -224,7 +224,9 @@ def _signs(count: int) -> list[float]:
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
     """Program of an arm that touches nothing: what it meets ends it, but within a sweep."""
-    watched = tuple(replace(segment, guarded=segment.kind != "sweep") for segment in segments)
+    watched = tuple(
+        replace(segment, guarded=not isinstance(segment, PlayedSweep)) for segment in segments
+    )
     return Program(watched, FREE, contact_stiffness_mN_per_um=1.0, capture_hz=capture_hz)
 
 

@@ -2,8 +2,8 @@
 
 A voltage stroke to a low end wipes out the turning points of an unknown past, as far as they lie
 above that end. Arms of the Bouc-Wen class have no wiping-out and forget with the length of the way
-instead, so one stroke leaves up to 1.5 mN of 20 mN there and three leave 0.2 mN. What is left after
-three strokes is creep of the old past, 0.13 mN (95 %) after a rest of 2 s.
+instead, so one stroke to -1 V leaves up to 1.5 mN of 20 mN there and three leave 0.2 mN; shallower
+strokes must be more. What is left is creep of the old past, 0.13 mN (95 %) after a rest of 2 s.
 
 The strokes lead away from the part and no lower than the voltages that the free response was
 identified from: below them the model is not known, and strokes there make a grip worse.
@@ -12,11 +12,15 @@ identified from: below them the model is not known, and strokes there make a gri
 from pincette.control.planning.contact_request import MARGIN_UM
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.profiles import move_duration
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Drive, Follow, Ramp, Stay
+from pincette.control.response.conditioned_branch import STROKES
 
-STROKES = 3
 REST_S = 2.0
-"""After the strokes, in which the creep that they cause decays."""
+"""Rest after the strokes, in which the creep that they cause decays."""
+BOTTOM_S = 0.4
+"""Rest at the bottom of the last stroke, where the way to the place of the zero begins."""
+WATCH_S = 0.1
+"""Time for which the arm is watched where it stands, before the strokes."""
 RATE_SHARE = 0.9
 """Peak rate of a stroke, as a share of the slew limit."""
 LEAST_DEPTH = 0.05
@@ -40,8 +44,13 @@ def stroke_depth_V(taught_V: tuple[float, float] | None, voltage_min_V: float) -
     return low_V if -low_V >= LEAST_DEPTH * taught_V[1] else None
 
 
-def conditioning(low_V: float, slew_V_per_s: float, away_um: float, d_p: float) -> list[Segment]:
-    """Return the segments of a conditioning: a move to 0 V, the strokes, and a rest.
+def conditioning(
+    low_V: float, slew_V_per_s: float, away_um: float, d_p: float, strokes: int = STROKES
+) -> list[Drive]:
+    """Return the segments of a conditioning: a watch, a move to 0 V, the strokes, and a rest.
+
+    The strokes end at 0 V, which may be nearer to the part than where the arm stands. A part that
+    presses the arm there already is found by the last zero, before the voltage changes.
 
     Parameters
     ----------
@@ -53,12 +62,29 @@ def conditioning(low_V: float, slew_V_per_s: float, away_um: float, d_p: float) 
         Distance of the arm from its rest position as they begin.
     d_p
         Gain in µm/V.
+    strokes
+        Number of strokes.
     """
     rate = RATE_SHARE * slew_V_per_s
     away_V = (abs(away_um) + MARGIN_UM) / d_p
-    strokes = [stop for _ in range(STROKES) for stop in ((low_V, rate, 0.0), (0.0, rate, 0.0))]
-    path = voltage_moves([(0.0, rate, 0.0), *strokes])
+    path = voltage_moves(stroke_stops(low_V, slew_V_per_s, strokes))
     return [
-        Segment(PHASE, "voltage", move_duration(away_V, rate), voltage_to_V=0.0),
-        Segment(PHASE, "voltage", path.duration_s + REST_S, path=path),
+        Drive(PHASE, WATCH_S, guarded=True, courses=(Stay(),)),
+        Drive(PHASE, move_duration(away_V, rate), courses=(Ramp(0.0),)),
+        Drive(PHASE, path.duration_s + REST_S, courses=(Follow(path),)),
     ]
+
+
+def stroke_stops(
+    low_V: float, slew_V_per_s: float, strokes: int
+) -> list[tuple[float, float, float]]:
+    """Return the stops of the strokes for ``voltage_moves``; the first and the last are at 0 V.
+
+    A grip and its calibration make the same strokes.
+    """
+    rate = RATE_SHARE * slew_V_per_s
+    stops = [(0.0, rate, 0.0)]
+    for number in range(1, strokes + 1):
+        rest_s = BOTTOM_S if number == strokes else 0.0
+        stops.extend([(low_V, rate, rest_s), (0.0, rate, 0.0)])
+    return stops

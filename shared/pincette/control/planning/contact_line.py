@@ -17,6 +17,13 @@ from typing import NamedTuple
 from pincette.control.record import FrozenRecord
 
 
+class LoadLine(NamedTuple):
+    """Contact line that references follow, F = K_e·(x - x_e)."""
+
+    x_e_um: float
+    K_e_mN_per_um: float
+
+
 class ContactFit(NamedTuple):
     """Position of first touch x_e and contact stiffness K_e, with their standard errors.
 

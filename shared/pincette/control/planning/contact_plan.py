@@ -17,13 +17,6 @@ from pincette.control.planning.contact_request import (
     ContactRequest,
     force_at_touch_mN,
 )
-from pincette.control.planning.course import (
-    Course,
-    PlannedArm,
-    PlannedPhase,
-    require_bounded,
-    sample_course,
-)
 from pincette.control.planning.feasibility import (
     Excursion,
     PlanLimits,
@@ -32,9 +25,22 @@ from pincette.control.planning.feasibility import (
     excursions,
     named_violation,
 )
-from pincette.control.planning.motion_course import Leg, motion_course, planned_phases
-from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
-from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
+from pincette.control.planning.home import home_um
+from pincette.control.planning.path_shapes import peaks
+from pincette.control.planning.planned_arm import PlannedArm
+from pincette.control.planning.prediction import (
+    Course,
+    PlannedPhase,
+    near_end,
+    planned_phases,
+    predict,
+    require_bounded,
+)
+from pincette.control.planning.profiles import move_duration
+from pincette.control.planning.program import Guards, PlannedRange, Program
+from pincette.control.planning.segments import Entry, Move, Press, Rest, Seek, Segment, Track
+from pincette.control.planning.touch_force import SafeTouch, short_load
+from pincette.control.response.conditioned_branch import STROKES
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState
 from pincette.control.voltage_range import VoltageRange, around
 
@@ -66,6 +72,8 @@ class PlannedRig:
     """Where the arm rests at zero voltage."""
     stands_um: float | None = None
     """Where it stands as the plan begins; None: at ``x_start_um``."""
+    rest_um: float | None = None
+    """Reading of the arm at rest at 0 V as the plan begins; None: not known."""
     free_response: HysteresisModel | None = None
     """As identified; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
@@ -74,6 +82,8 @@ class PlannedRig:
     """Of the free response as a plan begins; None: the arm is unpoled."""
     condition_V: float | None = None
     """Lowest voltage of the strokes that a plan begins with; None: it begins without."""
+    strokes: int = STROKES
+    """Number of those strokes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +121,8 @@ def plan_contact(
     """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
 
     An arm that stands where it may touch the part, as after a stop on the way or a move, first goes
-    back to where it rests at zero voltage: no force could be zeroed there. Conditioning strokes,
-    where the rig asks for them, come first and begin with that way back.
+    back home: no force could be zeroed where it stands. Conditioning strokes, where the rig asks
+    for them, come first and begin with that way back.
 
     Parameters
     ----------
@@ -140,30 +150,44 @@ def plan_contact(
     # A quick one may begin where no part was met, or one is lost, and must not be too fast then.
     from_um = request.furthest_um if flying else request.contact_um
     retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
-    retreat = Segment("retreat", "free", retreat_s, x_to_um=arm.x_start_um, guarded=True)
+    highest_mN = max(_highest_mN(segment) for segment in pressing)
+    back_um = home_um(
+        arm,
+        request.furthest_um + highest_mN / request.softest_mN_per_um,
+        highest_mN,
+        stand_off_um=request.stand_off_um,
+        voltage_min_V=rig.limits.voltage_min_V,
+        rest_um=rig.rest_um,
+    )
+    retreat = Move("retreat", retreat_s, guarded=True, to_um=(back_um,))
     way_there = _way_there(request, arm, rig.period_s if flying else None)
-    begin_um, way_out = _way_out(request, arm, rig.stands_um)
+    begin_um, way_out = _way_out(request, arm, rig.stands_um, back_um)
     strokes: Sequence[Segment] = ()
     if rig.condition_V is not None:
-        stands_um = arm.x_start_um if rig.stands_um is None else rig.stands_um
+        # At 0 V the arm is at its start, whatever remanence and drift make of the reading.
+        stands_um = arm.x_start_um
+        if rig.stands_um is not None and rig.rest_um is None:
+            stands_um = rig.stands_um
         away_um = stands_um - arm.x_start_um
         strokes = conditioning(
-            rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V
+            rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V, rig.strokes
         )
-        begin_um, way_out = arm.x_start_um, ()
-    segments = (*way_out, *way_there, *pressing, retreat)
-    phases = _phases(request, arm, segments, rig.period_s, begin_um)
-    require_bounded([(phase.phase, phase.duration_s) for phase in phases])
-    course = sample_course(arm, phases, rig.period_s, begin_um)
-    phases = _with_voltages(phases, course, rig.period_s)
-    if strokes:
-        phases, course = _conditioned(arm, rig, strokes, phases, course)
+        begin_um, way_out = stands_um, ()
+    segments = (*strokes, *way_out, *way_there, *pressing, retreat)
+
+    def touch(seek: Seek, entry: Entry) -> tuple[float, Entry]:
+        return _touch(request, arm, rig.period_s, seek, entry)
+
+    pieces = predict(segments, arm.entry(begin_um, rig.period_s), arm.follow, touch)
+    require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
+    course = arm.course(pieces, rig.period_s)
+    phases = planned_phases(pieces, near_end(pieces, course.voltage_V, rig.period_s))
     broken = [_violation(found, pointers) for found in excursions(course, rig.limits)]
     broken.extend(_untaught(course, rig.taught_V, pointers))
     broken.extend(_early_contact(request, rig.x_start_um))
     return ContactPlan(
         program=Program(
-            (*strokes, *segments),
+            segments,
             _guards(request, rig.limits),
             request.stiffness_mN_per_um,
             planned_range=_range(request, arm, course, rig),
@@ -175,37 +199,15 @@ def plan_contact(
     )
 
 
-def _conditioned(
-    arm: PlannedArm,
-    rig: PlannedRig,
-    strokes: Sequence[Segment],
-    phases: Sequence[PlannedPhase],
-    course: Course,
-) -> tuple[tuple[PlannedPhase, ...], Course]:
-    """Put the strokes before the phases and the course of a plan.
-
-    By the nominal gain the arm ends at rest at 0 V, where those of the plan begin.
-    """
-    begin_um = arm.x_start_um if rig.stands_um is None else rig.stands_um
-    begin_V = (begin_um - arm.x_start_um) / arm.piezo_um_per_V
-    legs = [Leg(segment, arm.x_start_um, 0.0) for segment in strokes]
-    before = motion_course(legs, begin_um, begin_V, arm.piezo_um_per_V, rig.period_s)
-    stroked = planned_phases(legs)
-    end_s = stroked[-1].end_s
-    later = [replace(phase, start_s=end_s + phase.start_s) for phase in phases]
-    # The last tick of the strokes is the first of the plan.
-    joined = Course(
-        before.t_s[:-1] + [end_s + t_s for t_s in course.t_s],
-        before.phase[:-1] + course.phase,
-        before.x_r_um[:-1] + course.x_r_um,
-        before.force_r_mN[:-1] + course.force_r_mN,
-        before.voltage_V[:-1] + course.voltage_V,
-    )
-    return (*stroked, *later), joined
+def _highest_mN(segment: Segment) -> float:
+    """Return the highest force that a segment goes to."""
+    if isinstance(segment, Track) and segment.force is not None:
+        return peaks(segment.force).highest
+    return (segment.to_mN or 0.0) if isinstance(segment, Press) else 0.0
 
 
 def _way_out(
-    request: ContactRequest, arm: PlannedArm, stands_um: float | None
+    request: ContactRequest, arm: PlannedArm, stands_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
     """Where the plan begins, and the way back from there where the arm may touch the part."""
     # Half of the margin is left to noise and creep until the zero.
@@ -214,7 +216,7 @@ def _way_out(
         return arm.x_start_um, ()
     back_s = move_duration(stands_um - arm.x_start_um, request.approach_um_per_s)
     # Unguarded: a force that acts as it begins is not known yet, and less of it is no touch.
-    return stands_um, (Segment("open", "free", back_s, x_to_um=arm.x_start_um),)
+    return stands_um, (Move("open", back_s, to_um=(back_um,)),)
 
 
 def _way_there(
@@ -222,18 +224,18 @@ def _way_there(
 ) -> tuple[Segment, ...]:
     """``flying_s``: the period, where the arm does not stop at the touch."""
     stand_off_um = request.stand_off_um
-    seek_to_um, up_s = request.furthest_um, None
+    seek_to_um, up_s = request.furthest_um, 0.0
     if flying_s is not None:
         # At speed the samples of the guard are a way of their own.
         seek_to_um += CONTACT_SAMPLES * flying_s * request.seek_um_per_s
         up_s = RUN_UP_PERIODS * flying_s
-    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * (up_s or 0.0)
+    seek_s = (seek_to_um - stand_off_um) / request.seek_um_per_s + 0.5 * up_s
     approach_s = move_duration(stand_off_um - arm.x_start_um, request.approach_um_per_s)
     return (
-        Segment("zero", "zero", request.zero_s, guarded=True),
-        Segment("approach", "free", approach_s, x_to_um=stand_off_um, guarded=True),
-        Segment("approach", "zero", request.zero_s, guarded=True),
-        Segment("contact", "seek", seek_s, x_to_um=seek_to_um, move_s=up_s),
+        Rest("zero", request.zero_s, guarded=True),
+        Move("approach", approach_s, guarded=True, to_um=(stand_off_um,)),
+        Rest("approach", request.zero_s, guarded=True),
+        Seek("contact", seek_s, to_um=(seek_to_um,), run_up_s=up_s),
     )
 
 
@@ -245,8 +247,9 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
         lost_fraction=LOST_FRACTION,
         lost_samples=LOST_SAMPLES,
         stiffness_min_mN_per_um=request.softest_mN_per_um,
-        stiffness_max_mN_per_um=request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance),
+        stiffness_max_mN_per_um=request.hardest_mN_per_um,
         zero_wait_s=ZERO_WAIT_S,
+        contacts_from_um=(request.contact_um - request.contact_tolerance_um,),
     )
 
 
@@ -284,60 +287,43 @@ def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
     return replace_record(found, min_V=found.min_V - DRIFT_UM / rig.piezo_um_per_V)
 
 
-def _phases(
-    request: ContactRequest,
-    arm: PlannedArm,
-    segments: Sequence[Segment],
-    period_s: float,
-    begin_um: float,
-) -> tuple[PlannedPhase, ...]:
-    """Follow the segments in time; contact is met where it is expected."""
-    phases: list[PlannedPhase] = []
-    start_s, x_um, force_mN, rate = 0.0, begin_um, 0.0, 0.0
-    for segment in segments:
-        duration_s = SHORTEST_MOVE_S if segment.duration_s is None else segment.duration_s
-        if segment.kind == "seek":
-            force_mN, flying = request.contact_force_mN, segment.move_s is not None
-            speed = request.seek_um_per_s
-            if flying:
-                K_e, s_p = arm.stiffness_mN_per_um, arm.compliance_um_per_mN
-                force_mN = force_at_touch_mN(force_mN, K_e, s_p, speed, period_s)
-                rate = K_e * speed
-            duration_s = (arm.pressed_um(force_mN) - x_um) / speed + 0.5 * (segment.move_s or 0.0)
-            x_um = arm.pressed_um(force_mN)
-        elif segment.path is not None:
-            force_mN = segment.path.at(duration_s)
-            x_um = arm.pressed_um(force_mN)
-        elif segment.force_to_mN is not None:
-            force_mN = segment.force_to_mN
-            x_um = arm.pressed_um(force_mN)
-        elif segment.x_to_um is not None:
-            x_um = segment.x_to_um
-        planned = PlannedPhase(
-            segment.phase,
-            segment.kind,
-            start_s,
-            duration_s,
-            x_um,
-            force_mN,
-            0.0,
-            segment.path,
-            rate if segment.follows else 0.0,
-            segment.move_s or 0.0,
-        )
-        phases.append(planned)
-        start_s = planned.end_s
-    return tuple(phases)
+def _touch(
+    request: ContactRequest, arm: PlannedArm, period_s: float, seek: Seek, entry: Entry
+) -> tuple[float, Entry]:
+    """Return when a seek meets the part where it is expected, and the state in which it ends."""
+    force_mN, rate, speed = request.contact_force_mN, 0.0, request.seek_um_per_s
+    if seek.run_up_s > 0.0:
+        K_e, s_p = arm.stiffness_mN_per_um, arm.compliance_um_per_mN
+        force_mN = force_at_touch_mN(force_mN, K_e, s_p, speed, period_s)
+        rate = K_e * speed
+    duration_s = (arm.pressed_um(force_mN) - entry.ref.x_um) / speed + 0.5 * seek.run_up_s
+    return duration_s, arm.touched(entry, force_mN, rate)
 
 
-def _with_voltages(
-    phases: Sequence[PlannedPhase], course: Course, period_s: float
-) -> tuple[PlannedPhase, ...]:
-    """Phases with the voltage of the tick that is nearest to their end."""
-    last = len(course.voltage_V) - 1
-    return tuple(
-        replace(phase, voltage_V=course.voltage_V[min(last, int(phase.end_s / period_s + 0.5))])
-        for phase in phases
+def hasty(request: ContactRequest, rig: PlannedRig, force_mN: float) -> tuple[Violation, ...]:
+    """Return the violations of a load from rest that is too short, or of a touch that is too fast.
+
+    Parameters
+    ----------
+    force_mN
+        Highest force of the plan.
+    """
+    speeds = {
+        "approach_um_per_s": request.approach_um_per_s,
+        "seek_um_per_s": request.seek_um_per_s,
+    }
+    touch = safe_touch(request, rig, force_mN)
+    return (*touch.violations(speeds), *short_load(request.load_s, rig.period_s))
+
+
+def safe_touch(request: ContactRequest, rig: PlannedRig, force_mN: float) -> SafeTouch:
+    """Return what bounds the speeds of a plan with this highest force."""
+    return SafeTouch(
+        force_mN,
+        request.contact_force_mN,
+        request.hardest_mN_per_um,
+        rig.compliance_um_per_mN,
+        rig.period_s,
     )
 
 

@@ -37,6 +37,11 @@ class ContactRequest:
         return self.stiffness_mN_per_um * (1.0 - self.stiffness_tolerance)
 
     @property
+    def hardest_mN_per_um(self) -> float:
+        """K_e of the hardest part that is admitted."""
+        return self.stiffness_mN_per_um * (1.0 + self.stiffness_tolerance)
+
+    @property
     def furthest_um(self) -> float:
         """Where the softest part, touched last, has the contact force."""
         return (

@@ -10,15 +10,19 @@ contact with the stiffest part that is admitted. Figure numbers are those of Q. 
 10(3), 2013.
 """
 
+from bisect import bisect_left
 from collections.abc import Sequence
+from functools import cache
 
 from msgspec.structs import replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, hasty, plan_contact
 from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.path_shapes import sinusoid, voltage_moves
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.planned_arm import PlannedArm
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Follow, Press, Seek
 
 LEVELS_V = (0.3, 1.0, 1.5, 2.0)
 """Peak to peak, of Fig. 8."""
@@ -38,6 +42,8 @@ WIDE = 4.0
 """Factor by which the stiffness may differ from the plan: it is what is looked for."""
 LEAST_WIDEST_V = 0.5
 """Widest level below which noise and an error of x_1 leave too little of the line."""
+CREST_ROUNDS = 2
+"""Rounds in which the crest and the way back from it are found from each other."""
 STEP_V = 0.05
 """By which the widest level is lowered until it is within the limits."""
 
@@ -65,6 +71,8 @@ def contact_stiffness_program(
     for level_V in levels_V:
         require_positive("level of voltage", level_V, "V")
     widest_V = max(levels_V)
+    if early := hasty(request, rig, crest_force_mN(request, rig, widest_V)):
+        raise ValueError(early[0].message)
     plan = _pressed(request, rig, widest_V)
     if plan.violations:
         broken = plan.violations[0]
@@ -73,19 +81,19 @@ def contact_stiffness_program(
     lower = voltage_moves(
         [(0.0, rate_V_per_s, 0.0), (-0.5 * widest_V, rate_V_per_s, SETTLE_S)], relative=True
     )
-    swings: list[Segment] = []
+    swings: list[Drive] = []
     for level_V in sorted(levels_V, reverse=True):
         path = sinusoid("voltage", 0.0, level_V, LEVEL_HZ, SETTLING_CYCLES + LEVEL_CYCLES)
         path = replace(path, relative=True)
         phase = level_phase(list(levels_V).index(level_V) + 1)
-        swings.append(Segment(phase, "voltage", path.duration_s, path=path))
+        swings.append(Drive(phase, path.duration_s, courses=(Follow(path),)))
     planned = plan.program.segments
-    seek = next(place for place, segment in enumerate(planned) if segment.kind == "seek")
+    seek = next(place for place, segment in enumerate(planned) if isinstance(segment, Seek))
     segments = (
         *planned[: seek + 4],
-        Segment("mean", "voltage", lower.duration_s, path=lower),
+        Drive("mean", lower.duration_s, courses=(Follow(lower),)),
         *swings,
-        Segment("unload", "voltage", lower.duration_s, path=lower),
+        Drive("unload", lower.duration_s, courses=(Follow(lower),)),
         planned[-1],
     )
     guards = replace(
@@ -106,21 +114,46 @@ def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]
         Where it would have to be below ``LEAST_WIDEST_V``.
     """
     widest_V = max(LEVELS_V)
-    steps = int((widest_V - LEAST_WIDEST_V) / STEP_V + 1e-9)
-    broken = ""
-    for step in range(max(0, steps) + 1):
-        tried_V = widest_V - step * STEP_V
-        plan = _pressed(request, rig, tried_V)
-        if not plan.violations:
-            return tuple([round(level_V * (tried_V / widest_V), 3) for level_V in LEVELS_V])
-        broken = f"level of {tried_V:.2f} V peak to peak: {plan.violations[0].message}"
-    raise ValueError(broken)
+    steps = max(0, int((widest_V - LEAST_WIDEST_V) / STEP_V + 1e-9))
+
+    @cache
+    def pressed(step: int) -> ContactPlan:
+        return _pressed(request, rig, widest_V - step * STEP_V)
+
+    # A smaller level presses and swings less, so that the limits hold from some step on.
+    first = 0
+    if pressed(0).violations:
+        first = bisect_left(range(steps + 1), x=True, key=lambda n: not pressed(n).violations)
+    if first > steps:
+        broken = pressed(steps).violations[0].message
+        raise ValueError(f"level of {widest_V - steps * STEP_V:.2f} V peak to peak: {broken}")
+    share = (widest_V - first * STEP_V) / widest_V
+    return tuple([round(level_V * share, 3) for level_V in LEVELS_V])
 
 
 def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) -> float:
-    """Force at the crest of the widest level: F_trough + d_p·U/(s_p + 1/K_e), for the stiffest."""
-    stiffest = request.stiffness_mN_per_um * (1.0 + request.stiffness_tolerance)
-    return TROUGH_MN + rig.piezo_um_per_V * widest_V / (rig.compliance_um_per_mN + 1.0 / stiffest)
+    """Return the force at the crest of the widest level that leaves ``TROUGH_MN`` at its trough.
+
+    F_trough + Δ/(s_p + 1/K_e) for the stiffest part, Δ being how far the free arm comes back in the
+    swings: by d_p, or by the identified free response where that is further.
+    """
+    series_um_per_mN = rig.compliance_um_per_mN + 1.0 / request.hardest_mN_per_um
+    crest_mN = TROUGH_MN + rig.piezo_um_per_V * widest_V / series_um_per_mN
+    if rig.free_response is None:
+        return crest_mN
+    arm = PlannedArm(
+        x_start_um=rig.x_start_um,
+        piezo_um_per_V=rig.piezo_um_per_V,
+        compliance_um_per_mN=rig.compliance_um_per_mN,
+        contact_um=request.contact_um,
+        stiffness_mN_per_um=request.stiffness_mN_per_um,
+        free_response=rig.free_response,
+        memory=rig.memory,
+    )
+    for _ in range(CREST_ROUNDS):
+        back_um = arm.swing_um(arm.pressed_um(crest_mN), crest_mN, widest_V, SETTLING_CYCLES)
+        crest_mN = max(crest_mN, TROUGH_MN + back_um / series_um_per_mN)
+    return crest_mN
 
 
 def _pressed(request: ContactRequest, rig: PlannedRig, widest_V: float) -> ContactPlan:
@@ -129,11 +162,11 @@ def _pressed(request: ContactRequest, rig: PlannedRig, widest_V: float) -> Conta
     first_mN = min(crest_mN, max(LEAST_LOADS * request.contact_force_mN, FIRST_LOAD * crest_mN))
     highest_mN = (1.0 + SHIFT) * crest_mN
     pressing = (
-        Segment("load", "force", load_s, force_to_mN=first_mN),
-        Segment("load", "force", load_s, force_to_mN=request.contact_force_mN),
-        Segment("press", "force", load_s + SETTLE_S, force_to_mN=crest_mN, move_s=load_s),
-        Segment("highest", "force", load_s, force_to_mN=highest_mN),
-        Segment("unload", "force", load_s, force_to_mN=0.0),
+        Press("load", load_s, to_mN=first_mN),
+        Press("load", load_s, to_mN=request.contact_force_mN),
+        Press("press", load_s + SETTLE_S, to_mN=crest_mN, move_s=load_s),
+        Press("highest", load_s, to_mN=highest_mN),
+        Press("unload", load_s, to_mN=0.0),
     )
     pointers = {segment.phase: "/levels_V" for segment in pressing}
     return plan_contact(request, rig, pressing, pointers)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.course import Course
+from pincette.control.planning.prediction import Course
 from pincette.control.vocabulary import LimitedQuantity
 
 RING_UM = 0.025

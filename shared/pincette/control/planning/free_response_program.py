@@ -15,11 +15,15 @@ from pincette.control.planning.calibration_programs import (
     require_voltage,
     require_within,
 )
+from pincette.control.planning.conditioning import REST_S, stroke_depth_V, stroke_stops
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import sinusoid, voltage_moves
 from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Follow
 from pincette.control.planning.teaching import COURSE, SLOW, Leg
+from pincette.control.response.branch_fit import ConditionedWay
+from pincette.control.response.conditioned_branch import strokes_needed
 from pincette.control.response.model_errors import RehearsedGrip
 
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
@@ -37,6 +41,15 @@ REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70
 """Shares of the range at which a part would be met, and to which it would be pressed."""
 BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
 """Rests of a rehearsal: before it and after it, where a grip is zeroed, and pressed."""
+CONDITIONED = ((0.50, 0.95), (0.57, 0.82), (0.30, 0.60), (0.52, 0.70))
+"""The same for grips that begin with conditioning strokes."""
+CONDITIONED_HELD_S = 2.0
+BEYOND = 0.01
+"""Overshoot of their approach, as a share of the range. The law of a grip takes back as much while
+the arm creeps at the zero, and arms of the Bouc-Wen class remember that."""
+STAIRCASES = 2
+STAIRS, STAIR_S = 16, 0.25
+"""Rests of the rising branch after conditioning strokes, and the duration of each in s."""
 SWINGS_EVERY = 3
 """Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""
 SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
@@ -56,9 +69,13 @@ def free_response_program(
     grip_V_per_s: float | None = None,
     lowest_V: float | None = None,
 ) -> Program:
-    """Phases ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
-    ``before step``, ``step``, ``creep`` and ``return``; then of each rehearsal N, from 1 on,
-    ``approach N``, ``press N``, of some ``small swings N``, and ``let go N``.
+    """Return the program of the free motion.
+
+    Its phases are ``teach``, ``before presses``, ``presses``, ``after presses``, ``cycles``,
+    ``before step``, ``step``, ``creep`` and ``return``. Rehearsal N, from 1 on, has ``approach N``,
+    ``press N``, ``let go N`` and sometimes ``small swings N``. Where strokes are possible,
+    conditioned way N has ``strokes N``, then ``stairs N`` or both ``conditioned approach N`` and
+    ``conditioned press N``, and ``go back N``.
 
     Parameters
     ----------
@@ -125,21 +142,26 @@ def free_response_program(
     quick_V_per_s = grip_V_per_s or rate_V_per_s
     require_within("rate of the grips", quick_V_per_s, "V/s", 0.0, rig.limits.slew_V_per_s)
     grips = [(from_V + contact * way_V, from_V + pressed * way_V) for contact, pressed in REHEARSED]
+    low_V = stroke_depth_V((least_V, to_V), rig.limits.voltage_min_V)
+    conditioned: list[Drive] = []
+    if low_V is not None:
+        conditioned = _conditioned(rig, (low_V, rest_V, from_V, to_V), quick_V_per_s)
     return free_program(
-        Segment("teach", "voltage", teach.duration_s, path=teach),
-        Segment("before presses", "voltage", lead.duration_s, path=lead),
-        Segment("presses", "voltage", presses.duration_s, path=presses),
-        Segment("after presses", "voltage", follow.duration_s, path=follow),
-        Segment("cycles", "voltage", cycles.duration_s, path=cycles),
-        Segment("before step", "voltage", before.duration_s, path=before),
-        Segment("step", "voltage", step.duration_s, path=step),
-        Segment("creep", "voltage", CREEP_S),
-        Segment("return", "voltage", back.duration_s, path=back),
+        Drive("teach", teach.duration_s, courses=(Follow(teach),)),
+        Drive("before presses", lead.duration_s, courses=(Follow(lead),)),
+        Drive("presses", presses.duration_s, courses=(Follow(presses),)),
+        Drive("after presses", follow.duration_s, courses=(Follow(follow),)),
+        Drive("cycles", cycles.duration_s, courses=(Follow(cycles),)),
+        Drive("before step", before.duration_s, courses=(Follow(before),)),
+        Drive("step", step.duration_s, courses=(Follow(step),)),
+        Drive("creep", CREEP_S),
+        Drive("return", back.duration_s, courses=(Follow(back),)),
         *[
             segment
             for number, grip_V in enumerate(grips, start=1)
             for segment in _rehearsal(rig, number, (rest_V, *grip_V), quick_V_per_s)
         ],
+        *conditioned,
     )
 
 
@@ -152,9 +174,69 @@ def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
     return found
 
 
+def _conditioned(
+    rig: PlannedRig, voltages_V: tuple[float, float, float, float], rate_V_per_s: float
+) -> list[Drive]:
+    """Return ways that begin with conditioning strokes: stairs, then rehearsed grips."""
+    low_V, rest_V, from_V, to_V = voltages_V
+    way_V, count = to_V - from_V, strokes_needed(low_V, to_V)
+    stairs = [(step / STAIRS * to_V, rate_V_per_s, STAIR_S) for step in range(1, STAIRS + 1)]
+    ways = [[("stairs", stairs)] for _ in range(STAIRCASES)]
+    for contact, pressed in CONDITIONED:
+        contact_V, press_V = from_V + contact * way_V, from_V + pressed * way_V
+        beyond_V = contact_V + BEYOND * way_V
+        ways.append(
+            [
+                (
+                    "conditioned approach",
+                    [(beyond_V, rate_V_per_s, 0.0), (contact_V, rate_V_per_s, ZERO_S)],
+                ),
+                ("conditioned press", [(press_V, rate_V_per_s, CONDITIONED_HELD_S)]),
+            ]
+        )
+    begins_V, segments = rest_V, list[Drive]()
+    for number, parts in enumerate(ways, start=1):
+        first, *stops = stroke_stops(low_V, rig.limits.slew_V_per_s, count)
+        *stops, last = stops
+        start = [] if begins_V == first[0] else [(begins_V, rate_V_per_s, 0.0)]
+        named = [("strokes", [*start, first, *stops, (last[0], last[1], REST_S)])]
+        at_V = last[0]
+        for what, moves in parts:
+            begin_s = BEFORE_S if what == "conditioned approach" else 0.0
+            named.append((what, [(at_V, rate_V_per_s, begin_s), *moves]))
+            at_V = moves[-1][0]
+        named.append(("go back", [(at_V, rate_V_per_s, 0.0), (rest_V, rate_V_per_s, BEFORE_S)]))
+        begins_V = rest_V
+        for what, moves in named:
+            path = voltage_moves(moves)
+            segments.append(Drive(f"{what} {number}", path.duration_s, courses=(Follow(path),)))
+    return segments
+
+
+def conditioned_ways(
+    samples_of: Callable[[str], slice], program: Program
+) -> tuple[ConditionedWay, ...]:
+    """Return the samples of the conditioned ways of such a program; none where it has none."""
+    phases = {segment.phase for segment in program.segments}
+    found: list[ConditionedWay] = []
+    for number in range(1, STAIRCASES + len(CONDITIONED) + 1):
+        if f"strokes {number}" not in phases:
+            break
+        strokes = samples_of(f"strokes {number}")
+        if number <= STAIRCASES:
+            found.append(ConditionedWay(strokes, samples_of(f"stairs {number}"), None))
+        else:
+            grip = RehearsedGrip(
+                samples_of(f"conditioned approach {number}"),
+                samples_of(f"conditioned press {number}"),
+            )
+            found.append(ConditionedWay(strokes, None, grip))
+    return tuple(found)
+
+
 def _rehearsal(
     rig: PlannedRig, number: int, voltages_V: tuple[float, float, float], rate_V_per_s: float
-) -> list[Segment]:
+) -> list[Drive]:
     """A grip without a part, from rest to contact to press and back."""
     rest_V, contact_V, press_V = voltages_V
     approach = voltage_moves([(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)])
@@ -164,7 +246,7 @@ def _rehearsal(
     if number % SWINGS_EVERY == 0:
         paths.insert(2, ("small swings", _small_swings(rig, press_V)))
     return [
-        Segment(f"{what} {number}", "voltage", path.duration_s, path=path) for what, path in paths
+        Drive(f"{what} {number}", path.duration_s, courses=(Follow(path),)) for what, path in paths
     ]
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, hasty, plan_contact
 from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Press
 from pincette.control.planning.touch_force import weak_force
 
 PRESSING = ("load", "hold", "unload")
@@ -44,12 +44,13 @@ def plan_grip(request: GripRequest, rig: PlannedRig) -> ContactPlan:
     force_mN, load_s, hold_s = request.force_mN, request.load_s, request.hold_s
     settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
     pressing = (
-        Segment("load", "force", load_s, force_to_mN=force_mN, follows=request.quick),
-        Segment("hold", "force", hold_s, force_to_mN=force_mN, move_s=settle_s),
-        Segment("unload", "force", request.unload_s or load_s, force_to_mN=0.0),
+        Press("load", load_s, to_mN=force_mN, follows=request.quick),
+        Press("hold", hold_s, to_mN=force_mN, move_s=settle_s),
+        Press("unload", request.unload_s or load_s, to_mN=0.0),
     )
     pointers: dict[str, str] = dict.fromkeys(PRESSING, "/force_mN")
     plan = plan_contact(request, rig, pressing, pointers, flying=request.quick)
     load_at_s = next(phase.start_s for phase in plan.phases if phase.phase == "load")
     weak = weak_force(force_mN, request.contact_force_mN, "/force_mN", load_at_s)
-    return replace(plan, violations=(*weak, *plan.violations))
+    early = () if request.quick else hasty(request, rig, force_mN)
+    return replace(plan, violations=(*weak, *early, *plan.violations))

@@ -17,9 +17,8 @@ Both numbers go towards these with a time constant of 20 ms, so that no referenc
 """
 
 from math import exp, isfinite, sqrt
-from typing import NamedTuple
 
-from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.control.planning.contact_line import ContactFit, ContactLine, LoadLine
 from pincette.control.planning.program import Guards
 
 LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
@@ -34,13 +33,6 @@ STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
 """Scatter of a straight contact line: multiples of the sensor's noise, and what the free response
 errs by besides, in µm."""
 fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
-
-
-class LoadLine(NamedTuple):
-    """Contact line that references follow."""
-
-    x_e_um: float
-    K_e_mN_per_um: float
 
 
 def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, float]:

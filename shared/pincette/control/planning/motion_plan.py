@@ -8,6 +8,7 @@ it is there: the voltage alone keeps it, and leads to rest smoothly where it is 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, pi
 
 from msgspec.structs import replace
@@ -16,13 +17,28 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig, voltage_range
 from pincette.control.planning.contact_request import CONTACT_SAMPLES
-from pincette.control.planning.course import require_bounded
 from pincette.control.planning.feasibility import excursions, named_violation
-from pincette.control.planning.motion_course import Leg, motion_course, planned_phases
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
+from pincette.control.planning.prediction import (
+    nominal,
+    planned_phases,
+    predict,
+    require_bounded,
+    sample_course,
+)
 from pincette.control.planning.profiles import move_duration
-from pincette.control.planning.program import Guards, PlannedRange, Program, Segment
+from pincette.control.planning.program import Guards, PlannedRange, Program
+from pincette.control.planning.segments import (
+    Drive,
+    Entry,
+    Follow,
+    Move,
+    Ramp,
+    Reference,
+    Segment,
+    VoltageCourse,
+)
 from pincette.control.voltage_range import VoltageRange, around
 
 REST_S = 0.5
@@ -77,9 +93,12 @@ class MoveRequest:
     zero_s: float | None = None
     """Rest on which the force is zeroed, before cycles and before the move; None: it is not."""
     cycles: Cycles | None = None
+    rest_s: float = REST_S
+    """Rest after the move."""
 
     def __post_init__(self) -> None:
         require_positive("speed_um_per_s", self.speed_um_per_s, "µm/s")
+        require_positive("rest_s", self.rest_s, "s")
         if [self.to_um, self.to_V, self.by_V].count(None) != 2:
             raise ValueError("a move wants exactly one target")
 
@@ -100,19 +119,18 @@ def plan_move(
         Where d_p or the period is not finite and positive.
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
-    legs: list[Leg] = []
-    x_um, u_V = stand.x_um, stand.voltage_V
-    if request.cycles is not None:
-        if request.zero_s is not None:
-            legs.append(_zero(request.zero_s, x_um, u_V))
-        legs.extend(_cycled(request.cycles, d_p, stand))
-        x_um, u_V = legs[-1].x_um, legs[-1].voltage_V
+    zero: list[Segment] = []
     if request.zero_s is not None:
-        legs.append(_zero(request.zero_s, x_um, u_V))
+        zero.append(Drive("zero", request.zero_s, zeroes=True, guarded=True))
+    segments: list[Segment] = []
+    if request.cycles is not None:
+        segments += [*zero, *_cycled(request.cycles, stand)]
+    at = _after(segments, rig, stand)
+    segments += zero
     if request.to_um is not None:
-        legs.extend(_led(request.to_um, request.speed_um_per_s, d_p, x_um, u_V))
+        segments += _led(request, at, request.to_um)
     else:
-        legs.extend(_driven(request, d_p, stand, x_um, u_V))
+        segments += _driven(request, d_p, stand, at)
     guards = replace(
         _free_guards(rig),
         contact_force_mN=request.contact_force_mN,
@@ -120,7 +138,7 @@ def plan_move(
         force_max_mN=rig.limits.force_max_mN,
         zero_needed=False,
     )
-    return _plan(legs, guards, rig, stand, pointers, begins_held=False)
+    return _plan(segments, guards, rig, stand, pointers)
 
 
 def plan_hold(
@@ -140,71 +158,73 @@ def plan_hold(
     """
     if hold_s is not None:
         require_positive("hold_s", hold_s, "s")
-    hold = Leg(Segment("hold", "voltage", hold_s), stand.x_um, stand.voltage_V)
-    legs = [hold, _unload(release_s, rig, safe_V)]
-    return _plan(legs, _free_guards(rig), rig, stand, pointers, begins_held=True)
+    segments = [Drive("hold", hold_s), _unload(release_s, safe_V)]
+    return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
 
 
 def plan_release(
     release_s: float, rig: PlannedRig, stand: Stand, safe_V: float, pointers: Mapping[str, str]
 ) -> MotionPlan:
     """Plan to let go what is held; phase ``unload``. Raises as ``plan_hold`` does."""
-    legs = [_unload(release_s, rig, safe_V)]
-    return _plan(legs, _free_guards(rig), rig, stand, pointers, begins_held=True)
+    segments = [_unload(release_s, safe_V)]
+    return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
 
 
-def _unload(release_s: float, rig: PlannedRig, safe_V: float) -> Leg:
+def _unload(release_s: float, safe_V: float) -> Drive:
     require_positive("release_s", release_s, "s")
-    segment = Segment("unload", "voltage", release_s, voltage_to_V=safe_V)
-    return Leg(segment, rig.x_start_um + rig.piezo_um_per_V * safe_V, safe_V)
+    return Drive("unload", release_s, courses=(Ramp(safe_V),))
 
 
-def _zero(zero_s: float, x_um: float, voltage_V: float) -> Leg:
-    return Leg(Segment("zero", "voltage", zero_s, zeroes=True, guarded=True), x_um, voltage_V)
+def _after(segments: Sequence[Segment], rig: PlannedRig, stand: Stand) -> Stand:
+    """Return where the arm stands after segments, by the nominal gain."""
+    if not segments:
+        return stand
+    follow = partial(nominal, rig.piezo_um_per_V)
+    end = predict(segments, _entry(stand, rig), follow)[-1].end
+    return Stand(end.x_um, end.voltages_V[0])
 
 
-def _led(to_um: float, speed_um_per_s: float, d_p: float, x_um: float, u_V: float) -> list[Leg]:
-    """A position, gone to by the law."""
-    move_s = move_duration(to_um - x_um, speed_um_per_s)
-    end_V = u_V + (to_um - x_um) / d_p
+def _entry(stand: Stand, rig: PlannedRig) -> Entry:
+    return Entry(Reference(stand.x_um, voltages_V=(stand.voltage_V,)), rig.period_s)
+
+
+def _led(request: MoveRequest, at: Stand, to_um: float) -> list[Segment]:
+    """Return the segments that lead to a position by the law."""
+    move_s = move_duration(to_um - at.x_um, request.speed_um_per_s)
     return [
-        Leg(Segment(phase, "free", duration_s, x_to_um=to_um, guarded=True), to_um, end_V)
-        for phase, duration_s in (("move", move_s), ("rest", REST_S))
+        Move(phase, duration_s, guarded=True, to_um=(to_um,))
+        for phase, duration_s in (("move", move_s), ("rest", request.rest_s))
     ]
 
 
-def _driven(request: MoveRequest, d_p: float, stand: Stand, x_um: float, u_V: float) -> list[Leg]:
-    """A voltage, or a change of it."""
+def _driven(request: MoveRequest, d_p: float, stand: Stand, at: Stand) -> list[Segment]:
+    """Return the segments that lead to a voltage, or change it; the plan begins at ``stand``."""
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
     rate = request.speed_um_per_s / d_p
-    duration_s = move_duration(end_V - u_V, rate)
-    move = Segment("move", "voltage", duration_s, voltage_to_V=end_V, guarded=True)
+    duration_s = move_duration(end_V - at.voltage_V, rate)
+    course: VoltageCourse = Ramp(end_V)
     if by_V is not None and request.cycles is None:
         # Counted from the voltage that is applied as the motion begins.
         path = voltage_moves([(0.0, rate, 0.0), (by_V, rate, 0.0)], relative=True)
-        move = replace(move, path=path, voltage_to_V=None)
-    end_um = x_um + d_p * (end_V - u_V)
-    rest = Segment("rest", "voltage", REST_S, guarded=True)
-    return [Leg(move, end_um, end_V), Leg(rest, end_um, end_V)]
+        course = Follow(path)
+    return [
+        Drive("move", duration_s, guarded=True, courses=(course,)),
+        Drive("rest", request.rest_s, guarded=True),
+    ]
 
 
-def _cycled(cycles: Cycles, d_p: float, stand: Stand) -> list[Leg]:
+def _cycled(cycles: Cycles, stand: Stand) -> list[Segment]:
     """Warm up about the mean, then go to the lowest voltage and through whole cycles."""
     low_V, high_V, rate = cycles.low_V, cycles.high_V, cycles.rate_V_per_s
-    mean_V, legs = 0.5 * (low_V + high_V), list[Leg]()
-
-    def x_um(voltage_V: float) -> float:
-        return stand.x_um + d_p * (voltage_V - stand.voltage_V)
+    mean_V, segments = 0.5 * (low_V + high_V), list[Segment]()
 
     def go(phase: str, from_V: float, to_V: float) -> None:
         duration_s = move_duration(to_V - from_V, rate)
-        move = Segment(phase, "voltage", duration_s, voltage_to_V=to_V, guarded=True)
-        legs.append(Leg(move, x_um(to_V), to_V))
+        segments.append(Drive(phase, duration_s, guarded=True, courses=(Ramp(to_V),)))
 
-    def follow(phase: str, path: Path, end_V: float) -> None:
-        swing = Segment(phase, "voltage", path.duration_s, path=path, guarded=True)
-        legs.append(Leg(swing, x_um(end_V), end_V))
+    def follow(phase: str, path: Path) -> None:
+        segments.append(Drive(phase, path.duration_s, guarded=True, courses=(Follow(path),)))
 
     at_V = stand.voltage_V
     if cycles.warm_up_s > 0.0:
@@ -220,13 +240,13 @@ def _cycled(cycles: Cycles, d_p: float, stand: Stand) -> list[Leg]:
             cycles=whole,
         )
         go("warm up", at_V, mean_V)
-        follow("warm up", swing, mean_V)
+        follow("warm up", swing)
         at_V = mean_V
     if cycles.count:
         stops = [(low_V, rate, 0.0), *[(high_V, rate, 0.0), (low_V, rate, 0.0)] * cycles.count]
         go("condition", at_V, low_V)
-        follow("condition", voltage_moves(stops), low_V)
-    return legs
+        follow("condition", voltage_moves(stops))
+    return segments
 
 
 def _free_guards(rig: PlannedRig) -> Guards:
@@ -239,36 +259,50 @@ def _free_guards(rig: PlannedRig) -> Guards:
 
 
 def _plan(
-    legs: Sequence[Leg],
+    segments: Sequence[Segment],
     guards: Guards,
     rig: PlannedRig,
     stand: Stand,
     pointers: Mapping[str, str],
     *,
-    begins_held: bool,
+    held_to_V: float | None = None,
 ) -> MotionPlan:
-    phases = planned_phases(legs)
-    require_bounded([(phase.phase, phase.duration_s) for phase in phases])
-    course = motion_course(legs, stand.x_um, stand.voltage_V, rig.piezo_um_per_V, rig.period_s)
-    segments = tuple(leg.segment for leg in legs)
+    """Predict the segments by the nominal gain, and name the limits that they break.
+
+    Parameters
+    ----------
+    held_to_V
+        Voltage at which a part that is held is let go; None: no part is held.
+    """
+    gain = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
+    if held_to_V is not None and held_to_V != stand.voltage_V:
+        # The part keeps the arm from following its voltage: the gain is that of the way to rest.
+        rest_um = rig.x_start_um + gain * held_to_V
+        gain = (stand.x_um - rest_um) / (stand.voltage_V - held_to_V)
+    pieces = predict(segments, _entry(stand, rig), partial(nominal, gain))
+    require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
+    course = sample_course(pieces, rig.period_s)
     broken = [
         named_violation(found, _pointer(found.phase, found.quantity, pointers))
         for found in excursions(course, rig.limits)
     ]
-    planned = PlannedRange(voltage=_voltages(legs, course.voltage_V, rig))
+    planned = PlannedRange(voltage=_voltages(segments, course.voltage_V, rig))
     program = Program(
-        segments,
+        tuple(segments),
         guards,
         contact_stiffness_mN_per_um=1.0,
-        begins_held=begins_held,
+        begins_held=held_to_V is not None,
         planned_range=planned,
     )
+    phases = planned_phases(pieces, [piece.end.voltages_V[0] for piece in pieces])
     return MotionPlan(program, phases, course, tuple(broken))
 
 
-def _voltages(legs: Sequence[Leg], voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
+def _voltages(
+    segments: Sequence[Segment], voltages_V: Sequence[float], rig: PlannedRig
+) -> VoltageRange:
     """Return the voltages of a motion: as they are planned, but for a position that a law seeks."""
-    if all(leg.segment.open_loop for leg in legs):
+    if all(segment.open_loop for segment in segments):
         return around(voltages_V, 0.0, OPEN_V)
     return voltage_range(voltages_V, rig)
 

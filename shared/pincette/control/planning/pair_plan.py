@@ -14,7 +14,17 @@ from pincette.control.planning.contact_plan import LOST_FRACTION, LOST_SAMPLES, 
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, MARGIN_UM
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import SHORTEST_MOVE_S, move_duration
-from pincette.control.planning.program import BothArms, Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import (
+    Drive,
+    Move,
+    Press,
+    Ramp,
+    Rest,
+    Seek,
+    Segment,
+    Track,
+)
 
 BACK_UM = 3.0
 """By which an arm stands back from where it has touched."""
@@ -119,52 +129,59 @@ class PairPaths:
         return max(path.duration_s for path in (self.force, self.place) if path is not None)
 
 
-def grip_program(request: PairRequest, hold: PairHold, starts_um: Pair, most_mN: float) -> Program:
+def grip_program(
+    request: PairRequest,
+    hold: PairHold,
+    starts_um: Pair,
+    most_mN: float,
+    homes_um: Pair | None = None,
+) -> Program:
     """Grip, carry and hold a part, then let it go; raises ValueError for an impossible speed.
 
     Parameters
     ----------
     starts_um
-        Where both arms rest, and go back to.
+        Positions at which both arms rest.
     most_mN
         Force of either arm that ends it.
+    homes_um
+        Positions to which both arms go back; None: ``starts_um``.
     """
-    force_mN, rest = request.force_mN, BothArms()
+    force_mN = request.force_mN
     settle_s = SHORTEST_MOVE_S if hold.hold_s is None else min(SHORTEST_MOVE_S, hold.hold_s)
-    pressing = [Segment("load", "force", request.load_s, force_to_mN=force_mN, both=rest)]
+    pressing: list[Segment] = [Press("load", request.load_s, to_mN=force_mN)]
     if hold.place_to_um is not None:
         way_um = hold.place_to_um - request.place_um
         carry_s = move_duration(way_um, hold.carry_um_per_s)
-        goal = BothArms(place_to_um=hold.place_to_um)
-        pressing.append(Segment("carry", "force", carry_s, force_to_mN=force_mN, both=goal))
-    pressing.append(
-        Segment("hold", "force", hold.hold_s, force_to_mN=force_mN, move_s=settle_s, both=rest)
-    )
-    return _program(request, pressing, starts_um, most_mN)
+        pressing.append(Press("carry", carry_s, to_mN=force_mN, place_um=hold.place_to_um))
+    pressing.append(Press("hold", hold.hold_s, to_mN=force_mN, move_s=settle_s))
+    return _program(request, pressing, starts_um, most_mN, homes_um or starts_um)
 
 
 def track_program(
-    request: PairRequest, paths: PairPaths, starts_um: Pair, most_mN: float
+    request: PairRequest,
+    paths: PairPaths,
+    starts_um: Pair,
+    most_mN: float,
+    homes_um: Pair | None = None,
 ) -> Program:
     """Grip a part, let place and force each follow a path, and let it go; raises ValueError."""
     force, place = paths.force, paths.place
     begin_mN = request.force_mN if force is None else force.start
     begin_um = request.place_um if place is None else place.start
-    begin = BothArms(place_to_um=None if place is None else begin_um)
     settle_s = max(SETTLE_S, move_duration(begin_um - request.place_um, request.approach_um_per_s))
     pressing = [
-        Segment("load", "force", request.load_s, force_to_mN=begin_mN, both=BothArms()),
-        Segment(
+        Press("load", request.load_s, to_mN=begin_mN),
+        Press(
             "settle",
-            "force",
             settle_s + SETTLE_S,
-            force_to_mN=begin_mN,
+            to_mN=begin_mN,
             move_s=settle_s,
-            both=begin,
+            place_um=None if place is None else begin_um,
         ),
-        Segment("track", "path", paths.duration_s, path=force, both=BothArms(place_path=place)),
+        Track("track", paths.duration_s, force=force, place=place),
     ]
-    return _program(request, pressing, starts_um, most_mN)
+    return _program(request, pressing, starts_um, most_mN, homes_um or starts_um)
 
 
 def carry_program(
@@ -175,12 +192,10 @@ def carry_program(
     Without a zero that force is not known: the arms keep it as it is. The unload after the end is
     for an action, or a guard, that lets the part go.
     """
-    goal = BothArms(place_to_um=by_um, relative=True)
-    open_both = BothArms(second_to_V=safe_V)
     segments = (
-        Segment("move", "force", move_duration(by_um, speed_um_per_s), both=goal),
-        Segment(CARRIED, "force", SETTLE_S, both=BothArms()),
-        Segment("unload", "voltage", release_s, voltage_to_V=safe_V, both=open_both),
+        Press("move", move_duration(by_um, speed_um_per_s), place_um=by_um, relative=True),
+        Press(CARRIED, SETTLE_S),
+        Drive("unload", release_s, courses=(Ramp(safe_V), Ramp(safe_V))),
     )
     return Program(segments, guards, contact_stiffness_mN_per_um=1.0, begins_held=True)
 
@@ -196,11 +211,18 @@ def pair_guards(request: PairRequest, most_mN: float) -> Guards:
         stiffness_min_mN_per_um=0.0,
         stiffness_max_mN_per_um=request.stiffness_mN_per_um,
         zero_wait_s=ZERO_WAIT_S,
+        contacts_from_um=tuple(
+            contact_um - request.contact_tolerance_um for contact_um in request.contacts_um
+        ),
     )
 
 
 def _program(
-    request: PairRequest, pressing: Sequence[Segment], starts_um: Pair, most_mN: float
+    request: PairRequest,
+    pressing: Sequence[Segment],
+    starts_um: Pair,
+    most_mN: float,
+    homes_um: Pair,
 ) -> Program:
     """Zero, approach, zero, contact, what is done while pressed, and the way back."""
     first_um, second_um = request.stand_offs_um
@@ -210,33 +232,37 @@ def _program(
         request.approach_um_per_s,
     )
     retreat_s = move_duration(back_um, request.approach_um_per_s)
-    unload = Segment("unload", "force", request.load_s, force_to_mN=0.0, both=BothArms())
+    unload = Press("unload", request.load_s, to_mN=0.0)
     segments = (
-        Segment("zero", "zero", request.zero_s, guarded=True, both=BothArms()),
-        Segment("approach", "free", approach_s, guarded=True, both=BothArms(first_um, second_um)),
-        Segment("approach", "zero", request.zero_s, guarded=True, both=BothArms()),
+        Rest("zero", request.zero_s, guarded=True),
+        Move("approach", approach_s, guarded=True, to_um=(first_um, second_um)),
+        Rest("approach", request.zero_s, guarded=True),
         *(_looked_for(request) if request.centred else ()),
         _closing(request),
         *pressing,
         unload,
-        Segment("retreat", "free", retreat_s, guarded=True, both=BothArms(*starts_um)),
+        Move("retreat", retreat_s, guarded=True, to_um=homes_um),
     )
     guards = pair_guards(request, most_mN)
     return Program(segments, guards, contact_stiffness_mN_per_um=request.stiffness_mN_per_um)
 
 
-def _closing(request: PairRequest) -> Segment:
+def _closing(request: PairRequest) -> Seek:
     """Both arms close at the same speed about the place."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     if request.centred:
         # Each from ``BACK_UM`` off to as far beyond, as the place that was found errs a little.
         on_um = BACK_UM + request.contact_force_mN / request.stiffness_mN_per_um
-        goal = BothArms(on_um, on_um, relative=True)
-        way_um = 2.0 * (BACK_UM + on_um)
+        goals_um, way_um = (on_um, on_um), 2.0 * (BACK_UM + on_um)
     else:
-        goal = BothArms(*furthest)
-        way_um = sum(furthest) - sum(stand)
-    return Segment("contact", "seek", way_um / request.seek_um_per_s, both=goal)
+        goals_um, way_um = furthest, sum(furthest) - sum(stand)
+    return Seek(
+        "contact",
+        way_um / request.seek_um_per_s,
+        to_um=goals_um,
+        relative=request.centred,
+        sides=(True, True),
+    )
 
 
 def _looked_for(request: PairRequest) -> Sequence[Segment]:
@@ -244,18 +270,18 @@ def _looked_for(request: PairRequest) -> Sequence[Segment]:
     stand, furthest = request.stand_offs_um, request.furthest_um
     step_s = move_duration(BACK_UM, request.approach_um_per_s)
 
-    def seek(arm: int) -> Segment:
-        ways = BothArms(first_to_um=furthest[0], sides="first")
-        if arm:
-            ways = BothArms(second_to_um=furthest[1], sides="second")
+    def seek(arm: int) -> Seek:
         seconds = 2.0 * (furthest[arm] - stand[arm]) / request.seek_um_per_s
-        return Segment("centre", "seek", seconds, both=ways)
+        sides = arm == 0, arm == 1
+        return Seek("centre", seconds, to_um=_of(arm, furthest[arm]), sides=sides)
 
-    def back(arm: int) -> Segment:
-        ways = BothArms(first_to_um=-BACK_UM, relative=True)
-        if arm:
-            ways = BothArms(second_to_um=-BACK_UM, relative=True)
-        return Segment("centre", "free", step_s, both=ways)
+    def back(arm: int) -> Move:
+        return Move("centre", step_s, to_um=_of(arm, -BACK_UM), relative=True)
 
-    both_back = Segment("centre", "free", step_s, both=BothArms(-BACK_UM, -BACK_UM, relative=True))
+    both_back = Move("centre", step_s, to_um=(-BACK_UM, -BACK_UM), relative=True)
     return seek(0), back(0), seek(1), back(1), both_back
+
+
+def _of(arm: int, goal_um: float) -> tuple[float | None, float | None]:
+    """Return the goals of both tips where one arm moves and the other one rests."""
+    return (goal_um, None) if arm == 0 else (None, goal_um)

@@ -115,6 +115,14 @@ def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple
     return speed * up_s * s * s * s * (1.0 - 0.5 * s), speed * s * s * (3.0 - 2.0 * s)
 
 
+def run_up_acceleration(distance: float, duration_s: float, up_s: float, t_s: float) -> float:
+    """Acceleration at ``t_s`` of the motion of ``run_up``: v·6s·(1 - s)/up until s = 1, then 0."""
+    if not 0.0 < t_s < up_s:
+        return 0.0
+    speed, s = distance / (duration_s - 0.5 * up_s), t_s / up_s
+    return speed * 6.0 * s * (1.0 - s) / up_s
+
+
 def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
     """Shortest time in s of a move from rest to rest within a peak speed and acceleration.
 

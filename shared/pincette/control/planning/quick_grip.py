@@ -20,10 +20,8 @@ from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
 from pincette.control.planning.feasibility import Violation
 from pincette.control.planning.profiles import minimum_duration, move
-from pincette.control.planning.touch_force import FORCE_SHARE
+from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, short_load
 
-LOAD_PERIODS = 15
-"""That a load takes at least, so that the contact line is identified meanwhile."""
 SMOOTH, LONGEST = 2.0, 2.5
 """Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
 its end."""
@@ -149,13 +147,8 @@ def quick_speeds(
         )
         value = asked.load_um_per_s
         found.append(Violation("/load_um_per_s", "speed", value, seek, "µm/s", 0.0, message))
-    if load_s < least_s * (1.0 - 1e-9):
-        message = (
-            f"load_s = {load_s:g} s is below {least_s:g} s, {LOAD_PERIODS} periods, in which the "
-            "contact line is identified: load longer"
-        )
-        found.append(Violation("/load_s", "duration", load_s, least_s, "s", 0.0, message))
-    elif load_s > longest_s * (1.0 + 1e-9):
+    found.extend(short_load(load_s, rig.period_s))
+    if load_s > longest_s * (1.0 + 1e-9):
         message = (
             f"load_s = {load_s:g} s is above {longest_s:.3g} s, after which a load that begins "
             f"with {seek:g} µm/s passes its end: load in less time, seek more slowly, or grip with "

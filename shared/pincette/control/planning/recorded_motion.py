@@ -6,9 +6,11 @@ of its hysteresis and creep that the pressed one went through.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from pincette.control.planning.contact_plan import CONTACT_SAMPLES, ZERO_WAIT_S, PlannedRig
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Drive, Ramp, Recorded
 from pincette.control.quantities import MAX_ITEMS
 
 RETURN_S = 0.5
@@ -32,6 +34,16 @@ class RecordedSegment:
     """Whether the force was zeroed at its end."""
 
 
+class Pressed(NamedTuple):
+    """One sample of a pressed part, by the tick whose voltage it answers."""
+
+    segment: int
+    tick: int
+    x_um: float
+    force_mN: float
+    """As it was estimated."""
+
+
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
     """The voltages of a job, segment by segment of its program."""
@@ -43,6 +55,9 @@ class RecordedMotion:
     segments: tuple[RecordedSegment, ...]
     free_um: tuple[float, float]
     """Lowest and highest position that the voltages lead the free arm to: x + s_p·F."""
+    pressed: tuple[Pressed, ...] = ()
+    """Samples of the pressed part, to judge a residual table by; empty where the job itself went by
+    a table."""
 
 
 def recorded_program(
@@ -77,19 +92,19 @@ def recorded_program(
             f"to {high_um:.2f} µm, limits {limits.position_min_um:g} µm to "
             f"{limits.position_max_um:g} µm: press less, or move the part closer"
         )
-    segments: list[Segment] = []
+    segments: list[Drive] = []
     if waits:
-        segments.append(Segment("part away", "voltage", None))
+        segments.append(Drive("part away", None))
     begins: list[int] = []
     for run in range(1, runs + 1):
         first_V = motion.segments[0].voltages_V[0]
         width = 1.0 + (SPREAD if run % 2 else -SPREAD)
-        segments.append(Segment(f"return {run}", "voltage", RETURN_S, voltage_to_V=first_V))
-        segments.append(Segment(f"rest {run}", "voltage", REST_S))
+        segments.append(Drive(f"return {run}", RETURN_S, courses=(Ramp(first_V),)))
+        segments.append(Drive(f"rest {run}", REST_S))
         begins.append(len(segments))
         segments += [_played(one, run, rig, first_V, width) for one in motion.segments]
     if waits:
-        segments.append(Segment("part back", "voltage", None))
+        segments.append(Drive("part back", None))
     guards = Guards(
         contact_force_mN=contact_force_mN,
         contact_samples=CONTACT_SAMPLES,
@@ -106,20 +121,18 @@ def recorded_program(
     return Program(tuple(segments), guards, contact_stiffness_mN_per_um=1.0), tuple(begins)
 
 
-def _played(
-    one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float
-) -> Segment:
+def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float) -> Drive:
     """A segment with the ticks that it had; the one that zeroes takes one more for the stamp."""
     ticks = len(one.voltages_V) - int(one.zeroes)
     low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
     volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
-    return Segment(
+    values_V = tuple(min(high_V, max(low_V, voltage_V)) for voltage_V in volts)
+    return Drive(
         f"{one.phase} {run}",
-        "voltage",
         ticks * rig.period_s,
-        voltages_V=tuple(min(high_V, max(low_V, voltage_V)) for voltage_V in volts),
         zeroes=one.zeroes,
         guarded=True,
+        courses=(Recorded(values_V),),
     )
 
 

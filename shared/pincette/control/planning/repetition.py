@@ -15,7 +15,9 @@ is near 1 - L while there is something to learn, and not above 0 where there is 
 those corrections hold that led the cycle of the lowest error.
 """
 
+from collections.abc import Sequence
 from math import sqrt
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -30,6 +32,8 @@ MOST_CYCLES = 12
 """After which the sensor's noise adds more than is left to learn."""
 PATIENCE = 2
 """Cycles in a row in which nothing came back that end the learning."""
+CHANCE = 2.0
+"""Standard deviations of the sensor's noise by which an error must have become smaller."""
 MOST_TICKS = 2000
 """Of a cycle: what travels with a program."""
 
@@ -84,6 +88,52 @@ class Corrections(FrozenRecord, frozen=True):
             quiet = 0 if came_back > 0.0 else quiet + 1
         learned = Corrections(tuple(values), (*self.errors_um, rms_um), best_um, quiet)
         return replace(learned, values_um=best_um) if learned.over else learned
+
+
+class HeldOut(NamedTuple):
+    """Errors of cycles without corrections, and of cycles that none of their corrections is of."""
+
+    before_um: float
+    """R.m.s. of x - x_r before anything was learned."""
+    after_um: float
+    """R.m.s. error over the cycles that were played with corrections of earlier cycles."""
+    cycles: int
+    """Number of those cycles."""
+    helps: bool
+    """True where the error has become smaller by more than chance."""
+
+
+def held_out(
+    before_um: float, led_um: Sequence[float], *, ticks: int, noise_um: float
+) -> HeldOut | None:
+    """Judge corrections by cycles that they were not learned from.
+
+    A cycle is led by corrections from the cycles before it, so that its own error judges them. The
+    later half of such cycles counts.
+
+    Parameters
+    ----------
+    before_um
+        R.m.s. of the first cycle that had no corrections.
+    led_um
+        R.m.s. of each cycle that had some, in order.
+    ticks
+        Ticks of a cycle.
+    noise_um
+        R.m.s. of the noise within an error: its mean square over a cycle varies by √(2/N) of it.
+
+    Returns
+    -------
+    HeldOut or None
+        None if no cycle was played with corrections.
+    """
+    if not led_um:
+        return None
+    counted = led_um[len(led_um) // 2 :]
+    square = sum(error * error for error in counted) / len(counted)
+    chance = CHANCE * noise_um**2 * sqrt(2.0 / ticks) * sqrt(1.0 + 1.0 / len(counted))
+    helps = square < before_um * before_um - chance
+    return HeldOut(before_um, sqrt(square), len(counted), helps)
 
 
 class CycleLearner(FrozenRecord, frozen=True):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from pincette.control.planning.paths import Path
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Segment, paths_of
 
 ROUNDING = 1e-6
 """Share of the period by which a time may be shorter than it, rounding included."""
@@ -18,11 +18,8 @@ def unsampled(segments: Sequence[Segment], period_s: float) -> list[str]:
     """
     found: list[str] = []
     for segment in segments:
-        both = segment.both
-        paths = (segment.path, None if both is None else both.place_path)
-        for path in paths:
-            if path is not None:
-                found.extend(_close_knots(segment.phase, path, period_s))
+        for path in paths_of(segment):
+            found.extend(_close_knots(segment.phase, path, period_s))
         if segment.duration_s is not None and _below(segment.duration_s, period_s):
             found.append(
                 f"{segment.phase} takes {segment.duration_s:g} s, less than the period of "

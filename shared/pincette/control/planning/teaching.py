@@ -5,7 +5,8 @@ from typing import NamedTuple
 from pincette.control.checks import require_positive
 from pincette.control.planning.calibration_programs import free_program
 from pincette.control.planning.profiles import move_duration
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Move
 
 
 class Leg(NamedTuple):
@@ -48,13 +49,13 @@ def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Pro
     """
     range_um = require_positive("range of the teaching motion", to_um - from_um, "µm")
     require_positive("speed of the teaching motion", speed_um_per_s, "µm/s")
-    segments: list[Segment] = []
+    segments: list[Move] = []
     at_um = 0.0
     for leg in COURSE:
         x_um = from_um + leg.to * range_um
         move_s = move_duration(x_um - at_um, leg.pace * speed_um_per_s)
-        segments.append(Segment("teach", "free", move_s, x_to_um=x_um))
+        segments.append(Move("teach", move_s, to_um=(x_um,)))
         if leg.rest_s > 0.0:
-            segments.append(Segment("teach", "free", leg.rest_s, x_to_um=x_um))
+            segments.append(Move("teach", leg.rest_s, to_um=(x_um,)))
         at_um = x_um
     return free_program(*segments)

@@ -6,10 +6,20 @@ by the touch itself, and one little above it leaves no load to identify the line
 force must be above ``contact force / FORCE_SHARE``, for every profile and for one arm and two.
 """
 
+from collections.abc import Mapping
+from math import inf
+from typing import NamedTuple
+
+from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
 from pincette.control.planning.feasibility import Violation
 
 FORCE_SHARE = 0.5
 """Share of the planned force that may be there when a touch is detected."""
+SEEK_SHARE = 0.75
+"""Share of the planned force that a part may be pressed with when the arm stops at the touch."""
+SEEK = "seek_um_per_s"
+LOAD_PERIODS = 15
+"""Fewest periods of a load, so that the contact line is identified meanwhile."""
 
 
 def least_force_mN(contact_force_mN: float) -> float:
@@ -40,3 +50,94 @@ def weak_force(
         "contact_force_mN"
     )
     return (Violation(pointer, "force", force_mN, limit_mN, "mN", at_s, message),)
+
+
+class SafeTouch(NamedTuple):
+    """Limits of the speed at which an arm that stops at the touch may meet a part.
+
+    The arm goes on until ``CONTACT_SAMPLES`` samples show the touch, as ``force_at_touch_mN`` has
+    it. Where the part is expected, at the speed of the seek, ``SEEK_SHARE`` of the planned force
+    may be there then, so that the arm can still stop. A part that is met early, at the speed of the
+    approach, must not be pressed harder than planned.
+    """
+
+    force_mN: float
+    """Highest force of the plan."""
+    contact_force_mN: float
+    hardest_mN_per_um: float
+    """Stiffness of the hardest part that may be there."""
+    compliance_um_per_mN: float
+    period_s: float
+
+    def limit(self, name: str) -> float:
+        """Return the highest safe speed in µm/s; infinite for a force that is refused anyway.
+
+        Parameters
+        ----------
+        name
+            ``seek_um_per_s`` or ``approach_um_per_s``.
+        """
+        room_mN = (SEEK_SHARE if name == SEEK else 1.0) * self.force_mN - self.contact_force_mN
+        if room_mN <= 0.0:
+            return inf
+        per_speed_mN = force_at_touch_mN(
+            0.0, self.hardest_mN_per_um, self.compliance_um_per_mN, 1.0, self.period_s
+        )
+        return room_mN / per_speed_mN
+
+    def violations(self, speeds_um_per_s: Mapping[str, float]) -> tuple[Violation, ...]:
+        """Return the violations of speeds, by the members of the request that state them."""
+        return tuple(
+            self._violation(name, speed, self.limit(name))
+            for name, speed in speeds_um_per_s.items()
+            if speed > self.limit(name) * (1.0 + 1e-9)
+        )
+
+    def _violation(self, name: str, speed: float, limit: float) -> Violation:
+        at_mN = force_at_touch_mN(
+            self.contact_force_mN,
+            self.hardest_mN_per_um,
+            self.compliance_um_per_mN,
+            speed,
+            self.period_s,
+        )
+        share = SEEK_SHARE if name == SEEK else 1.0
+        message = (
+            f"{name} = {speed:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods "
+            f"of {self.period_s:g} s the hardest part would be pressed with {at_mN:.2f} mN before "
+            f"its touch is detected, more than {100.0 * share:g} % of {self.force_mN:g} mN: go "
+            "more slowly, shorten the period, or plan more force"
+        )
+        return Violation(f"/{name}", "speed", speed, limit, "µm/s", 0.0, message)
+
+
+def short_load(load_s: float, period_s: float) -> tuple[Violation, ...]:
+    """Return the violation of a load that is too short to identify the contact line."""
+    least_s = LOAD_PERIODS * period_s
+    if load_s >= least_s * (1.0 - 1e-9):
+        return ()
+    message = (
+        f"load_s = {load_s:g} s is below {least_s:g} s, {LOAD_PERIODS} periods, in which the "
+        "contact line is identified: load longer"
+    )
+    return (Violation("/load_s", "duration", load_s, least_s, "s", 0.0, message),)
+
+
+def uncertain_force(
+    force_mN: float, uncertainty_mN: float, pointer: str, what: str, at_s: float = 0.0
+) -> tuple[Violation, ...]:
+    """Return the violation of a force that is not above the uncertainty it would be stated with.
+
+    Parameters
+    ----------
+    what
+        Name of the force, such as ``contact_force_mN``.
+    """
+    if force_mN > uncertainty_mN:
+        return ()
+    message = (
+        f"{what} = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded uncertainty "
+        "of the force there by the model in use: state more than that, or calibrate free_response "
+        "again with less noise"
+    )
+    return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", at_s, message),)

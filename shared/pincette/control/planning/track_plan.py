@@ -8,13 +8,13 @@ arm then settles on that line where the path begins.
 from dataclasses import dataclass, replace
 
 from pincette.control.checks import require_positive
-from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, plan_contact
+from pincette.control.planning.contact_plan import ContactPlan, PlannedRig, hasty, plan_contact
 from pincette.control.planning.contact_request import ContactRequest, check_contact
 from pincette.control.planning.feasibility import Excursion, Violation, named_violation
 from pincette.control.planning.path_shapes import Peaks, peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
-from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Press, Track
 from pincette.control.planning.touch_force import weak_force
 from pincette.control.vocabulary import LimitedQuantity
 
@@ -55,17 +55,23 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
     """Plan a path in contact; raises as ``plan_contact`` does."""
     path, load_s, found = request.path, request.load_s, peaks(request.path)
     pressing = (
-        Segment("load", "force", load_s, force_to_mN=found.highest),
-        Segment("load", "force", load_s, force_to_mN=path.start),
-        Segment("settle", "force", SETTLE_S, force_to_mN=path.start, move_s=SHORTEST_MOVE_S),
-        Segment("track", "path", path.duration_s, path=path),
-        Segment("unload", "force", load_s, force_to_mN=0.0),
+        Press("load", load_s, to_mN=found.highest),
+        Press("load", load_s, to_mN=path.start),
+        Press("settle", SETTLE_S, to_mN=path.start, move_s=SHORTEST_MOVE_S),
+        Track("track", path.duration_s, force=path),
+        Press("unload", load_s, to_mN=0.0),
     )
     plan = plan_contact(request, rig, pressing, dict.fromkeys(PRESSING, request.pointer))
     start_s = next(phase.start_s for phase in plan.phases if phase.phase == "track")
     load_at_s = next(phase.start_s for phase in plan.phases if phase.phase == "load")
     weak = weak_force(found.highest, request.contact_force_mN, request.pointer, load_at_s)
-    broken = (*weak, *plan.violations, *_path_violations(request, found, start_s, rig.period_s))
+    early = hasty(request, rig, found.highest)
+    broken = (
+        *weak,
+        *early,
+        *plan.violations,
+        *_path_violations(request, found, start_s, rig.period_s),
+    )
     return replace(plan, violations=broken)
 
 

@@ -19,6 +19,8 @@ from pincette.control.calibration.free_motion import (
     secant_gain,
 )
 from pincette.control.checks import require_as_many
+from pincette.control.response.branch_fit import ConditionedWay, measured_branch
+from pincette.control.response.conditioned_branch import ConditionedBranch
 from pincette.control.response.contact_kink import ContactKink, contact_kink
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import simulate
@@ -68,6 +70,7 @@ class FreeMotion:
     before_step: slice
     after_step: slice
     grips: Sequence[RehearsedGrip]
+    conditioned: Sequence[ConditionedWay] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,8 @@ class FreeCalibration:
     """Errors of the model since a zero."""
     return_error_um: float | None
     """Error of the model at the place of the zero on the way back; see ``return_error``."""
+    branch: ConditionedBranch | None
+    """Rising branch after conditioning strokes; None where none were made."""
     unpoled: bool
     """Whether the model was fitted to an actuator that began without a memory."""
     t_s: Column
@@ -163,6 +168,7 @@ def calibrate_free_response(
         forgetting=unknown_forgetting(u, left, motion.period_s, swings),
         rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
         return_error_um=return_error(x, left, motion.period_s, motion.grips),
+        branch=measured_branch(identified.model, u, x, motion.period_s, motion.conditioned),
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,

@@ -115,7 +115,7 @@ class LinearResponse(FrozenRecord, frozen=True):
     voltage_V: float = 0.0
     """The voltage followed last."""
     reach_V: float = 0.0
-    """Furthest that the voltage has been from that of the zero since."""
+    """Furthest that the voltage has been from that of the last zero, also before a new begin."""
 
     def follow(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
         """Take in the voltage; a line knows no time."""
@@ -148,13 +148,16 @@ class LinearResponse(FrozenRecord, frozen=True):
         return sample.x_um - free_position(self, sample.voltage_V)
 
     def begin(self, x_um: float) -> "LinearResponse":
-        """Return the line of slope d_p through ``x_um`` at the voltage followed last."""
+        """Return the line of slope d_p through ``x_um`` at the voltage followed last.
+
+        The furthest travel stays: an arm with remanence may begin far from where it was before that
+        travel, and err by as much on its way back.
+        """
         return replace(
             self,
             offset_um=x_um,
             gain_um_per_V=self.nominal_um_per_V,
             zero_V=self.voltage_V,
-            reach_V=0.0,
         )
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> "LinearResponse":

@@ -3,7 +3,8 @@
 With u in V, the displacement in µm, and thresholds r_i, over a piece of voltage that rises or
 falls throughout by |Δu|:
 
-    play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i
+    play           z_i = u - y_i;   dz_i/du = 1 - λ_i·z_i·sign(du)  within  |z_i| ≤ r_i,
+                   and  dz_i/du = 1 - μ_i·z_i·sign(du)  while |z_i| falls
     static         y = q·u² + Σ [w_i·y_i + g_i(y_i)],  r_0 = 0 being the linear part
     bend           g_i(y) = a_i·y² + b_i·y³ between two voltages, going on straight beyond them
     creep          τ_j·ċ_j = y - c_j
@@ -12,10 +13,12 @@ falls throughout by |Δu|:
 Without fading, λ_i = 0, these are the plays of Prandtl and Ishlinskii,
 y_i ← max(u - r_i, min(u + r_i, y_i)), which return from a small loop to where they were. With it a
 play that does not yield forgets as the voltage travels, by e^(-λ_i·|Δu|), so that small loops wear
-off what large ones left, and each starts in a slope of its own (accommodation). Every play has to
-yield, r_i·λ_i < 1: without yielding it would be another operator, that of Dahl. The curvature q
-bends rising and falling branches alike. Loops of plays without bends are as wide at every voltage;
-with them they are not: a Preisach operator of any density is a sum of functions g_i of plays.
+off what large ones left, and each starts in a slope of its own (accommodation). A play with
+r_i·λ_i ≥ 1 never yields: its z tends to 1/λ_i. Such a play is the operator of Dahl, and with a rate
+μ_i of its own on the way back to z = 0 that of Bouc and Wen, whose b and g are (λ + μ)/2 and
+(λ - μ)/2. The curvature q bends rising and falling branches alike. Loops of plays without bends are
+as wide at every voltage; with bends they are not: a Preisach operator of any density is a sum of
+functions g_i of plays.
 
 The plays depend on the path of the voltage alone, not on its speed; the creep states are linear.
 Sources: M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2;
@@ -29,10 +32,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import count, pairwise, repeat
-from math import exp, expm1, isfinite
+from math import copysign, exp, expm1, isfinite, log1p
+from typing import NamedTuple
 
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
+
+ROUNDED = 1e-2
+"""Share by which r·λ of a play that never yields may be below 1, for numbers of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +52,8 @@ class HysteresisModel:
     ------
     ValueError
         Where lengths disagree, a number is not finite, the first threshold is not 0 or another is
-        not positive, a play occurs twice, a time is not positive, a fading is negative or keeps
-        its play from yielding, or the displacement would, but for its curvature, fall on a branch
+        not positive, a play occurs twice, a time is not positive, a fading is negative, or the
+        displacement would, but for its curvature, fall on a branch
         of rising voltage.
     """
 
@@ -68,6 +75,8 @@ class HysteresisModel:
     """b_i, likewise."""
     bent_V: tuple[float, float] = (0.0, 0.0)
     """Lowest and highest play between which the bends hold."""
+    return_fadings_per_V: tuple[float, ...] = ()
+    """μ_i, which replace λ_i while |z_i| falls; empty: they are the same."""
 
     def __post_init__(self) -> None:
         _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
@@ -77,8 +86,16 @@ class HysteresisModel:
         if not self.thresholds_V or self.thresholds_V[0] != 0.0:
             raise ValueError(f"thresholds_V = {self.thresholds_V} V, the first must be 0 V")
         fadings = self.fadings_per_V or (0.0,) * len(self.thresholds_V)
-        plays = list(zip(self.thresholds_V, fadings, self.weights_um_per_V, strict=True))
-        _require_possible(plays)
+        returns = self.return_fadings_per_V or fadings
+        _require_same("return_fadings_per_V", returns, "thresholds_V", self.thresholds_V)
+        _require_possible(
+            [
+                _Play(*values)
+                for values in zip(
+                    self.thresholds_V, fadings, returns, self.weights_um_per_V, strict=True
+                )
+            ]
+        )
         if not isfinite(self.curvature_um_per_V2):
             raise ValueError(f"curvature {self.curvature_um_per_V2} µm/V², must be finite")
         if self.squares_um_per_V2 or self.cubes_um_per_V3:
@@ -114,6 +131,8 @@ def step(
     Between the thresholds the way du of the voltage makes of z, however it is cut,
 
         z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ
+
+    with μ in place of λ up to z = 0 where |z| falls.
     """
     plays, static_um = _yielded(model, state, voltage_V)
     factors = creep_factors(model.creep_times_s, dt_s)
@@ -134,16 +153,20 @@ def _yielded(
     moved = list(plays)
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)
+    returns = model.return_fadings_per_V or fadings
     # Most of a tick is spent here: few names, few calls. Not strict: without fading the zeros
     # have no end.
-    for place, r, w, y, fading in zip(
-        count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, strict=False
+    for place, r, w, y, fading, returning in zip(
+        count(), model.thresholds_V, model.weights_um_per_V, plays, fadings, returns, strict=False
     ):
         if y == before + sign * r:  # it yields already, and does so from here on
             play = u + sign * r
         elif fading:
-            lost = expm1(fading * back_V)
-            z = (before - y) * (1.0 + lost) + sign * lost / fading
+            z, way_V = before - y, back_V
+            if returning != fading and z * sign > 0.0:
+                z, way_V = _returned(z, returning, back_V)
+            lost = expm1(fading * way_V)
+            z = z * (1.0 + lost) + sign * lost / fading
             if z >= r:
                 z = r
             elif z <= -r:
@@ -160,6 +183,20 @@ def _yielded(
     if model.squares_um_per_V2:
         static_um += _bends_um(model, moved)
     return moved, static_um
+
+
+def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float, float]:
+    """Return z after a way that makes |z| fall, and what is left of the way, both ways negative.
+
+    d|z| = -(1 + μ·|z|)·|du| as far as z = 0.
+    """
+    height_V = abs(z_V)
+    to_zero_V = log1p(returning_per_V * height_V) / returning_per_V if returning_per_V else height_V
+    if to_zero_V < -back_V:
+        return 0.0, back_V + to_zero_V
+    lost = expm1(returning_per_V * back_V)
+    fell_V = -lost / returning_per_V if returning_per_V else -back_V
+    return copysign(max(0.0, height_V * (1.0 + lost) - fell_V), z_V), 0.0
 
 
 def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
@@ -214,26 +251,48 @@ def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float,
     return tuple([exp(-dt_s / time_s) for time_s in creep_times_s])
 
 
-def _require_possible(plays: list[tuple[float, float, float]]) -> None:
-    """Refuse plays, of threshold, fading and weight, that no actuator is made of."""
-    if plays[0][1] != 0.0:
-        raise ValueError(f"fading {plays[0][1]} per V of the linear part, must be 0 per V")
-    for threshold, fading, _ in plays[1:]:
+class _Play(NamedTuple):
+    """Numbers of one play, by which plays are sorted."""
+
+    threshold_V: float
+    fading_per_V: float
+    return_fading_per_V: float
+    weight_um_per_V: float
+
+
+def _require_possible(plays: list[_Play]) -> None:
+    """Refuse plays that no actuator is made of."""
+    linear = plays[0]
+    for name, fading in (
+        ("fading", linear.fading_per_V),
+        ("return fading", linear.return_fading_per_V),
+    ):
+        if fading != 0.0:
+            raise ValueError(f"{name} {fading} per V of the linear part, must be 0 per V")
+    for threshold, fading, returning, _ in plays[1:]:
         require_positive("threshold", threshold, "V")
-        if not require_not_negative("fading", fading, "per V") * threshold < 1.0:
-            raise ValueError(f"threshold {threshold} V, must be below {1.0 / fading} V, 1/fading")
+        require_not_negative("fading", fading, "per V")
+        require_not_negative("return fading", returning, "per V")
+        if returning != fading and not fading > 0.0:
+            raise ValueError(f"return fading {returning} per V of a play that does not fade")
     ascending = sorted(plays)
     for before, play in pairwise(ascending):
-        if before[:2] == play[:2]:
-            raise ValueError(f"threshold {play[0]} V with fading {play[1]} per V occurs twice")
+        if before[:3] == play[:3]:
+            raise ValueError(
+                f"threshold {play.threshold_V} V with fading {play.fading_per_V} per V occurs twice"
+            )
     # A branch that has passed r_i moves all plays up to it, so its slope is their sum.
     slope = 0.0
-    for threshold, _, weight in ascending:
-        slope = require_positive(f"slope up to {threshold} V", slope + weight, "µm/V")
+    for play in ascending:
+        slope += play.weight_um_per_V
+        require_positive(f"slope up to {play.threshold_V} V", slope, "µm/V")
     # At a turn all plays stand at their thresholds, and what fades of them goes the other way.
-    slope = plays[0][2]
-    for threshold, fading, weight in plays:
-        slope -= weight * fading * threshold
+    # Plays that never yield are left out: an arm of Bouc-Wen hysteresis with a wide loop goes on
+    # for a moment when its voltage turns.
+    slope = linear.weight_um_per_V
+    for threshold, fading, returning, weight in plays:
+        if fading * threshold < 1.0 - ROUNDED:
+            slope -= weight * returning * threshold
     require_positive("slope after a turn", slope, "µm/V")
 
 

@@ -15,7 +15,9 @@ YIELDS_WITHIN = 1e-12
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
     """Free displacement in µm of an actuator that starts unpoled; N samples for N."""
-    plays = play_columns(model.thresholds_V, model.fadings_per_V, voltage_V)
+    plays = play_columns(
+        model.thresholds_V, model.fadings_per_V, voltage_V, model.return_fadings_per_V
+    )
     return moved_um(model, plays, voltage_V, period_s)
 
 
@@ -34,29 +36,55 @@ def moved_um(
 
 
 def play_columns(
-    thresholds_V: Sequence[float], fadings_per_V: Sequence[float], voltage_V: Column
+    thresholds_V: Sequence[float],
+    fadings_per_V: Sequence[float],
+    voltage_V: Column,
+    return_fadings_per_V: Sequence[float] = (),
 ) -> NDArray[np.float64]:
     """Plays y_i in V, N × thresholds, of an actuator that starts unpoled.
 
-    Without ``fadings_per_V`` none fades.
+    Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` those are the same.
     """
     r = np.asarray(thresholds_V, dtype=float)
     fading = np.asarray(fadings_per_V, dtype=float) if len(fadings_per_V) else np.zeros(len(r))
     fades = fading > 0.0
     # Any rate does where none is used.
     rate = np.where(fades, fading, 1.0)
+    returning = np.asarray(return_fadings_per_V, dtype=float) if return_fadings_per_V else fading
+    uneven, fading_at_all = bool(np.any(returning != fading)), bool(fades.any())
+    back = np.where(returning > 0.0, returning, 1.0)
     rows = np.empty((len(voltage_V), len(r)))
     play, before = np.zeros(len(r)), 0.0
     for index, u in enumerate(voltage_V.tolist()):
         if u != before:
-            if fades.any():
-                lost = -np.expm1(-rate * abs(u - before))
-                z = (before - play) * (1.0 - lost) + np.copysign(lost, u - before) / rate
+            if fading_at_all:
+                z, way = before - play, abs(u - before)
+                if uneven:
+                    z, way = _returned(z, u - before, returning, back, fades)
+                lost = -np.expm1(-rate * way)
+                z = z * (1.0 - lost) + np.copysign(lost, u - before) / rate
                 play = np.where(fades, u - z, play)
             play = np.maximum(u - r, np.minimum(u + r, play))
             before = u
         rows[index] = play
     return rows
+
+
+def _returned(
+    z: Column, du: float, returning: Column, back: Column, fades: NDArray[np.bool_]
+) -> tuple[Column, Column]:
+    """Return z after the part of a way on which |z| falls, and the rest of the way.
+
+    ``back`` has the rates with 1 in place of 0.
+    """
+    height, way = np.abs(z), abs(du)
+    falls = fades & (z * du < 0.0)
+    to_zero = np.where(returning > 0.0, np.log1p(back * height) / back, height)
+    gone = np.where(falls, np.minimum(to_zero, way), 0.0)
+    kept = np.exp(-returning * gone)
+    fell = np.where(returning > 0.0, (1.0 - kept) / back, gone)
+    left = np.where(to_zero < way, 0.0, np.maximum(0.0, height * kept - fell))
+    return np.where(falls, np.copysign(left, z), z), way - gone
 
 
 def bend_columns(
@@ -83,10 +111,12 @@ def slopes_um_per_V(
         weights = weights + (2.0 * squares + 3.0 * cubes * within) * within
     r = np.asarray(model.thresholds_V)
     fading = np.asarray(model.fadings_per_V or np.zeros(len(r)))
+    returning = np.asarray(model.return_fadings_per_V or fading)
     z = voltage_V[:, np.newaxis] - plays_V
     both: list[Column] = []
     for ahead in (z, -z):
-        moved = np.where(ahead >= r * (1.0 - YIELDS_WITHIN), 1.0, fading * ahead)
+        faded = np.where(ahead < 0.0, returning, fading) * ahead
+        moved = np.where(ahead >= r * (1.0 - YIELDS_WITHIN), 1.0, faded)
         both.append(np.sum(moved * weights, axis=1))
     return np.stack(both, axis=1) + 2.0 * model.curvature_um_per_V2 * voltage_V[:, np.newaxis]
 

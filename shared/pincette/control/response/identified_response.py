@@ -10,6 +10,7 @@ from typing import Self
 from msgspec.structs import replace
 
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.response.conditioned_branch import ConditionedBranch, Strokes
 from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.free_response import FreeSample, MemoryResponse
 from pincette.control.response.hysteresis import (
@@ -19,6 +20,7 @@ from pincette.control.response.hysteresis import (
     start,
     step,
 )
+from pincette.control.response.poled import stroked
 
 
 class IdentifiedResponse(MemoryResponse, frozen=True):
@@ -30,6 +32,16 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     """Error by the way since the zero, as identified; None: by the residual."""
     reach_V: float = 0.0
     """Furthest that the voltage has been from that of the zero since."""
+    branch: ConditionedBranch | None = None
+    """Rising branch of the conditioned arm; None: not known, and strokes count for nothing."""
+    stroked: HysteresisState | None = None
+    """Memory at the bottom of the last stroke, which ``branch`` was measured beside."""
+    strokes: Strokes = Strokes()
+    """Conditioning strokes that the voltage has made."""
+    conditioned: bool = False
+    """True where the last zero was on the rising branch after conditioning strokes."""
+    factor: float = 1.0
+    """Stroke of the arm over that of its calibration, as the last conditioned way showed it."""
 
     @property
     def voltage_V(self) -> float:
@@ -39,8 +51,14 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
         """Take in that ``voltage_V`` has been applied for ``dt_s``."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
-        memory = step(self.model, self.memory, voltage_V, dt_s)
-        return replace(self, memory=memory, reach_V=reach_V)
+        memory, strokes = self.memory, self.strokes
+        if self.branch is not None:
+            strokes = strokes.follow(self.branch, voltage_V, dt_s)
+            if strokes.complete and not self.strokes.complete and self.stroked is not None:
+                # The strokes have wiped out the past of the plays, but not that of the creep.
+                memory = replace(self.stroked, creep_um=memory.creep_um)
+        memory = step(self.model, memory, voltage_V, dt_s)
+        return replace(self, memory=memory, reach_V=reach_V, strokes=strokes)
 
     def begin(self, x_um: float) -> Self:
         """Move the offset so that x_1 is ``x_um``."""
@@ -49,17 +67,35 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
         """Move the offset so that x_1 goes through the rest; raises ValueError without one."""
         moved = super().rezero(samples, rest_samples)
-        return replace(moved, reach_V=abs(self.memory.voltage_V - moved.zero_V))
+        reach_V = abs(self.memory.voltage_V - moved.zero_V)
+        return replace(moved, reach_V=reach_V, conditioned=self.strokes.fresh)
+
+    def with_factor(self, factor: float) -> "IdentifiedResponse":
+        """Return the response of an arm whose stroke is a factor of the calibrated one.
+
+        x_1 stays where it is at the present voltage.
+        """
+        at_um, changed = self.position_um(), replace(self, factor=factor)
+        return replace(changed, offset_um=at_um - changed.displacement_um())
 
     def displacement_um(self) -> float:
-        """Return the model's displacement at the voltage followed last."""
-        return displacement_um(self.model, self.memory)
+        """Return the displacement at the voltage followed last.
+
+        It is that of the model and what the conditioned arm does beside it, times ``factor``.
+        """
+        return self.factor * self.calibrated_um()
+
+    def calibrated_um(self) -> float:
+        """Return the displacement with the stroke of the calibration."""
+        return displacement_um(self.model, self.memory) + self.strokes.added_um
 
     def error_um(self) -> float:
         """Return E(max|u - u_zero|) as identified, else what the residual says.
 
         What the memory errs by on the way there it still errs by on the way back.
         """
+        if self.conditioned and self.branch is not None:
+            return self.branch.errors.at(self.reach_V)
         if self.growth is None:
             return MemoryResponse.error_um(self)
         return self.growth.at(self.reach_V)
@@ -74,6 +110,7 @@ def identified_response(
     model_error_um: float,
     growth: ErrorGrowth | None = None,
     memory: HysteresisState | None = None,
+    branch: ConditionedBranch | None = None,
 ) -> IdentifiedResponse:
     """Return the response of an actuator with a memory, at 0 V and 0 µm; None: it is unpoled.
 
@@ -87,4 +124,6 @@ def identified_response(
         nominal_um_per_V=require_positive("piezoelectric constant", piezo_um_per_V, "µm/V"),
         model_error_um=require_not_negative("model error", model_error_um, "µm"),
         growth=growth,
+        branch=branch,
+        stroked=None if branch is None else stroked(model, branch),
     )

@@ -4,7 +4,8 @@
 
 A family of plays has thresholds r_i spread over the travel, and fadings λ_i = c/r_i: each of its
 plays yields at the same share c of the level 1/λ_i that it would tend to without yielding. The
-family of c = 0 forgets nothing. Turned at its threshold a play yields again after a travel of
+family of c = 0 forgets nothing. Beside the families there may be one play that never yields, whose
+two rates of forgetting are given. Turned at its threshold a play yields again after a travel of
 
     r·ln[(1 + c)/(1 - c)]/c,    2·r where c = 0
 """
@@ -33,12 +34,20 @@ PLAYS = 18
 REACH = 0.95
 """Share of the travel after which, turned at its threshold, the widest play yields again."""
 YIELDING = 0.7
-"""Largest r_i·λ_i. At 1 a play would be an operator that never yields, that of Dahl, which is a
-Bouc-Wen hysteresis of one branch; it has to stay a play, and yield well before."""
+"""Largest r_i·λ_i of a family. At 1 a play never yields; one such play is fitted by its rates."""
 CREEP_STEP = 5.0
 """From one creep time to the next; the first is that many samples."""
 MIN_SAMPLES_PER_COEFFICIENT = 20
 LEAST_TRAVEL_V = 0.1
+
+
+class Rates(NamedTuple):
+    """Rates of forgetting of a play that never yields: the operator of Bouc and Wen."""
+
+    fading_per_V: float
+    """λ = b + g."""
+    return_fading_per_V: float
+    """μ = b - g."""
 
 
 class Choice(NamedTuple):
@@ -48,11 +57,14 @@ class Choice(NamedTuple):
     curved: bool
     bent: bool
     ridge: float
+    rates: Rates | None = None
+    """Rates of one more play, which never yields; None: there is none."""
 
     @property
     def possible(self) -> bool:
         """Whether there is such a model: bends go with curvature and with plays that keep."""
-        return not self.bent or (self.curved and not any(self.families))
+        keeps = not any(self.families) and self.rates is None
+        return not self.bent or (self.curved and keeps)
 
 
 class Record(NamedTuple):
@@ -65,8 +77,8 @@ class Record(NamedTuple):
     creep_times_s: tuple[float, ...]
     known: int
     """Sample from which every play is where the voltage says, however it began."""
-    plays: dict[tuple[float, ...], "Plays"]
-    """Of the families that have been asked for."""
+    plays: dict[tuple[tuple[float, ...], Rates | None], "Plays"]
+    """Plays of the families and rates that have been asked for."""
 
 
 class Plays(NamedTuple):
@@ -74,6 +86,7 @@ class Plays(NamedTuple):
 
     thresholds_V: tuple[float, ...]
     fadings_per_V: tuple[float, ...]
+    return_fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
     """p_i, then u²; and then where nothing fades the squares of p_i, i > 0, and all cubes."""
     passed: NDArray[np.float64]
@@ -111,7 +124,8 @@ def require_travel(
         )
 
 
-def _require_enough(samples: int, coefficients: int) -> None:
+def require_enough(samples: int, coefficients: int) -> None:
+    """Refuse too few samples for some coefficients; raises ValueError."""
     wanted = MIN_SAMPLES_PER_COEFFICIENT * coefficients
     if samples < wanted:
         raise ValueError(f"{samples} samples, {wanted} are wanted for {coefficients} coefficients")
@@ -125,7 +139,7 @@ def first_known(u: Column, threshold_V: float) -> int:
 
 def missed_um(record: Record, model: HysteresisModel, choice: Choice, part: slice) -> float:
     """What a model leaves of a part of the record about its mean, r.m.s."""
-    plays = _plays(record, choice.families)
+    plays = _plays(record, choice)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[part]))
 
@@ -144,11 +158,11 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
     ValueError
         Where they are too few, the voltage rests in them, or the model would be none.
     """
-    plays = _plays(record, choice.families)
+    plays = _plays(record, choice)
     count = len(plays.thresholds_V)
     used = count + 1 if choice.curved else count
     used = plays.columns.shape[1] if choice.bent else used
-    _require_enough(len(known), used + len(record.creep_times_s) + 1)
+    require_enough(len(known), used + len(record.creep_times_s) + 1)
     require_travel("fitted", record, known, LEAST_TRAVEL_V)
     found = separable_fit(
         plays.columns[known, :used],
@@ -168,9 +182,16 @@ def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> Hyster
         ),
         cubes_um_per_V3=tuple(found.weights[2 * count :].tolist()) if choice.bent else (),
         bent_V=_range_V(record) if choice.bent else (0.0, 0.0),
+        return_fadings_per_V=plays.return_fadings_per_V,
     )
     # The model's own check knows neither its curvature nor how its families lie to each other.
     slopes = slopes_um_per_V(model, plays.columns[:, :count], record.u)
+    if choice.rates is not None:
+        # An arm with a wide loop of this class goes on for a moment when its voltage turns.
+        z = record.u - plays.columns[:, count - 1]
+        goes_on = float(found.weights[count - 1]) * choice.rates.return_fading_per_V * np.abs(z)
+        slopes[:, 0] += np.where(z < 0.0, goes_on, 0.0)
+        slopes[:, 1] += np.where(z > 0.0, goes_on, 0.0)
     index = int(np.argmin(slopes.min(axis=1)))
     require_positive(f"slope at {record.u[index]:.3f} V", float(slopes[index].min()), "µm/V")
     return model
@@ -180,22 +201,29 @@ def _range_V(record: Record) -> tuple[float, float]:
     return float(np.min(record.u)), float(np.max(record.u))
 
 
-def _plays(record: Record, families: tuple[float, ...]) -> Plays:
-    if families not in record.plays:
+def _plays(record: Record, choice: Choice) -> Plays:
+    families, rates = choice.families, choice.rates
+    if (families, rates) not in record.plays:
         travel_V = float(np.ptp(record.u))
-        count = min(PLAYS_PER_FAMILY, PLAYS // len(families))
+        count = min(PLAYS_PER_FAMILY, PLAYS // max(1, len(families)))
         thresholds, fadings = [0.0], [0.0]
         for share in families:
             given = record.thresholds_V
             family = given[1:] if given else spread_thresholds(travel_V, share, count)
             thresholds += family
             fadings += [share / threshold for threshold in family]
-        plays = play_columns(thresholds, fadings, record.u)
+        returning: tuple[float, ...] = ()
+        if rates is not None:
+            returning = (*fadings, rates.return_fading_per_V)
+            thresholds.append(1.0 / rates.fading_per_V)
+            fadings.append(rates.fading_per_V)
+        plays = play_columns(thresholds, fadings, record.u, returning)
         columns = np.column_stack([plays, record.u**2])
         if not any(fadings):
             squares, cubes = bend_columns(plays, _range_V(record))
             columns = np.column_stack([columns, squares[:, 1:], cubes])
         passed = low_passed(record.creep_times_s, columns, record.period_s)
         fading = tuple(fadings) if any(fadings) else ()
-        record.plays[families] = Plays(tuple(thresholds), fading, columns, passed)
-    return record.plays[families]
+        found = Plays(tuple(thresholds), fading, returning, columns, passed)
+        record.plays[families, rates] = found
+    return record.plays[families, rates]

@@ -5,8 +5,12 @@ its whole range then, and has been above its rest ever since: its remanence is t
 actuator. Only an arm that is new, or that was depolarised, begins as ``hysteresis.start`` has it.
 """
 
+from collections.abc import Sequence
 from math import ceil
 
+from msgspec.structs import replace
+
+from pincette.control.response.conditioned_branch import ConditionedBranch
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState, start, step
 
 STRIDE_V = 0.05
@@ -16,19 +20,43 @@ REST_S = 86_400.0
 """After which creep is over."""
 
 
-def poled(model: HysteresisModel, taught_V: tuple[float, float]) -> HysteresisState:
+def poled(
+    model: HysteresisModel, taught_V: tuple[float, float], *, from_above: bool = False
+) -> HysteresisState:
     """Return the memory at 0 V of an arm that went to the largest voltage, then to the least.
 
     Parameters
     ----------
     taught_V
         Least and largest voltage that the model was identified from.
+    from_above
+        True where the arm came to its rest from above, as after a grip. Conditioning strokes wipe
+        out the plays of that past, but its creep goes on. Remanence lifts such a rest.
+        How much of it the creep follows is not known: the memory has the mean of both rests.
     """
     low_V, high_V = taught_V
-    state = start(model)
-    for to_V in (high_V, low_V, 0.0):
+    state = _moved(model, start(model), (high_V, low_V, 0.0))
+    rested = step(model, state, 0.0, REST_S)
+    if not from_above:
+        return rested
+    above = _moved(model, state, (high_V, 0.0))
+    ended_um = 0.5 * (above.static_um + rested.static_um)
+    return replace(rested, creep_um=(ended_um,) * len(rested.creep_um))
+
+
+def stroked(model: HysteresisModel, branch: ConditionedBranch) -> HysteresisState:
+    """Return the memory of a poled arm at the bottom of the last of its conditioning strokes."""
+    low_V, high_V = branch.voltages_V[0], branch.voltages_V[-1]
+    stops_V = (*(low_V, 0.0) * (branch.strokes - 1), low_V)
+    return _moved(model, poled(model, (low_V, high_V)), stops_V)
+
+
+def _moved(
+    model: HysteresisModel, state: HysteresisState, stops_V: Sequence[float]
+) -> HysteresisState:
+    for to_V in stops_V:
         from_V = state.voltage_V
         strides = max(1, ceil(abs(to_V - from_V) / STRIDE_V))
         for stride in range(1, strides + 1):
             state = step(model, state, from_V + stride / strides * (to_V - from_V), STRIDE_S)
-    return step(model, state, 0.0, REST_S)
+    return state

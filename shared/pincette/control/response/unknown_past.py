@@ -81,7 +81,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         """Count from here on, where x_1 of the model in use has been put through the arm."""
         if self.known:
             return self
-        at_um, spread = self._apart_um(response), self._spread(response)
+        at_um, spread = self.apart_um(response), self._spread(response)
         return replace(self, at_zero_um=at_um, creep_at_zero=spread)
 
     def rested(self, response: FreeResponse, rest: FreeSample, standard_um: float) -> "UnknownPast":
@@ -173,10 +173,11 @@ class UnknownPast(FrozenRecord, frozen=True):
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
         """By how much each has parted from the model since the zero."""
-        lowest_um, highest_um = self._apart_um(response)
+        lowest_um, highest_um = self.apart_um(response)
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
-    def _apart_um(self, response: FreeResponse) -> tuple[float, float]:
+    def apart_um(self, response: FreeResponse) -> tuple[float, float]:
+        """Return the displacement of each outermost past less that of the model, in µm."""
         at_um = response.displacement_um()
         return self.lowest.displacement_um() - at_um, self.highest.displacement_um() - at_um
 

@@ -4,13 +4,16 @@ A command is heard only from the owner and in the epoch that the arming named. W
 sample is held against the hard limits whether it is valid or not; then it is taken or refused.
 """
 
+from itertools import chain, repeat
 from math import isfinite
 from typing import TypeVar
 
 from msgspec.structs import replace
 
+from pincette.control.arm.shaping import ShapedStep
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
+from pincette.control.safety.arm import ArmFacts, ArmOutput, with_arm
 from pincette.control.safety.causes import Mode
 from pincette.control.safety.freshness import (
     ARRIVALS_KEPT,
@@ -20,9 +23,14 @@ from pincette.control.safety.freshness import (
     too_old,
     with_sample,
 )
-from pincette.control.safety.latch import released, trip
-from pincette.control.safety.monitors import Finding, finding, watch_command, watch_position
-from pincette.control.safety.second import SecondFacts, second_finding
+from pincette.control.safety.latch import broken_off, released, trip
+from pincette.control.safety.monitors import (
+    Finding,
+    Watches,
+    finding,
+    watch_command,
+    watch_position,
+)
 from pincette.control.safety.state import SafetyLimits, SafetyState, Strangers
 from pincette.control.safety.voltage import (
     VoltageLimits,
@@ -43,59 +51,55 @@ class CommandFacts(FrozenRecord, frozen=True):
     owner: int
     seq: int
     """Of the sample that it is based on."""
-    voltage_V: float
+    arms: tuple[ArmFacts, ...]
     part_held: bool
     final: bool
     valid: bool
     fault: Fault | None = None
     """Why it is not valid; None where it is, or does not say."""
-    force_mN: float | None = None
-    x_d_um: float | None = None
     sweep_V: float | None = None
-    """Amplitude of a sweep about the voltage; None: without one."""
-    second: SecondFacts | None = None
-    """Of the second arm."""
+    """Amplitude of a sweep about the voltage of the first arm; None: without one."""
 
 
 def sampled(
-    limits: SafetyLimits,
-    state: S,
-    seq: int,
-    x_um: float | None,
-    now: float,
-    second_um: float | None = None,
+    limits: SafetyLimits, state: S, seq: int, x_um: tuple[float | None, ...], now: float
 ) -> S:
-    """Note a sample of this epoch, in µm (None: no measurement), and hold it against the limits.
+    """Note a sample of this epoch and hold the position of each arm against its limits.
 
     An older or equal number changes nothing.
+
+    Parameters
+    ----------
+    x_um
+        Position of each arm; None where it was no measurement.
     """
     if seq <= newest_seq(state.arrivals):
         return state
-    state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um, second_um))
+    state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um))
     if state.mode != Mode.ARMED:
         return state
-    if x_um is not None:
-        watches = watch_position(limits.monitors, state.watches, x_um)
-        if watches is not state.watches:
-            state = replace(state, watches=watches)
-            if found := finding(limits.monitors, watches):
-                state = _tripped(limits, state, found, now)
-    return state if second_um is None else second_sampled(limits, state, second_um, now)
+    for index, (own, measured_um) in enumerate(zip(limits.arms, x_um, strict=False)):
+        if measured_um is None:
+            continue
+        before = state.arms[index].watches
+        watches = watch_position(own.monitors, before, measured_um)
+        if watches is before:
+            continue
+        state = _watched(state, index, watches)
+        if found := finding(own.monitors, watches):
+            state = _tripped(limits, state, index, found, now)
+    return state
 
 
-def second_sampled(limits: SafetyLimits, state: S, x_um: float, now: float) -> S:
-    """Hold a sample of the second arm against its limits."""
-    second, own = state.second, limits.second
-    if second is None or own is None:
-        return state
-    watches = watch_position(own.monitors, second.watches, x_um)
-    state = replace(state, second=replace(second, watches=watches))
-    found = second_finding(own.monitors, watches)
-    return _tripped(limits, state, found, now) if found else state
+def _watched(state: S, index: int, watches: Watches) -> S:
+    """Replace what was seen of one arm."""
+    arms = list(state.arms)
+    arms[index] = replace(arms[index], watches=watches)
+    return replace(state, arms=tuple(arms))
 
 
-def _tripped(limits: SafetyLimits, state: S, found: Finding, now: float) -> S:
-    return trip(limits, state, found.cause, now, faults=(found.fault,))
+def _tripped(limits: SafetyLimits, state: S, index: int, found: Finding, now: float) -> S:
+    return trip(limits, state, found.cause, now, faults=(with_arm(found.fault, index),))
 
 
 def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
@@ -134,10 +138,7 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
 
     One that is not valid is never taken; why it is not is remembered for the trip that may follow.
     """
-    why = nonsense(limits.voltage, command.voltage_V, command.force_mN, command.x_d_um)
-    if why is None and (limits.second is not None or command.second is not None):
-        why = second_objection(limits, command)
-    if why:
+    if why := unusable(limits, command):
         why = why.with_values(seq=command.seq)
         return replace(state, refused=state.refused + 1, refusal=why)
     sample = arrival_of(state.arrivals, command.seq)
@@ -153,10 +154,25 @@ def judged(limits: SafetyLimits, state: S, command: CommandFacts, now: float) ->
     return _taken(limits, state, command, oldest, now)
 
 
+def unusable(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
+    """Return why the numbers of a command may not be used; None where all may.
+
+    A command has numbers for each arm of the rig: no arm is moved alone because the command leaves
+    the other out. A command that is not valid requests nothing, so it may leave arms out.
+    """
+    for index, (own, arm) in enumerate(zip(limits.arms, command.arms, strict=False)):
+        if why := nonsense(own.voltage, arm.voltage_V, arm.force_mN, arm.x_d_um):
+            return with_arm(why, index)
+    arms, wanted = len(command.arms), len(limits.arms)
+    if arms == wanted or not command.valid:
+        return None
+    return fault(FaultCode.OTHER_ARMS, arms=arms, wanted_arms=wanted)
+
+
 def nonsense(
     limits: VoltageLimits, voltage_V: float, force_mN: float | None, x_d_um: float | None
 ) -> Fault | None:
-    """Why a number of a command may not be used; None where all may."""
+    """Return why a number of one arm's command may not be used; None where all may."""
     if why := absurd(limits, voltage_V):
         return why
     if force_mN is not None and not isfinite(force_mN):
@@ -166,61 +182,30 @@ def nonsense(
     return None
 
 
-def second_objection(limits: SafetyLimits, command: CommandFacts) -> Fault | None:
-    """Why the second arm's part of a command may not be used; None where it may.
-
-    On a rig of two arms it must be there: one arm is never moved alone by leaving the other out.
-    A command that is not valid asks for nothing, and needs none.
-    """
-    own, second = limits.second, command.second
-    if own is None or second is None:
-        if (own is None) == (second is None) or not command.valid:
-            return None
-        arms = 1 if own is None else 2
-        return fault(FaultCode.OTHER_ARMS, arms=3 - arms, wanted_arms=arms)
-    why = nonsense(own.voltage, second.voltage_V, second.force_mN, second.x_d_um)
-    return why and why.with_values(arm=2)
-
-
 def _monitored(
     limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float
 ) -> S:
-    """Hold force and aim against the hard limits; a freeze is released by the force alone."""
+    """Hold force and aim of each arm against its limits; only the force ends a freeze."""
     if state.mode not in (Mode.ARMED, Mode.FROZEN):
         return state
-    watches = watch_command(
-        limits.monitors,
-        state.watches,
-        seq=command.seq,
-        x_um=sample.x_um,
-        x_d_um=command.x_d_um,
-        force_mN=command.force_mN,
-    )
-    state = replace(state, watches=watches)
-    if state.mode == Mode.ARMED:
-        if found := finding(limits.monitors, watches):
-            state = _tripped(limits, state, found, now)
-    elif pressed := watches.force.found(limits.monitors.force_samples):
-        state = released(state, pressed, now)
-    second, own = state.second, limits.second
-    if command.second is None or second is None or own is None:
-        return state
-    watches = watch_command(
-        own.monitors,
-        second.watches,
-        seq=command.seq,
-        x_um=sample.second_um,
-        x_d_um=command.second.x_d_um,
-        force_mN=command.second.force_mN,
-    )
-    state = replace(state, second=replace(second, watches=watches))
-    if state.mode == Mode.ARMED:
-        found = second_finding(own.monitors, watches)
-        return _tripped(limits, state, found, now) if found else state
-    pressed = watches.force.found(own.monitors.force_samples)
-    if pressed is None or state.mode != Mode.FROZEN:
-        return state
-    return released(state, pressed.with_values(arm=2), now)
+    arms = zip(limits.arms, command.arms, chain(sample.x_um, repeat(None)), strict=False)
+    for index, (own, arm, x_um) in enumerate(arms):
+        watches = watch_command(
+            own.monitors,
+            state.arms[index].watches,
+            seq=command.seq,
+            x_um=x_um,
+            x_d_um=arm.x_d_um,
+            force_mN=arm.force_mN,
+        )
+        state = _watched(state, index, watches)
+        if state.mode == Mode.ARMED:
+            found = finding(own.monitors, watches)
+            state = _tripped(limits, state, index, found, now) if found else state
+        elif state.mode == Mode.FROZEN:
+            pressed = watches.force.found(own.monitors.force_samples)
+            state = released(state, with_arm(pressed, index), now) if pressed else state
+    return state
 
 
 def objection(
@@ -241,35 +226,50 @@ def objection(
         return old.with_values(seq=command.seq)
     if command.sweep_V is None:
         return None
-    allowed = within(limits.voltage, state.planned, state.voltage_V)
-    return too_wide(allowed, command.voltage_V, command.sweep_V)
+    first = state.arms[0]
+    allowed = within(limits.arms[0].voltage, first.planned, first.voltage_V)
+    return too_wide(allowed, command.arms[0].voltage_V, command.sweep_V)
+
+
+def parts_s(limits: SafetyLimits, sample: Arrival, now: float) -> float:
+    """Return how long the parts of a step take that is written at ``now``; 0: in one part.
+
+    A step whose last part would be a period old, and come after the next sample, is written at
+    once: the estimate of that sample would else go by a voltage that is not there yet.
+    """
+    return limits.parts_s if now - sample.at_s + limits.parts_s < limits.period_s else 0.0
 
 
 def _taken(limits: SafetyLimits, state: S, command: CommandFacts, sample: Arrival, now: float) -> S:
     """Follow a good command; ``final`` ends the arming and keeps the voltage."""
+    if state.shaped is not None:
+        state = broken_off(limits, state, now)
     had_s, share = None, 1.0
     if not limits.lockstep:
         had_s = slewing_s(limits.period_s, now - state.moved_s)
         share = had_s / limits.period_s
-    allowed = within(limits.voltage, state.planned, state.voltage_V)
-    voltage_V, flags = limited(allowed, state.voltage_V, command.voltage_V, share)
-    second, still = state.second, voltage_V == state.voltage_V
-    if second is not None and limits.second is not None and command.second is not None:
-        allowed = within(limits.second.voltage, state.second_planned, second.voltage_V)
-        own_V, own_flags = limited(allowed, second.voltage_V, command.second.voltage_V, share)
-        still &= own_V == second.voltage_V
-        second = replace(second, voltage_V=own_V, limits_active=own_flags)
+    arms: list[ArmOutput] = []
+    still = True
+    for own, arm, wanted in zip(limits.arms, state.arms, command.arms, strict=True):
+        allowed = within(own.voltage, arm.planned, arm.voltage_V)
+        voltage_V, flags = limited(allowed, arm.voltage_V, wanted.voltage_V, share)
+        still &= voltage_V == arm.voltage_V
+        arms.append(replace(arm, voltage_V=voltage_V, limits_active=flags))
+    shaped = None
+    shapes = limits.shaping_s is not None and command.sweep_V is None
+    if shapes and parts_s(limits, sample, now):
+        shaped = ShapedStep(state.arms[0].voltage_V, arms[0].voltage_V, now)
     return replace(
         state,
         mode=Mode.IDLE if command.final else Mode.ARMED,
-        voltage_V=voltage_V,
-        second=second,
+        arms=tuple(arms),
+        shaped=shaped,
+        interrupted=False,
         moved_s=state.moved_s if still else now,
         slewing_s=had_s,
         part_held=command.part_held,
         taken_seq=command.seq,
         fresh_s=sample.at_s,
-        limits_active=flags,
         blind=None,
         excused_s=0.0,
     )

@@ -15,6 +15,8 @@ class Mode(StrEnum):
 
 TRIPPED = frozenset({Mode.FROZEN, Mode.RAMPING, Mode.LATCHED})
 """In the safe state, or on the way there."""
+AT_REST = frozenset({Mode.IDLE, Mode.LATCHED})
+"""Modes in which no command is accepted and the voltage does not move."""
 
 
 class Cause(StrEnum):

@@ -11,6 +11,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from pincette.control.faults import FaultCode, fault
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import BOOTED, TRIPPED, Cause, Mode
 from pincette.control.safety.latch import at_safe, not_located, ramped, trip
 from pincette.control.safety.state import SafetyLimits, SafetyState
@@ -41,52 +42,48 @@ def failed(state: S) -> S:
     return replace(state, unconfirmed=True, located=False)
 
 
-def begun(limits: SafetyLimits, state: S, found_V: float, second_V: float | None = None) -> S:
-    """Begin from what is put out.
+def begun(limits: SafetyLimits, state: S, found_V: tuple[float, ...]) -> S:
+    """Begin from the voltages that the outputs of the arms put out.
 
-    Where that is nearer to the safe voltage than to the one that was told, the output has let a
-    part go by itself; of two arms, where it is so of either.
+    Where one is nearer to the safe voltage than to the one that the output was given, the output
+    has released a part by itself.
     """
-    found_V = put_out(limits.voltage, found_V)
-    let_go = abs(found_V - limits.safe_V) < abs(found_V - state.voltage_V)
-    second = state.second
-    if limits.second is not None and second is not None and second_V is not None:
-        second_V = put_out(limits.second.voltage, second_V)
-        let_go |= abs(second_V - limits.safe_V) < abs(second_V - second.voltage_V)
-        second = second.at(second_V)
+    arms: list[ArmOutput] = []
+    let_go = False
+    for arm, own, read_V in zip(state.arms, limits.arms, found_V, strict=True):
+        voltage_V = put_out(own.voltage, read_V)
+        let_go |= abs(voltage_V - limits.safe_V) < abs(voltage_V - arm.voltage_V)
+        arms.append(replace(arm, voltage_V=voltage_V))
     held = state.part_held and not let_go
-    return replace(state, voltage_V=found_V, part_held=held, second=second)
+    return replace(state, arms=tuple(arms), part_held=held, shaped=None, interrupted=False)
 
 
-def differs(state: SafetyState, found_V: float, second_V: float | None = None) -> bool:
-    """Whether what is put out is another voltage than the one that was told, by more than
-    rounding."""
-    if abs(found_V - state.voltage_V) > READ_BACK_V:
-        return True
-    second = state.second
-    if second is None or second_V is None:
-        return False
-    return abs(second_V - second.voltage_V) > READ_BACK_V
+def differs(state: SafetyState, found_V: tuple[float, ...]) -> bool:
+    """Return whether an output differs from the voltage it was given by more than rounding."""
+    return any(
+        abs(read_V - arm.voltage_V) > READ_BACK_V
+        for arm, read_V in zip(state.arms, found_V, strict=True)
+    )
 
 
-def found(
-    limits: SafetyLimits, state: S, found_V: float, now: float, second_V: float | None = None
-) -> S:
-    """Go on from the voltage that the output has read back.
+def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float) -> S:
+    """Continue from the voltages that the outputs have read back.
 
-    A ramp begins anew from there, also where the actuator was latched already, and stays
-    unconfirmed until a write of it is; a freeze, and the latch of a boot, keep what there is. But
-    where one of two outputs has let a part go by itself, a freeze ends: the other follows.
+    A ramp begins again from there, also where the actuator was latched already, and stays
+    unconfirmed until a write of it is confirmed; a freeze, and the latch of a boot, keep the
+    voltages. But where one of two outputs has released a part by itself, a freeze ends: the other
+    follows.
     """
     was_held = state.part_held
-    state = replace(begun(limits, state, found_V, second_V), unconfirmed=False, located=True)
-    if state.mode == Mode.FROZEN and was_held and not state.part_held and state.second is not None:
+    state = replace(begun(limits, state, found_V), unconfirmed=False, located=True)
+    released_alone = was_held and not state.part_held and len(state.arms) > 1
+    if state.mode == Mode.FROZEN and released_alone:
         return replace(ramped(state, now), unconfirmed=True)
     kept = state.mode == Mode.FROZEN or (state.mode == Mode.LATCHED and state.cause in BOOTED)
     if kept or state.mode not in TRIPPED:
         return state
     at_rest = at_safe(limits, state)
-    if not differs(at_rest, found_V, second_V):
+    if not differs(at_rest, found_V):
         return at_rest
     return replace(ramped(state, now), unconfirmed=True)
 
@@ -105,8 +102,11 @@ def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
 def stands(state: SafetyState) -> bool:
     """Whether the output has nothing to be told: it keeps its voltage, or stands at the safe one.
 
-    One that has said so since it failed, and may refuse to be told, is left in peace.
+    One that has said so since it failed, and may refuse to be told, is left in peace. A step that
+    was broken off between two parts must be written.
     """
+    if state.interrupted:
+        return False
     if state.mode in (Mode.IDLE, Mode.FROZEN):
         return True
     return state.mode == Mode.LATCHED and state.located and not state.unconfirmed

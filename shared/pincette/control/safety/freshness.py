@@ -19,10 +19,8 @@ class Arrival(FrozenRecord, frozen=True):
 
     seq: int
     at_s: float
-    x_um: float | None
-    """None where it was no measurement."""
-    second_um: float | None = None
-    """Of the second arm."""
+    x_um: tuple[float | None, ...]
+    """Position of each arm; None where it was no measurement."""
 
 
 Arrivals = tuple[Arrival, ...]
@@ -53,16 +51,12 @@ def skipped_seq(arrivals: Arrivals, seq: int) -> int:
 
 
 def with_sample(
-    arrivals: Arrivals,
-    seq: int,
-    at_s: float,
-    x_um: float | None,
-    second_um: float | None = None,
+    arrivals: Arrivals, seq: int, at_s: float, x_um: tuple[float | None, ...]
 ) -> Arrivals:
     """Note a sample; older and equal numbers change nothing."""
     if seq <= newest_seq(arrivals):
         return arrivals
-    return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um, second_um))
+    return (*arrivals[1 - ARRIVALS_KEPT :], Arrival(seq, at_s, x_um))
 
 
 def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:

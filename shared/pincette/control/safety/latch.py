@@ -10,21 +10,20 @@ The latch of a boot asks a person for nothing where there was no actuator before
 one had nothing to be seen when it was told to end. After any other end it is that of a death.
 """
 
+from itertools import chain, repeat
 from typing import TypeVar
 
 from msgspec.structs import replace
 
 from pincette.control.faults import Fault, FaultCode, fault
-from pincette.control.safety.causes import BOOTED, LETS_GO, Cause, Mode, Predecessor
+from pincette.control.safety.arm import ArmOutput
+from pincette.control.safety.causes import AT_REST, BOOTED, LETS_GO, Cause, Mode, Predecessor
 from pincette.control.safety.freshness import standstill_s
-from pincette.control.safety.monitors import UNSEEN
 from pincette.control.safety.state import NO_STRANGERS, SafetyLimits, SafetyState
 from pincette.control.safety.voltage import ramp
 from pincette.control.voltage_range import VoltageRange
 
 S = TypeVar("S", bound=SafetyState)
-Ranges = tuple[VoltageRange | None, VoltageRange | None]
-"""Voltages that a plan has stated, for each arm."""
 
 
 def booted(state: S, predecessor: Predecessor) -> S:
@@ -66,7 +65,7 @@ def armed(
     epoch: int,
     owner: int,
     now: float,
-    planned: Ranges = (None, None),
+    planned: tuple[VoltageRange | None, ...] = (),
 ) -> S:
     """Give the authority to one owner for one epoch, at the voltage and with the part there are.
 
@@ -77,6 +76,7 @@ def armed(
     planned
         Voltages that the plan has stated for each arm; None: the limits of the rig.
     """
+    plans = chain(planned, repeat(None))
     return replace(
         state,
         mode=Mode.ARMED,
@@ -86,18 +86,15 @@ def armed(
         owner=owner,
         taken_seq=-1,
         fresh_s=now + limits.age.grace_s,
+        ran_s=now,
         arrivals=(),
         since_s=0.0,
-        ramp_from_V=0.0,
-        limits_active=0,
         blind=None,
-        watches=UNSEEN,
+        arms=tuple([ArmOutput(arm.voltage_V, planned=next(plans)) for arm in state.arms]),
         excused_s=0.0,
         refusal=None,
         strangers=NO_STRANGERS,
-        planned=planned[0],
-        second_planned=planned[1],
-        second=state.second and state.second.armed(),
+        shaped=None,
     )
 
 
@@ -121,11 +118,31 @@ def trip(
     tripped_before = state.mode == Mode.LATCHED and state.cause not in BOOTED
     if state.mode in (Mode.FROZEN, Mode.RAMPING) or tripped_before:
         return state
-    tripped = replace(state, cause=cause, faults=faults, since_s=now, limits_active=0)
+    state = broken_off(limits, state, now)
+    arms = tuple([replace(arm, limits_active=0) for arm in state.arms])
+    tripped = replace(state, cause=cause, faults=faults, since_s=now, arms=arms)
     if limits.lockstep and state.mode != Mode.ARMED:
         return at_safe(limits, tripped) if let_go else replace(tripped, mode=Mode.LATCHED)
     keeps = state.part_held and not let_go
     return replace(tripped, mode=Mode.FROZEN) if keeps else ramped(tripped, now)
+
+
+def standing_V(limits: SafetyLimits, state: SafetyState, now: float) -> float:
+    """Return the voltage of the first arm: between two parts of a step, that of the newest."""
+    step, interval_s = state.shaped, limits.shaping_s
+    if step is None or interval_s is None or limits.lockstep:
+        return state.arms[0].voltage_V
+    return step.reached_V(now, interval_s, limits.arms[0].voltage.step_V)
+
+
+def broken_off(limits: SafetyLimits, state: S, now: float) -> S:
+    """End a step that is written in parts at the part that is put out."""
+    if state.shaped is None:
+        return state
+    voltage_V, (first, *others) = standing_V(limits, state, now), state.arms
+    interrupted = voltage_V != first.voltage_V
+    arms = (replace(first, voltage_V=voltage_V), *others)
+    return replace(state, arms=arms, shaped=None, interrupted=interrupted)
 
 
 def explained(state: S, found: Fault) -> S:
@@ -142,25 +159,15 @@ def explained(state: S, found: Fault) -> S:
 
 
 def ramped(state: S, now: float) -> S:
-    """Begin the ramp to the safe voltage from where the voltage is."""
-    return replace(
-        state,
-        mode=Mode.RAMPING,
-        since_s=now,
-        ramp_from_V=state.voltage_V,
-        second=state.second and state.second.ramped(),
-    )
+    """Begin the ramp of each arm to the safe voltage from where its voltage is."""
+    arms = tuple([replace(arm, ramp_from_V=arm.voltage_V) for arm in state.arms])
+    return replace(state, mode=Mode.RAMPING, since_s=now, arms=arms)
 
 
 def at_safe(limits: SafetyLimits, state: S) -> S:
     """Be latched at the safe voltage, without a part."""
-    return replace(
-        state,
-        mode=Mode.LATCHED,
-        voltage_V=limits.safe_V,
-        part_held=False,
-        second=state.second and state.second.at(limits.safe_V),
-    )
+    arms = tuple([replace(arm, voltage_V=limits.safe_V) for arm in state.arms])
+    return replace(state, mode=Mode.LATCHED, arms=arms, part_held=False)
 
 
 def released(state: S, pressed: Fault, now: float) -> S:
@@ -208,9 +215,10 @@ def reset(limits: SafetyLimits, state: S) -> S:
 def awake(limits: SafetyLimits, state: S, now: float, busy_s: float = 0.0) -> S:
     """Note that the actuator runs; a standstill before that is left out of every age.
 
-    While its program was at work for another service, for ``busy_s``, it did not stand still.
+    At rest nothing ages, and the actuator looks at its clock less often. While its program was at
+    work for another service, for ``busy_s``, it did not stand still.
     """
-    if limits.lockstep or state.ran_s is None:
+    if limits.lockstep or state.ran_s is None or state.mode in AT_REST:
         return replace(state, ran_s=now)
     stood_s = standstill_s(limits.age, now - state.ran_s - busy_s, state.excused_s)
     if stood_s is None:
@@ -246,12 +254,10 @@ def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
         return over if share >= 1.0 else state
     if share >= 1.0:
         return replace(at_safe(limits, state), moved_s=now)
-    return replace(
-        state,
-        voltage_V=ramp(state.ramp_from_V, limits.safe_V, share),
-        moved_s=now,
-        second=state.second and state.second.on_ramp(limits.safe_V, share),
-    )
+    arms = [
+        replace(arm, voltage_V=ramp(arm.ramp_from_V, limits.safe_V, share)) for arm in state.arms
+    ]
+    return replace(state, arms=tuple(arms), moved_s=now)
 
 
 def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Fault, ...]:
@@ -264,11 +270,11 @@ def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
 
     True where it has come to its end.
     """
-    if state.voltage_V == limits.safe_V and (
-        state.second is None or state.second.voltage_V == limits.safe_V
-    ):
+    at_safe_voltage = all(arm.voltage_V == limits.safe_V for arm in state.arms)
+    if at_safe_voltage and standing_V(limits, state, now) == limits.safe_V:
         return state, True
     if state.mode != Mode.RAMPING:
         cause = state.cause or Cause.SHUTDOWN
+        state = broken_off(limits, state, now)
         state = ramped(replace(state, cause=cause, part_held=False), now)
     return state, False

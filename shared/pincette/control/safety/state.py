@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 from math import inf
 
+from pincette.control.arm.shaping import LAST, ShapedStep
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
+from pincette.control.safety.arm import ArmLimits, ArmOutput
 from pincette.control.safety.causes import Cause, Mode, Predecessor
 from pincette.control.safety.freshness import AgeLimits, Arrivals
-from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
-from pincette.control.safety.second import SecondArm, SecondLimits
-from pincette.control.safety.voltage import VoltageLimits
-from pincette.control.voltage_range import VoltageRange
 
 ALARM = 3
 """Commands of a stranger from which on it is no remnant but a second controller."""
@@ -24,14 +22,20 @@ class SafetyLimits:
     lockstep: bool
     """Time passes with the ticks alone, and none comes while nothing is armed."""
     age: AgeLimits
-    voltage: VoltageLimits
-    monitors: MonitorLimits
+    arms: tuple[ArmLimits, ...]
+    """One or two."""
     ramp_s: float
     freeze_s: float
     """How long a held part is kept after a trip, before the ramp releases it."""
     safe_V: float
-    second: SecondLimits | None = None
-    """Of the second arm; None where there is one arm."""
+    shaping_s: float | None = None
+    """Time between two of the three parts in which a step is written; None: it has one part. Only
+    rigs of one arm write steps in parts."""
+
+    @property
+    def parts_s(self) -> float:
+        """Time from the first part of a step to the last one; 0 where it is written at once."""
+        return 0.0 if self.shaping_s is None else LAST * self.shaping_s
 
 
 class Strangers(FrozenRecord, frozen=True):
@@ -51,7 +55,7 @@ NO_STRANGERS = Strangers()
 
 
 class SafetyState(FrozenRecord, frozen=True):
-    """Authority, latch, voltage, and what the rules have seen."""
+    """Authority, latch, voltage of each arm, and what the rules have seen."""
 
     mode: Mode = Mode.LATCHED
     cause: Cause = Cause.BOOT
@@ -60,11 +64,12 @@ class SafetyState(FrozenRecord, frozen=True):
     ended early."""
     epoch: int = 0
     owner: int = 0
-    voltage_V: float = 0.0
+    arms: tuple[ArmOutput, ...] = (ArmOutput(),)
+    """As many as the limits have; everything else is common to all arms."""
     part_held: bool = False
     """By the last good command: what a fault means was decided before the fault."""
     moved_s: float = -inf
-    """When the voltage was changed last."""
+    """When a voltage was changed last."""
     slewing_s: float | None = None
     """What the newest command had of the time since then; None in lockstep, which has no clock."""
     taken_seq: int = -1
@@ -73,11 +78,8 @@ class SafetyState(FrozenRecord, frozen=True):
     arrivals: Arrivals = ()
     since_s: float = 0.0
     """Begin of the freeze or the ramp."""
-    ramp_from_V: float = 0.0
-    limits_active: int = 0
     blind: Fault | None = None
     """Why the newest command is not valid; None where it is, or does not say."""
-    watches: Watches = UNSEEN
     ran_s: float | None = None
     """When the actuator ran last."""
     excused_s: float = 0.0
@@ -95,12 +97,10 @@ class SafetyState(FrozenRecord, frozen=True):
     """Since it has failed it has said what it puts out."""
     asked_s: float = -inf
     """When it was asked for its voltage last."""
-    planned: VoltageRange | None = None
-    """Voltages that the plan of this arming has stated; None: the limits of the rig."""
-    second_planned: VoltageRange | None = None
-    """Voltages of the second arm likewise."""
-    second: SecondArm | None = None
-    """The second arm, where there is one; all else is of both."""
+    shaped: ShapedStep | None = None
+    """Newest step that was written in parts; the voltage of the arm is its end."""
+    interrupted: bool = False
+    """True after a step was broken off between two parts, until its voltage is written."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

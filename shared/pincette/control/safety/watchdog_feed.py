@@ -20,6 +20,6 @@ def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> b
     """Whether the loop is healthy."""
     if state.mode == Mode.ARMED:
         return now - state.fresh_s <= OVERDUE * limits.age.limit_s
-    if state.mode == Mode.FROZEN and not (state.second and state.unconfirmed):
+    if state.mode == Mode.FROZEN and not (len(state.arms) > 1 and state.unconfirmed):
         return now - state.since_s <= limits.freeze_s + limits.age.limit_s
     return state.mode == Mode.IDLE or not state.unconfirmed

@@ -143,8 +143,7 @@ def _value(place: str, node: inspect.Type, value: Any, unit: str = "") -> Any:
         case inspect.StructType():
             return _record(place, node, value)
         case inspect.UnionType():
-            (inner,) = (item for item in node.types if not isinstance(item, inspect.NoneType))
-            return None if value is None else _value(place, inner, value)
+            return _one_of(place, node, value)
         case inspect.LiteralType():
             return _choice(place, node.values, value)
         case inspect.EnumType():
@@ -158,14 +157,34 @@ def _value(place: str, node: inspect.Type, value: Any, unit: str = "") -> Any:
             raise TypeError(f"a message cannot carry {node}")
 
 
-def _record(place: str, node: inspect.StructType, value: Any) -> Any:
+def _one_of(place: str, node: inspect.UnionType, value: Any) -> Any:
+    """Check a value that may be None, or one of several records that a tag tells apart."""
+    inner = [item for item in node.types if not isinstance(item, inspect.NoneType)]
+    if value is None and len(inner) < len(node.types):
+        return None
+    if len(inner) == 1:
+        return _value(place, inner[0], value)
+    records = {item.tag: item for item in inner if isinstance(item, inspect.StructType)}
+    tag_field = next(iter(records.values())).tag_field
+    tree = _map(place, value)
+    if tag_field not in tree:
+        raise FieldsError(f"{place}: fields missing or unknown: {tag_field}")
+    return _record(place, records[_choice(f"{place}.{tag_field}", records, tree[tag_field])], tree)
+
+
+def _map(place: str, value: Any) -> dict[Any, Any]:
     if type(value) is not dict:
         raise CodecError(f"{place}: not a map")
-    tree = cast("dict[Any, Any]", value)
+    return cast("dict[Any, Any]", value)
+
+
+def _record(place: str, node: inspect.StructType, value: Any) -> Any:
+    tree = _map(place, value)
     fields = {field.name: field.type for field in node.fields}
     absent = {field.name for field in node.fields if may_be_absent(field)} - tree.keys()
-    if tree.keys() != fields.keys() - absent:
-        odd = (fields.keys() - absent) ^ tree.keys()
+    tags: set[Any] = set() if node.tag_field is None else {node.tag_field}
+    if tree.keys() - tags != fields.keys() - absent:
+        odd = (fields.keys() - absent) ^ (tree.keys() - tags)
         raise FieldsError(f"{place}: fields missing or unknown: {_named(odd)}")
     sent = [name for name in fields if name in tree]
     values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in sent}

@@ -9,6 +9,7 @@ from pincette.core.messages.requests import (
     Action,
     Arm,
     Finish,
+    Idle,
     Lease,
     Load,
     Record,
@@ -50,6 +51,7 @@ Message = (
     | Load
     | Action
     | Lease
+    | Idle
     | Trip
     | Reset
     | SimCommand

@@ -72,6 +72,13 @@ class Lease(FrozenRecord, frozen=True):
     then: LeaseEnd = LeaseEnd.STOP
 
 
+class Idle(FrozenRecord, frozen=True):
+    """Let the sensor sample slowly until the next arming, since nothing plays."""
+
+    epoch: Epoch
+    """Epoch that is over; the sensor refuses the request in any other one."""
+
+
 class Trip(FrozenRecord, frozen=True):
     """Ask the actuator to go to its safe state and latch."""
 
@@ -191,6 +198,12 @@ class ExchangeTimes(FrozenRecord, frozen=True):
     minimum_s: Second
     median_s: Second
     worst_s: Second
+    held_s: Second = 0.0
+    """Time for which a device server holds answers back before it forwards them whole; 0 where
+    none was found."""
+    line_baud: Whole = 0
+    """Estimated rate of the serial line behind a device server where it is slower than the rig file
+    states; 0 where it is not."""
 
 
 class Status(FrozenRecord, frozen=True):

@@ -10,6 +10,7 @@ from pincette.control.quantities import (
     Micrometre,
     Millinewton,
     MillinewtonPerMicrometre,
+    Number,
     Second,
     Seq,
     Text,
@@ -83,8 +84,18 @@ class Estimate(FrozenRecord, frozen=True):
     touch_x_um: Micrometre | None = None
     """Where an arm that should be free has met something; None: nowhere."""
     touch_mN: Millinewton | None = None
-    """At least how hard: by how far the closing arm lags since a kink in its way, which takes no
-    zero, or by the force less three uncertainties; below 0 where it is held from behind."""
+    """Least force of that touch: by how far the closing arm lags since a kink in its way, which
+    takes no zero, or the force less three uncertainties, below 0 where it is held from behind; by
+    a zero that is not confirmed, the force itself where it is above its uncertainty."""
+    stroke_change: Number | None = None
+    """Change of the arm's stroke since its calibration, as a share, from the last way that began
+    with conditioning strokes; None: not compared since the start."""
+    stroke_limit: Number | None = None
+    """Change up to which noise and repetition explain it."""
+    zero_unconfirmed: bool = False
+    """True where the zero may hide the force of a part that already pressed when it was taken: the
+    estimator knows no zero from before its start, nobody has confirmed that the arm was free, and
+    no part has been found at its planned place since."""
     second: SecondEstimate | UnsetType = UNSET
     """Of the second arm; ``valid`` and ``fault`` are of both."""
 
@@ -153,6 +164,16 @@ class Applied(FrozenRecord, frozen=True):
     arms, whether either has not."""
     second: SecondApplied | UnsetType = UNSET
     """Of the second arm."""
+
+    @property
+    def confirmed_V(self) -> float | None:
+        """Voltage that the output has confirmed; None while it has not confirmed ``voltage_V``."""
+        return None if self.unconfirmed else self.voltage_V
+
+    @property
+    def confirmed_second_V(self) -> float | None:
+        """Confirmed voltage of the second arm; None on a rig of one arm too."""
+        return None if self.unconfirmed or self.second is UNSET else self.second.voltage_V
 
 
 class Telemetry(FrozenRecord, frozen=True):

@@ -1,6 +1,6 @@
 """What messages carry of the second arm, where a rig has two; each stands beside the first's."""
 
-from pincette.control.quantities import Micrometre, Millinewton, Second, Volt, Whole
+from pincette.control.quantities import Micrometre, Millinewton, Number, Second, Volt, Whole
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault
 
@@ -28,6 +28,9 @@ class SecondEstimate(FrozenRecord, frozen=True):
     limits_active: Whole
     touch_x_um: Micrometre | None = None
     touch_mN: Millinewton | None = None
+    stroke_change: Number | None = None
+    stroke_limit: Number | None = None
+    zero_unconfirmed: bool = False
 
 
 class SecondCommand(FrozenRecord, frozen=True):

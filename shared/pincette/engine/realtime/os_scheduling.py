@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from pincette.config.programs import PRIORITY, Scheduling, SchedulingSetting
-from pincette.config.tables import ConfigError
+from pincette.config.toml_file import ConfigError
 from pincette.engine.realtime.system import Linux
 
 FIRST = -10

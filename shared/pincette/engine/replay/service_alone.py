@@ -40,6 +40,10 @@ class Tape:
         """What it was told to say."""
         return self.found_V
 
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
+        """Put out nothing."""
+        self.look()
+
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
         """Put out nothing."""
         self.look()
@@ -79,8 +83,8 @@ def _play(
     requests = [
         item for item in messages if isinstance(item, RequestLog) and item.service == service.name
     ]
-    tape = Tape()
-    node = _armed_node(service, rig, requests, tape)
+    tapes = tuple(Tape() for _ in rig.arms)
+    node = _armed_node(service, rig, requests, tapes)
     comparison = Comparison(service, messages, findings, lockstep=rig.lockstep)
     timeless = service.instrument is None or rig.lockstep
     waiting = deque(
@@ -92,15 +96,22 @@ def _play(
         place = _place(step.samples[-1])
         while waiting and (waiting[0].seq, RANK.get(waiting[0].topic, -1)) < place:
             _ask(node, waiting.popleft(), comparison)
-        tape.fault = step.fault
+        failed = _tape_that_fails(tapes, step.fault)
+        failed.fault = step.fault
         for sample in step.samples:
             node.accept(sample, 0.0)
         findings.steps += 1
         comparison.take(node.fire(_now(node, step)))
-        tape.fault = None
+        failed.fault = None
     for item in waiting:
         _ask(node, item, comparison)
     comparison.end()
+
+
+def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
+    """Return the instrument of the arm that a fault names; on a rig of one arm it names none."""
+    second = failure is not None and failure.number("arm") == 2
+    return tapes[-1 if second else 0]
 
 
 def _now(node: Node, step: Step) -> float:
@@ -110,13 +121,13 @@ def _now(node: Node, step: Step) -> float:
 
 
 def _armed_node(
-    service: AnyService, rig: RigFile, requests: Sequence[RequestLog], tape: Tape
+    service: AnyService, rig: RigFile, requests: Sequence[RequestLog], tapes: tuple[Tape, ...]
 ) -> Node:
     """The service as the epoch found it."""
     armed = next((item for item in requests if item.arm is not None), None)
     if armed is None or armed.arm is None:
         raise _StoppedError("its arming is not in the record; older records do not hold it")
-    node = Node(service, rig, tape, armed.arm.owner)
+    node = Node(service, rig, tapes, armed.arm.owner)
     # A newer version has another digest of the same rig file where it knows more quantities.
     arm = replace(armed.arm, digest=node.digest)
     before: list[Message] = [Reset(acknowledge=True)] if RESET in service.requests else []

@@ -3,7 +3,9 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from pincette.instruments.line.arrivals import Arrivals
 
 
 @dataclass(slots=True)
@@ -20,6 +22,8 @@ class LineCounts:
     """Times that a lost or silent port was opened again."""
     retried: int = 0
     """Times that opening an instrument failed and was tried again."""
+    arrivals: dict[str, Arrivals] = field(default_factory=dict[str, Arrivals])
+    """Durations of exchanges at each TCP url that is open."""
 
 
 _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)

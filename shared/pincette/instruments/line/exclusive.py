@@ -9,14 +9,22 @@ frees it when the program ends, however it ends. All of these work between the p
 import errno
 import os
 import socket
+import sys
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
+from ipaddress import ip_address
 from pathlib import Path
 
 from pincette.instruments.protocols import InstrumentError
 
 UUCP_LOCKS = Path("/var/lock")
 PROCESSES = Path("/proc")
+BINARY = 4
+"""Length of a UUCP lock file that contains a process id as a number, in bytes."""
+LISTENING = "0A"
+"""State of a TCP socket that listens, in the system's tables."""
+LONGEST = 256
+"""Number of bytes of a UUCP lock file that are read."""
 
 
 @contextmanager
@@ -36,7 +44,8 @@ def uucp_lock(url: str) -> Generator[None]:
         for file in sorted(files):
             holder = _holder_of_file(file)
             if holder is not None and holder != os.getpid():
-                raise in_use(url, _command_of(holder))
+                named = f"{_command_of(holder)}, as the lock file {file} states"
+                raise in_use(url, named)
             if holder is None and _was_made(file):
                 made.callback(file.unlink, missing_ok=True)
         yield
@@ -61,14 +70,39 @@ def _was_made(file: Path) -> bool:
 def _holder_of_file(lock: Path) -> int | None:
     """Return the process id of the live program that holds a UUCP lock file; None: none does."""
     try:
-        pid = int(lock.read_text(encoding="ascii"))
+        pid = _number_in(_begin_of(lock))
     except (OSError, ValueError):
         return None
-    return pid if (PROCESSES / str(pid)).exists() else None
+    return pid if pid > 0 and (PROCESSES / str(pid)).exists() else None
+
+
+def _begin_of(lock: Path) -> bytes:
+    """Return the first bytes of a lock file, also where anybody has put a pipe in its place."""
+    descriptor = os.open(lock, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        return os.read(descriptor, LONGEST)
+    finally:
+        os.close(descriptor)
+
+
+def _number_in(content: bytes) -> int:
+    """Return the process id in a lock file; raises ValueError where it has none.
+
+    Most programs write digits, some of them with their name and user behind, as minicom does. Some
+    write the number itself.
+    """
+    words = content.split(maxsplit=1)
+    if words and words[0].isdigit():
+        return int(words[0])
+    if len(content) == BINARY:
+        return int.from_bytes(content, sys.byteorder)
+    raise ValueError
 
 
 def lock_address(url: str, host: str, port: int) -> ExitStack:
     """Lock a TCP instrument under every address that its host name resolves to.
+
+    A server of this host that listens at all addresses is one instrument under any of them.
 
     Returns
     -------
@@ -84,7 +118,8 @@ def lock_address(url: str, host: str, port: int) -> ExitStack:
     """
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     with ExitStack() as locks:
-        for address in sorted({str(entry[4][0]) for entry in found}):
+        addresses = {_plain(str(entry[4][0])) for entry in found}
+        for address in sorted({name for one in addresses for name in (one, _served(one, port))}):
             name = f"pincette-instrument {address} {port}"
             lock = locks.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             try:
@@ -94,6 +129,35 @@ def lock_address(url: str, host: str, port: int) -> ExitStack:
                     raise
                 raise in_use(url, _holder_of_abstract_socket(name)) from error
         return locks.pop_all()
+
+
+def _plain(address: str) -> str:
+    """Return an IPv4 address that is written as an IPv6 one as it is, and others unchanged."""
+    mapped = getattr(ip_address(address), "ipv4_mapped", None)
+    return address if mapped is None else str(mapped)
+
+
+def _served(address: str, port: int) -> str:
+    """Return ``any`` for a server of this host that listens at all addresses, else the address."""
+    plain, _, _ = address.partition("%")
+    version = ip_address(plain).version
+    with socket.socket(socket.AF_INET if version == 4 else socket.AF_INET6) as probe:
+        try:
+            probe.bind((address, 0))
+        except OSError:
+            return address  # of another host
+    listening = set[str]()
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError):
+            rows = (PROCESSES / "net" / table).read_text(encoding="ascii").splitlines()[1:]
+            fields = (row.split() for row in rows)
+            listening |= {place for _, place, _, state, *_ in fields if state == LISTENING}
+    packed = ip_address(plain).packed
+    words = (packed[first : first + 4] for first in range(0, len(packed), 4))
+    own = "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words)
+    alone = f"{own}:{port:04X}" in listening
+    everywhere = {f"{'0' * digits}:{port:04X}" for digits in (8, 32)} & listening
+    return "any" if everywhere and not alone else address
 
 
 def device_in_use(url: str) -> InstrumentError:

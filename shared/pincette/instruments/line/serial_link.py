@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from pincette.instruments.line.arrivals import Arrivals
 from pincette.instruments.line.counts import LineCounts
 from pincette.instruments.line.matching import Matching
 from pincette.instruments.line.open_requests import OpenRequest, OpenRequests
@@ -35,6 +36,11 @@ STANDSTILL_S = 0.005
 SETTLE_S, LONGEST_SETTLE_S = 0.05, 0.5
 """Silence that is awaited on a new port, and the longest time that this may take. A device server
 may send a banner, and the answer to an earlier client may still be under way."""
+GREETING_SHARE = 0.25
+"""Share of the time for an exchange within which the banner of a port is awaited that is opened
+again, if it has sent one before."""
+LINE_END = b"\r\n"
+"""Characters at the end of a banner, of which one may be left before the first answer."""
 OFTEN, OFTEN_WITHIN_S = 4, 60.0
 """A port that was opened again so many times within so many seconds may have a second client."""
 TELNET = re.compile(rb"\xff[\xfb-\xfe]")
@@ -42,7 +48,9 @@ TELNET = re.compile(rb"\xff[\xfb-\xfe]")
 SAID = (
     (
         re.compile(rb"in use|busy", re.IGNORECASE),
-        "another client has this port: end it, or look for it at the device server",
+        "another client has this port: end it, or look for it at the device server. After a "
+        "failure of the network it may be this program's own earlier connection: restart the "
+        "server, or let it replace an old client by a new one (ser2net: kickolduser)",
     ),
     (
         re.compile(rb"device|open", re.IGNORECASE),
@@ -101,11 +109,15 @@ class Line:
     on_open: Callable[[Link], None]
     clock: Callable[[], float]
     counts: LineCounts = field(default_factory=LineCounts)
+    arrivals: Arrivals | None = None
+    """Receives the duration of each exchange that succeeded; None at a serial port."""
     _port: Port | None = field(default=None, init=False)
     _closed: bool = field(default=False, init=False)
     _open: OpenRequests = field(init=False)
     _pending: bytes = field(default=b"", init=False)
     """Bytes received after the last complete line."""
+    _arrived_s: list[float] = field(default_factory=list[float], init=False)
+    """Times at which pieces of the answer to the newest request arrived."""
     _unexpected_run: int = field(default=0, init=False)
     """Exchanges in a row before which an answer too many was found."""
     _late_run: int = field(default=0, init=False)
@@ -116,11 +128,15 @@ class Line:
     """Whether bytes that were no answer followed the newest request."""
     _silent_until_s: float = field(default=float("-inf"), init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
+    _failure: str = field(default="", init=False)
+    """Why the newest attempt to open the port again failed; empty after one that succeeded."""
     _opening_until_s: float | None = field(default=None, init=False)
     _is_new: bool = field(default=True, init=False)
     """True until the first answer after the port was opened."""
     _greeting: bytes = field(default=b"", init=False)
     """Newest bytes received from a new port that were no answer, such as a banner."""
+    _greets: bool = field(default=False, init=False)
+    """True once a new port has sent bytes that were no answer."""
     _reopened_at_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFTEN), init=False)
 
     def __post_init__(self) -> None:
@@ -225,14 +241,21 @@ class Line:
         if now_s < self._next_try_s:
             wait_s = self._next_try_s - now_s
             text = f"{self.url}: hung up; it is tried again in {wait_s:.1f} s"
+            if self._failure:
+                text += f". The newest attempt failed: {self._failure}"
             raise InstrumentError(text, "hung_up")
         self._next_try_s = now_s + RETRY_S
         try:
             self._port = self.open_port(until_s - now_s)
         except InstrumentError as error:
+            self._failure = str(error)
             text = f"{error}; it has hung up, and is tried again in {RETRY_S} s"
             raise InstrumentError(text, "hung_up") from error
         self._is_new, self._greeting = True, b""
+        if self._greets:
+            self._take_greeting(self._port, until_s)
+        if self.arrivals is not None:
+            self.arrivals.clear()
         self._prepare(until_s)
         return self._port
 
@@ -242,8 +265,21 @@ class Line:
         while self.clock() < until_s and (data := port.receive(SETTLE_S)):
             self._note_greeting(data)
 
+    def _take_greeting(self, port: Port, until_s: float) -> None:
+        """Drop the banner of a port that is opened again; later bytes are seen by the exchange."""
+        try:
+            data = port.receive(max(0.0, GREETING_SHARE * (until_s - self.clock())))
+        except (OSError, ValueError) as error:
+            text = f"{self._hung_up_text(error)}; it is tried again in {RETRY_S} s"
+            self._drop()
+            self._failure = text
+            raise InstrumentError(text, "hung_up") from error
+        if data:
+            self._note_greeting(data)
+
     def _note_greeting(self, data: bytes) -> None:
         """Keep what a new port sends that is no answer; raises InstrumentError for telnet."""
+        self._greets = True
         self._greeting = (self._greeting + data)[-LONGEST_FRAME:]
         if TELNET.search(self._greeting):
             self._drop()
@@ -261,7 +297,13 @@ class Line:
             remedy = next(remedies, "see the manual of the device server")
             text = f"{self.url}: the other end said {escaped(said)!r} and hung up; {remedy}"
         else:
-            text = f"{self.url}: hung up ({error}); check cable and power"
+            remedy = "check cable and power"
+            if isinstance(error, ConnectionError):
+                remedy = (
+                    "does the device server run, has another client taken the port, and has the "
+                    "server an idle timeout?"
+                )
+            text = f"{self.url}: hung up ({error}); {remedy}"
         times_s = self._reopened_at_s
         if len(times_s) == OFTEN and self.clock() - times_s[0] <= OFTEN_WITHIN_S:
             text += (
@@ -277,10 +319,12 @@ class Line:
             self.on_open(self)
         except InstrumentError as error:
             self._drop()
+            self._failure = str(error)
             text = f"{self.url}: opened again, but the instrument cannot work on: {error}"
             raise InstrumentError(text, error.code) from error
         finally:
             self._opening_until_s = None
+        self._failure = ""
         self.counts.reopened += 1
         self._reopened_at_s.append(self.clock())
         _log.warning("%s: opened again after it had hung up", self.url)
@@ -334,6 +378,8 @@ class Line:
                     self._note_late(found)
                 else:
                     self.counts.unexpected += 1
+                    if self._is_new:
+                        self._note_greeting(line + self.terminator)
                     unexpected = unexpected or wanted.fullmatch(line) is not None
                     _log.debug("%s: unexpected %s", self.url, _Escaped(line))
             wait_s = self.quiet_s if self._open else quiet_s
@@ -371,11 +417,15 @@ class Line:
         """
         own = self._open.add(matching, request, self.clock())
         self._garbled = False
+        self._arrived_s.clear()
+        alone = self._open.is_alone(own) and not self._pending
         port.write(request + self.terminator)
         for line in self._lines(port, until_s):
             found = self._open.take(line)
             if found is own:
                 self._is_new = False
+                if alone and self.arrivals is not None:
+                    self._note_arrival(self.arrivals, own, len(request), len(line))
                 return line
             if found is not None:
                 self._note_late(found)
@@ -411,6 +461,8 @@ class Line:
         """Yield complete solicited lines until the deadline; the rest stays pending."""
         accept, last = self.matching().accept, False
         while True:
+            if self._is_new:
+                self._pending = self._pending.lstrip(LINE_END)
             line, found, rest = self._pending.partition(self.terminator)
             if found:
                 self._pending = rest
@@ -433,7 +485,18 @@ class Line:
                 last = True
                 left_s = GRACE * self.timeout_s if left_s < -STANDSTILL_S else 0.0
                 until_s = self.clock() + left_s
-            self._pending += port.receive(left_s)
+            data = port.receive(left_s)
+            if data and self.arrivals is not None:
+                self._arrived_s.append(self.clock())
+            self._pending += data
+
+    def _note_arrival(
+        self, arrivals: Arrivals, request: OpenRequest, sent: int, received: int
+    ) -> None:
+        """Add an exchange that succeeded to what is known of the arrival of answers."""
+        if self._arrived_s:
+            ends = len(self.terminator)
+            arrivals.add(sent + ends, received + ends, request.sent_s, self._arrived_s)
 
     def _note_late(self, request: OpenRequest) -> None:
         self.counts.late += 1

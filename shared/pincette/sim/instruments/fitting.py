@@ -11,6 +11,7 @@ from pincette.core import plugins
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.rig.pair_rig import ArmOfPair
 from pincette.sim.rig.rig import SimulatedRig
+from pincette.sim.rig.wave import PutOutWave
 
 TABLES = ("sensor", "output")
 """Of the rig file, that name a driver."""
@@ -70,6 +71,8 @@ class Setting:
     """Puts what a script does to a line before the instrument of a table."""
     beside: Mapping[str, Fitted]
     """What the first arm has, as the second is fitted; empty for the first."""
+    put_out_wave: PutOutWave | None = None
+    """Puts out a wave through a script; None: the rig does."""
 
     def baud(self, settings: Sensor | Output) -> int | None:
         """Of a serial line; None in lockstep, where bytes take no time."""

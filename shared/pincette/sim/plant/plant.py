@@ -30,6 +30,7 @@ __all__ = [
     "PlantState",
     "advance",
     "contact_force_mN",
+    "left_alone",
     "place_part",
     "plant_parameters",
     "play",
@@ -45,6 +46,22 @@ SETTLED_DECAYS = 30.0
 def start() -> PlantState:
     """The arm at rest, unpoled: zero voltage, zero displacement."""
     return PlantState(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+
+
+def left_alone(state: PlantState) -> PlantState:
+    """Return the same arm with its output at 0 V and no part: electrical and own motion alone."""
+    return replace(
+        state,
+        target_V=0.0,
+        passive_um=0.0,
+        passive_speed_um_per_s=0.0,
+        joined=False,
+        dent_um=0.0,
+        part="removed",
+        held_s=0.0,
+        elapsed_s=0.0,
+        events=(),
+    )
 
 
 def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float) -> PlantState:

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from msgspec import structs
+from msgspec.structs import replace
 
 from pincette.config import Simulation
 from pincette.core.messages.second import SecondTruth
@@ -20,7 +21,8 @@ from pincette.sim.plant.pair_state import (
     start_pair,
 )
 from pincette.sim.plant.parameters import plant_parameters
-from pincette.sim.plant.state import Event
+from pincette.sim.plant.plant import advance, left_alone
+from pincette.sim.plant.state import Event, PlantState
 from pincette.sim.rig.pair_commands import PairOrders, PairTimeline
 from pincette.sim.rig.sensor_view import reading_um
 from pincette.sim.rig.wave import NANOSECONDS
@@ -138,6 +140,24 @@ class SimulatedPair(PairOrders):
     def events(self) -> list[Event]:
         """What has befallen the rig so far, in its own time."""
         return list(self.snapshot().events)
+
+    def arm_states(self) -> tuple[PlantState, ...]:
+        """Return the state of both arms now."""
+        with self._present() as timeline:
+            return timeline.state.first, timeline.state.second
+
+    def resume(self, arms: tuple[PlantState, ...], away_s: float) -> None:
+        """Go on with two arms that were simulated before; raises ValueError unless they are two.
+
+        Both outputs were at 0 V for ``away_s``. The part lies where the rig file has it.
+        """
+        with self._present() as timeline:
+            # Without the part each arm moves as if it were alone.
+            first, second = (
+                advance(p, left_alone(arm), away_s)
+                for p, arm in zip(timeline.parameters.arms, arms, strict=True)
+            )
+            timeline.state = replace(timeline.state, first=first, second=second)
 
     @contextmanager
     def _present(self) -> Generator[PairTimeline]:

@@ -9,7 +9,7 @@ from math import ceil
 from pincette.config import Simulation
 from pincette.sim.plant import plant
 from pincette.sim.plant.noise import GaussianNoise
-from pincette.sim.plant.state import Event
+from pincette.sim.plant.state import Event, PlantState
 from pincette.sim.rig.capture import Capture
 from pincette.sim.rig.commands import Orders
 from pincette.sim.rig.timeline import Timeline
@@ -167,6 +167,20 @@ class SimulatedRig(Orders):
             voltage_V, events = timeline.state.voltage_V, tuple(self._dated_events())
             time_s = self._began_s + timeline.time_ns * 1e-9
             return Snapshot(time_s, *self._look(), voltage_V, present, events)
+
+    def arm_states(self) -> tuple[PlantState, ...]:
+        """Return the state of the plant now."""
+        with self._present() as timeline:
+            return (timeline.state,)
+
+    def resume(self, arms: tuple[PlantState, ...], away_s: float) -> None:
+        """Go on with an arm that was simulated before; raises ValueError unless it is one.
+
+        Its output was at 0 V for ``away_s``. The part lies where the rig file has it.
+        """
+        (arm,) = arms
+        with self._present() as timeline:
+            timeline.resume(arm, away_s)
 
     @contextmanager
     def _present(self) -> Generator[Timeline]:

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from pincette.config import Simulation
 from pincette.sim.plant import plant
 from pincette.sim.plant.noise import GaussianNoise
-from pincette.sim.plant.state import MOST_EVENTS, Event
+from pincette.sim.plant.state import MOST_EVENTS, Event, PlantState
 from pincette.sim.rig.capture import Capture
 from pincette.sim.rig.sensor_view import Average, reading_um
 from pincette.sim.rig.wave import Wave
@@ -73,6 +73,15 @@ class Timeline:
         if self.state.events:
             self.events.extend(self.state.events)
             self.state = replace(self.state, events=())
+
+    def resume(self, arm: PlantState, away_s: float) -> None:
+        """Begin with an arm of an earlier simulation, after ``away_s`` at 0 V."""
+        p, there = self.parameters, self.state.part == "there"
+        self.state = plant.advance(p, plant.left_alone(arm), away_s)
+        if there:
+            self.state = plant.place_part(p, self.state)
+        if self._average is not None:
+            self.set_averaging(self._average.window_s)
 
     def slip(self, by_um: float) -> None:
         """Let the face of the part give way, away from the driven arm."""

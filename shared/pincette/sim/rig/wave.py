@@ -1,10 +1,19 @@
 """A buffered voltage output: one voltage each 1/rate, on a grid of nanoseconds; pure."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 NANOSECONDS = 1_000_000_000
+
+
+class PutOutWave(Protocol):
+    """Puts out voltages one after the other."""
+
+    def __call__(self, voltages_V: Sequence[float], rate_hz: float) -> None:
+        """Begin to put out one voltage each 1/rate."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from pincette.config.script import (
 from pincette.core.messages import SimCommand
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.rig.commands import Orders
+from pincette.sim.rig.wave import PutOutWave
 from pincette.sim.script.faults import (
     EDGE_S,
     Fault,
@@ -64,6 +65,8 @@ class Script:
         self._faults: list[Fault] = []
         self._operations: list[tuple[float, SimCommand]] = []
         self._two_arms = two_arms
+        self._voltages: dict[str, Past] = {}
+        """Voltages that each output was asked for."""
         self._lock = threading.Lock()
 
     def operate(self, rig: Orders) -> None:
@@ -140,7 +143,7 @@ class Script:
         self, put_out_V: Callable[[float], None], target: str = "output"
     ) -> Callable[[float], None]:
         """Stand between an output and its amplifier."""
-        voltages = Past(LONGEST_DELAY_S)
+        voltages = self._voltages.setdefault(target, Past(LONGEST_DELAY_S))
 
         def put_V(voltage_V: float) -> None:
             self._begin()
@@ -150,6 +153,30 @@ class Script:
             put_out_V(misput_V(faults, voltages, now_s) if faults else voltage_V)
 
         return put_V
+
+    def put_out_wave(self, put_out_wave: PutOutWave, target: str = "output") -> PutOutWave:
+        """Stand between an output and its amplifier while the output plays voltages by its clock.
+
+        A fault that holds when a wave begins holds for all of it.
+        """
+        past = self._voltages.setdefault(target, Past(LONGEST_DELAY_S))
+
+        def put_wave(voltages_V: Sequence[float], rate_hz: float) -> None:
+            self._begin()
+            now_s, faults = self._look(target)
+            if not faults or not voltages_V:
+                if voltages_V:
+                    past.note(now_s, voltages_V[-1])
+                put_out_wave(voltages_V, rate_hz)
+                return
+            put_V = list[float]()
+            for voltage_V in voltages_V:
+                if faults.value("stuck") is None:
+                    past.note(now_s, voltage_V)
+                put_V.append(misput_V(faults, past, now_s))
+            put_out_wave(put_V, rate_hz)
+
+        return put_wave
 
     def _begin(self) -> None:
         """Count the times of the rig file's orders from the first write."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from pincette.config import Simulation, read_rig
 from pincette.control.planning.program import Segment
+from pincette.control.planning.segments import Drive, paths_of
 from pincette.sim.rig.rig import SimulatedRig
 from tests.support.drawn.random_rigs import random_simulation
 from tests.support.drawn.true_values import TrueValues, true_values
@@ -72,14 +73,14 @@ class Bench:
         places: dict[str, slice] = {}
         tick = tick or self.tick
         for segment in segments:
-            assert segment.kind == "voltage"
+            assert isinstance(segment, Drive)
             assert segment.duration_s is not None
             first, start_V = len(self.x_um), self.applied_V
             for index in range(1, round(segment.duration_s / PERIOD_S) + 1):
                 voltage_V = start_V
-                if segment.path is not None:
-                    begin_V = start_V if segment.path.relative else 0.0
-                    voltage_V = begin_V + segment.path.at(index * PERIOD_S)
+                for path in paths_of(segment):
+                    begin_V = start_V if path.relative else 0.0
+                    voltage_V = begin_V + path.at(index * PERIOD_S)
                 tick(voltage_V)
             places[segment.phase] = slice(first, len(self.x_um))
         return places

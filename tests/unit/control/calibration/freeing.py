@@ -11,6 +11,7 @@ from pincette.control.planning.free_response_program import (
     free_response_program,
     rehearsed_grips,
 )
+from pincette.control.planning.segments import paths_of
 from pincette.control.response.free_calibration import (
     FreeCalibration,
     FreeMotion,
@@ -33,8 +34,7 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
     places = bench.play(program.segments)
     full: dict[str, slice] = {}
     for phase, count in (("cycles", GAIN_CYCLES), ("presses", PRESS_CYCLES)):
-        (path,) = [segment.path for segment in program.segments if segment.phase == phase]
-        assert path is not None
+        (path,) = [path for one in program.segments if one.phase == phase for path in paths_of(one)]
         whole, at = full_cycles(path, PERIOD_S, count), places[phase]
         full[phase] = slice(at.start + whole.start, at.start + whole.stop)
     return bench, FreeMotion(

@@ -18,6 +18,7 @@ from pincette.control.planning.contact_stiffness_program import (
     level_phase,
 )
 from pincette.control.planning.feasibility import PlanLimits
+from pincette.control.planning.segments import paths_of
 from pincette.control.response.free_calibration import FreeCalibration
 from pincette.control.response.free_response import FreeSample
 from pincette.control.response.identified_response import IdentifiedResponse, identified_response
@@ -89,8 +90,7 @@ def pressed(simulation: Simulation, free: FreeCalibration) -> Pressed:
     x, force = np.array(run.bench.x_um), np.array(run.force_mN)
     for number, level_V in enumerate(LEVELS_V, start=1):
         phase = level_phase(number)
-        path = program.segments[names.index(phase)].path
-        assert path is not None
+        (path,) = paths_of(program.segments[names.index(phase)])
         cycles = full_cycles(path, PERIOD_S, LEVEL_CYCLES)
         at = places[phase]
         run.swings.append(Swing(level_V, x[at][cycles], force[at][cycles]))

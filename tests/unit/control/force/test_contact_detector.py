@@ -74,15 +74,66 @@ def test_a_reversal_begins_a_branch_anew() -> None:
     assert watch.touch is None
 
 
-def test_within_a_step_nothing_changes() -> None:
-    watch = ContactDetector(0.0, 0.0)
-    for index in range(100):
-        nominal_um = 0.9 * LIMITS.step_um * sin(index)
-        assert watch.follow(LIMITS, nominal_um - 0.1, nominal_um) is watch
+def test_going_back_by_less_than_a_step_keeps_the_branch_and_its_touch() -> None:
+    watch = closed(18.0, contact_um=12.0)
+    begin_um = watch.nominal_um
+    back_um = 0.9 * LIMITS.step_um * abs(sin(1.0))
+    back = watch.follow(LIMITS, 15.0, 18.0 - back_um)
+    assert (back.nominal_um, back.touch) == (begin_um, watch.touch)
+    assert watch.follow(LIMITS, 12.0, 18.0 - 1.1 * LIMITS.step_um).nominal_um > begin_um
+
+
+@pytest.mark.parametrize("noise_um", [0.02, 0.05, 0.1, 0.15])
+@pytest.mark.parametrize("gain", [0.5, 0.85, 1.1])
+@pytest.mark.parametrize("K_e", [0.75 * K_E, 1.25 * K_E])
+def test_a_part_is_found_below_six_millinewtons_by_a_noisy_sensor_too(
+    K_e: float, gain: float, noise_um: float
+) -> None:
+    """Also by an arm that moves by half of what d_p says, as a wide loop makes it after a turn."""
+    limits, chance = kink_limits(0.7 * K_E, S_P, noise_um), Random(11)
+    watch, arm_um, force_mN, found_mN = ContactDetector(0.0, 0.0), 0.0, 0.0, 0.0
+    for index in range(1, 400):
+        arm_um += 0.3 * gain
+        pressed_um = max(0.0, arm_um - 20.0) * S_P * K_e / (1.0 + S_P * K_e)
+        force_mN = pressed_um / S_P
+        x_um = arm_um - pressed_um + chance.gauss(0.0, noise_um)
+        watch = watch.follow(limits, x_um, 0.3 * index)
+        if watch.touch is not None:
+            found_mN = watch.touch.pushed_back_um(x_um, 0.3 * index) / S_P
+        if found_mN >= 2.0:
+            break
+    print(K_e, gain, noise_um, force_mN, found_mN)
+    assert 0.5 < force_mN < 6.0
+    assert found_mN >= 2.0
+
+
+@pytest.mark.parametrize("noise_um", [0.02, 0.034])
+def test_a_free_arm_that_saturates_has_no_touch(noise_um: float) -> None:
+    """As relays of a loop of 39 % do above 2 V: the slope falls from 1.65 to 1.15 in 12 µm."""
+    limits, watch, arm_um = kink_limits(0.7 * K_E, S_P, noise_um), ContactDetector(0.0, 0.0), 0.0
+    chance = Random(3)
+    for index in range(1, 180):
+        nominal_um = 0.3 * index
+        arm_um += 0.3 * (1.65 - 0.5 * min(1.0, max(0.0, (nominal_um - 35.0) / 12.0)))
+        watch = watch.follow(limits, arm_um + chance.gauss(0.0, noise_um), nominal_um)
+        assert watch.touch is None, nominal_um
+
+
+def test_a_bend_that_is_made_good_is_no_touch_any_more() -> None:
+    watch = closed(14.0, contact_um=12.0)
+    assert watch.touch is not None
+    slope = watch.touch.slope
+    for index in range(1, 21):
+        nominal_um = 14.0 + 0.3 * index
+        x_um = watch.touch.x_um + slope * (nominal_um - watch.touch.nominal_um)
+        watch = watch.follow(LIMITS, x_um, nominal_um)
+        if watch.touch is None:
+            break
+    assert watch.touch is None
 
 
 def test_a_noisy_sensor_and_a_soft_part_need_a_longer_step() -> None:
-    assert kink_limits(2.0, S_P, 0.0) == KinkLimits(1.0, 0.5 * 0.92 / 1.92)
+    assert kink_limits(2.0, S_P, 0.0) == KinkLimits(1.0, 0.5 * 0.92 / 1.92, 0.0)
     assert kink_limits(2.0, S_P, 0.1).step_um > 3.0
     assert kink_limits(0.2, S_P, 0.03).step_um > 5.0
     with pytest.raises(ValueError, match=r"softest contact = 0.0 mN/µm"):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pincette.control.arm.plant import OutputTiming
-from pincette.control.force.ring import ring_share
+from pincette.control.arm.shaping import shaping_interval_s
+from pincette.control.force.ring import RingShares, lag_share, ring_share, shares_of_ring
 
 OMEGA, ZETA, T = 2437.8, 0.026, 0.02
 
@@ -53,3 +54,29 @@ def test_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
 def test_a_period_that_is_none_is_refused() -> None:
     with pytest.raises(ValueError, match="period"):
         ring_share(OMEGA, ZETA, OutputTiming(), 0.0)
+
+
+def test_an_rc_lacks_a_share_of_the_step_where_the_voltage_acts_late() -> None:
+    for delay_s, share in ((0.002, 0.0043), (0.012, 0.0885)):
+        assert lag_share(OutputTiming(delay_s, 0.0033), T) == pytest.approx(share, rel=0.01)
+    assert lag_share(OutputTiming(0.012), T) == 0.0
+
+
+@pytest.mark.parametrize("kappa", [0.5, 1.0, 2.0])
+def test_a_shaped_step_rings_by_a_fifth_or_less(kappa: float) -> None:
+    def shares(shaping_s: float | None) -> RingShares:
+        return shares_of_ring(
+            OMEGA,
+            ZETA,
+            OutputTiming(0.005),
+            T,
+            stiffness_ratio=kappa,
+            stiffness_tolerance=0.3,
+            shaping_s=shaping_s,
+        )
+
+    whole, shaped = shares(None), shares(shaping_interval_s(OMEGA, kappa))
+    assert shaped.free < 0.2 * whole.free
+    assert shaped.pressed < 0.2 * whole.pressed
+    assert whole.pressed == pytest.approx(whole.free / (1.0 + kappa))
+    assert shaped.kept == whole.kept

@@ -16,6 +16,8 @@ from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
     LEVELS_V,
     SETTLING_CYCLES,
+    STEP_V,
+    TROUGH_MN,
     contact_stiffness_program,
     crest_force_mN,
     levels_within,
@@ -24,6 +26,8 @@ from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.free_response_program import cycles_mean_V, free_response_program
 from pincette.control.planning.path_shapes import KNOTS_MAX, peaks
 from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.segments import Drive, PlayedSweep, Press, paths_of
+from pincette.control.response.hysteresis import HysteresisModel
 
 LIMITS = PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5)
 RIG = PlannedRig(LIMITS, piezo_um_per_V=19.0, compliance_um_per_mN=0.46, period_s=0.02)
@@ -51,18 +55,17 @@ def voltages(program: Program, segments: tuple[Segment, ...] | None = None) -> l
     for segment in segments or program.segments:
         assert segment.open_loop
         assert segment.duration_s is not None
-        path, begin_V = segment.path, held_V
-        if path is None:
-            continue
-        for index in range(1, round(segment.duration_s / PERIOD_S) + 1):
-            held_V = path.at(index * PERIOD_S) + (begin_V if path.relative else 0.0)
-            found.append(held_V)
+        begin_V = held_V
+        for path in paths_of(segment):
+            for index in range(1, round(segment.duration_s / PERIOD_S) + 1):
+                held_V = path.at(index * PERIOD_S) + (begin_V if path.relative else 0.0)
+                found.append(held_V)
     return found
 
 
 def test_noise_is_read_at_rest() -> None:
     (segment,) = noise_program().segments
-    assert (segment.kind, segment.duration_s, segment.path) == ("voltage", 8.0, None)
+    assert segment == Drive("noise", 8.0, guarded=True)
 
 
 def test_each_weight_waits_settles_and_is_measured() -> None:
@@ -76,7 +79,7 @@ def test_each_weight_waits_settles_and_is_measured() -> None:
     assert len(program.segments) == 15
     waits = [segment.duration_s is None for segment in program.segments]
     assert waits == [True, False, False] * 5
-    assert all(segment.kind == "voltage" for segment in program.segments)
+    assert all(isinstance(segment, Drive) for segment in program.segments)
 
 
 def test_a_weight_that_bends_the_arm_too_far_is_refused() -> None:
@@ -91,13 +94,13 @@ def test_a_sweep_is_captured_between_two_rests_where_its_way_has_been_felt() -> 
     program = frequency_response_program(RIG, amplitude_V=0.05, damping_ratio=0.026)
     assert [segment.phase for segment in program.segments] == ["feel", "rest", "sweep", "rest"]
     assert [segment.guarded for segment in program.segments] == [True, True, False, True]
-    felt = program.segments[0].path
-    assert felt is not None
+    (felt,) = paths_of(program.segments[0])
     # Twice the swing at resonance, and slowly.
     assert max(knot.value for knot in felt.knots) == pytest.approx(2.0 * 0.05 / (2.0 * 0.026))
     assert felt.duration_s > 4.0 * 0.05 / (2.0 * 0.026) * 19.0 / 20.0
-    sweep = program.segments[2].sweep
-    assert sweep is not None
+    played = program.segments[2]
+    assert isinstance(played, PlayedSweep)
+    sweep = played.sweep
     assert (sweep.from_hz, sweep.to_hz, sweep.amplitude_V) == (5.0, 800.0, 0.05)
     assert program.capture_hz == sweep.rate_hz == 10_000.0
 
@@ -128,10 +131,8 @@ def test_the_free_motion_covers_the_range_within_the_limits() -> None:
     steps = [abs(after - before) for before, after in pairwise(put_out)]
     assert max(steps) <= LIMITS.slew_V_per_s * PERIOD_S * (1.0 + 1e-6)
     for segment in program.segments:
-        if segment.path is not None:
-            assert len(segment.path.knots) <= KNOTS_MAX
-    cycles = next(segment for segment in program.segments if segment.phase == "cycles").path
-    assert cycles is not None
+        assert all(len(path.knots) <= KNOTS_MAX for path in paths_of(segment))
+    (cycles,) = paths_of(next(one for one in program.segments if one.phase == "cycles"))
     assert (peaks(cycles).lowest, peaks(cycles).highest) == pytest.approx((-1.0, 1.0), abs=1e-3)
 
 
@@ -164,8 +165,7 @@ def test_a_free_motion_beyond_the_limits_is_refused(
 
 def test_full_cycles_are_whole_and_before_the_fading() -> None:
     program = contact_stiffness_program(REQUEST, ROOMY)
-    path = next(each.path for each in program.segments if each.phase == "level 4")
-    assert path is not None
+    (path,) = paths_of(next(each for each in program.segments if each.phase == "level 4"))
     found = full_cycles(path, PERIOD_S, 4)
     assert found == slice(300, 700)
     assert path.at(found.start * PERIOD_S) == pytest.approx(0.0, abs=1e-9)
@@ -186,8 +186,21 @@ def test_the_widest_level_comes_first_and_its_crest_is_where_the_law_had_pressed
     assert max(put_out) == pytest.approx(0.0, abs=1e-9)
     assert min(put_out) == pytest.approx(-2.0, abs=1e-3)
     press = program.segments[6]
-    assert press.force_to_mN == pytest.approx(crest_force_mN(REQUEST, ROOMY, 2.0))
+    assert isinstance(press, Press)
+    assert press.to_mN == pytest.approx(crest_force_mN(REQUEST, ROOMY, 2.0))
     assert program.guards.stiffness_min_mN_per_um < 0.5 * REQUEST.stiffness_mN_per_um
+
+
+def test_a_press_goes_as_far_as_the_swings_of_the_identified_arm_come_back() -> None:
+    # An arm whose swings at a pressed part are half as wide again as d_p says.
+    wide = HysteresisModel((0.0, 0.5), (28.5, 5.0))
+    line_mN = crest_force_mN(REQUEST, ROOMY, 2.0)
+    crest_mN = crest_force_mN(REQUEST, replace(ROOMY, free_response=wide), 2.0)
+    series = 0.46 + 1.0 / REQUEST.hardest_mN_per_um
+    assert crest_mN - TROUGH_MN == pytest.approx((2.0 * 33.5 - 2.0 * 0.5 * 5.0) / series, rel=0.05)
+    assert crest_mN > 1.4 * line_mN
+    narrow = HysteresisModel((0.0, 0.5), (9.0, 1.0))
+    assert crest_force_mN(REQUEST, replace(ROOMY, free_response=narrow), 2.0) == line_mN
 
 
 def test_levels_beyond_the_limits_are_refused_or_lowered_alike() -> None:
@@ -198,6 +211,9 @@ def test_levels_beyond_the_limits_are_refused_or_lowered_alike() -> None:
     ratios = [found / asked for found, asked in zip(levels, LEVELS_V, strict=True)]
     assert ratios == pytest.approx([ratios[0]] * 4, rel=5e-3)
     assert contact_stiffness_program(REQUEST, RIG, levels).segments
+    wider = tuple([level_V * (levels[-1] + STEP_V) / levels[-1] for level_V in levels])
+    with pytest.raises(ValueError, match="above the limit 40"):  # the widest that fits was found
+        contact_stiffness_program(REQUEST, RIG, wider)
     assert levels_within(REQUEST, ROOMY) == LEVELS_V
     weak = replace(RIG, limits=replace(LIMITS, force_max_mN=12.0))
     with pytest.raises(ValueError, match=r"0\.50 V peak to peak: force"):

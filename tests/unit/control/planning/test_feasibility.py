@@ -5,7 +5,6 @@ from math import cos, pi
 
 import pytest
 
-from pincette.control.planning.course import Course
 from pincette.control.planning.feasibility import (
     RING_UM,
     PlanLimits,
@@ -13,6 +12,7 @@ from pincette.control.planning.feasibility import (
     excursions,
 )
 from pincette.control.planning.path_shapes import ring_um
+from pincette.control.planning.prediction import Course
 
 T = 0.02
 WIDE = PlanLimits(-1e3, 1e3, -1e3, 1e3, 1e3, 1e6, 1e9)

@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
-from pincette.control.planning.course import Course, sample_course
 from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
+from pincette.control.planning.segments import Move, Press, Rest, Seek
+from pincette.control.response.hysteresis import HysteresisModel
 
 REQUEST = GripRequest(
     force_mN=20.0,
@@ -32,6 +34,9 @@ LIMITS = PlanLimits(
     slew_V_per_s=10.0,
     acceleration_um_per_s2=1e5,
 )
+NARROW = HysteresisModel((0.0, 0.4), (15.0, 6.0))
+WIDE = HysteresisModel((0.0, 0.5, 1.5), (8.0, 8.0, 8.0))
+"""Loops whose arms need about -0.3 and -0.9 V to come back to where they were."""
 
 
 def planned(
@@ -39,41 +44,114 @@ def planned(
     limits: PlanLimits = LIMITS,
     x_start_um: float = 0.0,
     taught_V: tuple[float, float] | None = None,
+    period_s: float = 0.02,
 ) -> ContactPlan:
     rig = PlannedRig(
         limits,
         piezo_um_per_V=19.0,
         compliance_um_per_mN=0.46,
-        period_s=0.02,
+        period_s=period_s,
         x_start_um=x_start_um,
         taught_V=taught_V,
     )
     return plan_grip(request, rig)
 
 
-def sampled(plan: ContactPlan, period_s: float) -> Course:
-    return sample_course(plan.arm, plan.phases, period_s)
-
-
 def test_segments_in_order() -> None:
     program = planned().program
-    assert [(segment.phase, segment.kind) for segment in program.segments] == [
-        ("zero", "zero"),
-        ("approach", "free"),
-        ("approach", "zero"),
-        ("contact", "seek"),
-        ("load", "force"),
-        ("hold", "force"),
-        ("unload", "force"),
-        ("retreat", "free"),
+    assert [(segment.phase, type(segment)) for segment in program.segments] == [
+        ("zero", Rest),
+        ("approach", Move),
+        ("approach", Rest),
+        ("contact", Seek),
+        ("load", Press),
+        ("hold", Press),
+        ("unload", Press),
+        ("retreat", Move),
     ]
     approach, seek = program.segments[1], program.segments[3]
-    assert approach.x_to_um == 26.0
+    assert isinstance(approach, Move)
+    assert approach.to_um == (26.0,)
     assert approach.duration_s == pytest.approx(26.0 * 15.0 / 8.0 / 20.0)
     # The softest part, touched last, still reaches the contact force 1 µm before the end.
-    assert seek.x_to_um == pytest.approx(34.0 + 2.0 / 1.4)
+    assert isinstance(seek, Seek)
+    assert seek.to_um == pytest.approx((34.0 + 2.0 / 1.4,))
     assert seek.duration_s == pytest.approx((8.0 + 2.0 / 1.4) / 4.0)
     assert program.contact_stiffness_mN_per_um == 2.0
+
+
+def back(free_response: HysteresisModel, **rig: Any) -> tuple[float, float]:
+    """Return where a grip ends, and the voltage there."""
+    arm = PlannedRig(
+        LIMITS,
+        piezo_um_per_V=19.0,
+        compliance_um_per_mN=0.46,
+        period_s=0.02,
+        free_response=free_response,
+        **rig,
+    )
+    plan = plan_grip(REQUEST, arm)
+    retreat = plan.program.segments[-1]
+    assert isinstance(retreat, Move)
+    assert retreat.to_um[0] is not None
+    assert plan.violations == ()
+    return retreat.to_um[0], plan.phases[-1].voltage_V
+
+
+def test_the_arm_goes_back_to_its_start_where_it_reaches_it() -> None:
+    to_um, voltage_V = back(NARROW)
+    assert to_um == 0.0
+    assert 0.5 * LIMITS.voltage_min_V < voltage_V < 0.0
+
+
+def test_an_arm_of_large_remanence_goes_back_to_where_it_rests_at_0_V() -> None:
+    to_um, voltage_V = back(WIDE)
+    assert 5.0 < to_um < 26.0
+    # The softest part that is admitted would leave the arm at 0 V.
+    assert 0.0 <= voltage_V < 0.2
+
+
+def test_an_arm_that_cannot_go_below_0_V_does_not_go_back_below_its_remanence() -> None:
+    unipolar = replace(LIMITS, voltage_min_V=0.0)
+    rig = PlannedRig(unipolar, 19.0, 0.46, 0.02, free_response=NARROW)
+    plan = plan_grip(REQUEST, rig)
+    assert plan.violations == ()
+    assert plan.phases[-1].voltage_V == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("rest_um", [-8.0, 0.0, 12.0, 60.0])
+def test_the_way_back_follows_a_reading_that_drifts(rest_um: float) -> None:
+    rested_um, _ = back(WIDE)
+    to_um, _ = back(WIDE, rest_um=rest_um)
+    # Never nearer to the part than the stand-off.
+    assert to_um == pytest.approx(min(26.0, max(rested_um, rest_um)))
+
+
+def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
+    rig = PlannedRig(
+        LIMITS,
+        19.0,
+        0.46,
+        0.02,
+        stands_um=60.0,
+        rest_um=60.0,
+        free_response=NARROW,
+        taught_V=(-1.0, 2.9),
+        condition_V=-1.0,
+    )
+    plan = plan_grip(REQUEST, rig)
+    assert plan.phases[0].phase == "condition"
+    assert plan.violations == ()
+    assert plan.course.voltage_V[0] == 0.0
+
+
+def test_an_arm_in_front_of_the_part_opens_to_the_same_place() -> None:
+    rig = PlannedRig(LIMITS, 19.0, 0.46, 0.02, stands_um=35.0, free_response=WIDE)
+    first, *_, last = plan_grip(REQUEST, rig).program.segments
+    assert isinstance(first, Move)
+    assert isinstance(last, Move)
+    assert first.phase == "open"
+    assert first.to_um == last.to_um
 
 
 def test_guards() -> None:
@@ -100,7 +178,7 @@ def test_course_is_consistent_in_position_and_force() -> None:
 
 
 def test_course_has_no_jump() -> None:
-    course = sampled(planned(), 0.001)
+    course = planned(period_s=0.001).course
     for values, most in (
         (course.x_r_um, 0.0201),
         (course.force_r_mN, 0.02),
@@ -176,7 +254,7 @@ def test_impossible_requests_are_refused() -> None:
     with pytest.raises(ValueError, match=r"stiffness_tolerance = 1\.0 must be below 1"):
         replace(REQUEST, stiffness_tolerance=1.0)
     with pytest.raises(ValueError, match=r"period = 0\.0 s"):
-        sampled(planned(), 0.0)
+        planned(period_s=0.0)
 
 
 def test_a_plan_beyond_the_taught_voltages_is_refused_with_their_range() -> None:

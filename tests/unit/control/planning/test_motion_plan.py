@@ -15,6 +15,7 @@ from pincette.control.planning.motion_plan import (
     plan_move,
     plan_release,
 )
+from pincette.control.planning.segments import Drive, Move, Ramp, paths_of
 
 LIMITS = PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5)
 RIG = PlannedRig(LIMITS, piezo_um_per_V=20.0, compliance_um_per_mN=0.5, period_s=0.02)
@@ -34,10 +35,10 @@ def moved(stand: Stand = REST, **wishes: Any) -> MotionPlan:
 
 def test_a_position_is_gone_to_smoothly_and_rested_at() -> None:
     plan = moved(AWAY, to_um=30.0, zero_s=0.4)
-    assert [(phase.phase, phase.kind) for phase in plan.phases] == [
-        ("zero", "voltage"),
-        ("move", "free"),
-        ("rest", "free"),
+    assert [(segment.phase, type(segment)) for segment in plan.program.segments] == [
+        ("zero", Drive),
+        ("move", Move),
+        ("rest", Move),
     ]
     # The quintic's peak speed is 15/8 of its mean.
     assert plan.phases[1].duration_s == pytest.approx(15 / 8 * 20.0 / 20.0)
@@ -58,7 +59,7 @@ def test_a_voltage_is_gone_to_without_a_law(wish: dict[str, float]) -> None:
     assert plan.course.x_r_um[-1] == pytest.approx(20.0)
     move = plan.program.segments[0]
     # A change counts from the voltage applied when it is played, whatever the plan began from.
-    assert (move.path is not None and move.path.relative) == ("by_V" in wish)
+    assert any(path.relative for path in paths_of(move)) == ("by_V" in wish)
 
 
 def test_cycles_come_first_and_end_at_their_lowest_voltage() -> None:
@@ -66,7 +67,7 @@ def test_cycles_come_first_and_end_at_their_lowest_voltage() -> None:
     plan = moved(AWAY, to_um=5.0, zero_s=0.4, cycles=cycles)
     names = [phase.phase for phase in plan.phases]
     assert names == ["zero", *["warm up"] * 2, *["condition"] * 2, "zero", "move", "rest"]
-    warm, condition = plan.program.segments[2].path, plan.program.segments[4].path
+    (warm,), (condition,) = (paths_of(plan.program.segments[number]) for number in (2, 4))
     assert warm is not None
     assert warm.duration_s >= 20.0
     assert condition is not None
@@ -97,8 +98,9 @@ def test_limits_of_voltage_position_and_slew_are_named_with_their_member() -> No
 def test_a_hold_keeps_the_voltage_and_lets_go_smoothly(hold_s: float | None) -> None:
     plan = plan_hold(hold_s, 2.0, RIG, Stand(39.0, 2.5), 0.0, POINTERS)
     hold, unload = plan.program.segments
-    assert (hold.phase, hold.kind, hold.duration_s, hold.path) == ("hold", "voltage", hold_s, None)
-    assert (unload.phase, unload.kind, unload.voltage_to_V) == ("unload", "voltage", 0.0)
+    assert hold == Drive("hold", hold_s)
+    assert isinstance(unload, Drive)
+    assert (unload.phase, unload.courses) == ("unload", (Ramp(0.0),))
     assert plan.program.begins_held
     assert plan.program.guards.position_max_um == 70.0
     assert (plan.course.x_r_um[0], plan.course.voltage_V[0]) == (39.0, 2.5)

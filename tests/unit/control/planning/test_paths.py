@@ -17,7 +17,8 @@ from pincette.control.planning.path_shapes import (
     waypoints,
 )
 from pincette.control.planning.paths import Knot, Path
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Track
 from pincette.core.codec import decode, encode
 from pincette.core.messages import Load
 
@@ -150,7 +151,7 @@ def test_waypoints_never_overshoot(moves: list[tuple[float, float]], first: floa
 
 @PATHS
 def test_a_path_travels_within_its_program(path: Path) -> None:
-    segment = Segment("track", "path", path.duration_s, path=path)
+    segment = Track("track", path.duration_s, force=path)
     guards = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
     load = Load(Program((segment,), guards, 2.17))
     assert decode(Load, encode(load)) == load

@@ -3,12 +3,14 @@
 import math
 
 import pytest
+from msgspec.structs import replace
 
-from pincette.control.planning.program import Guards, Program, Segment
+from pincette.control.planning.program import Guards, Program
+from pincette.control.planning.segments import Move, Press, Seek, Segment
 
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
-SEEK = Segment("contact", "seek", 1.0, x_to_um=14.0)
-LOAD = Segment("load", "force", 0.6, force_to_mN=20.0)
+SEEK = Seek("contact", 1.0, to_um=(14.0,))
+LOAD = Press("load", 0.6, to_mN=20.0)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, -2.0, math.nan, math.inf])
@@ -21,13 +23,14 @@ def test_a_contact_without_stiffness_is_refused(stiffness: float) -> None:
     ("segments", "words"),
     [
         ((LOAD, SEEK), r"segment 1 \(contact\) seeks a part, and nothing follows"),
-        ((Segment("retreat", "seek", 1.0), LOAD), r"segment 0 \(retreat\) seeks .* the way back"),
-        ((Segment("unload", "seek", 1.0), LOAD), r"segment 0 \(unload\) seeks .* the way back"),
-        ((LOAD, Segment("a", "path", 1.0)), r"segment 1 \(a\) is a path and has none"),
-        ((LOAD, Segment("a", "sweep", 1.0)), r"segment 1 \(a\) is a sweep and has none"),
-        ((Segment("a", "free", -0.1),), r"segment 0 \(a\): duration_s = -0.1 s"),
-        ((Segment("a", "force", math.nan),), r"segment 0 \(a\): duration_s = nan s"),
-        ((Segment("a", "force", 1.0, move_s=-1.0),), r"segment 0 \(a\): move_s = -1.0 s"),
+        (
+            (Seek("retreat", 1.0, to_um=(1.0,)), LOAD),
+            r"segment 0 \(retreat\) seeks .* the way back",
+        ),
+        ((replace(SEEK, phase="unload"), LOAD), r"segment 0 \(unload\) seeks .* the way back"),
+        ((Move("a", -0.1),), r"segment 0 \(a\): duration_s = -0.1 s"),
+        ((Press("a", math.nan),), r"segment 0 \(a\): duration_s = nan s"),
+        ((Press("a", 1.0, move_s=-1.0),), r"segment 0 \(a\): move_s = -1.0 s"),
     ],
 )
 def test_a_program_that_cannot_be_played_is_refused(
@@ -38,7 +41,7 @@ def test_a_program_that_cannot_be_played_is_refused(
 
 
 def test_one_that_can_is_not() -> None:
-    open_end = Segment("hold", "force", None, force_to_mN=20.0)
-    at_once = Segment("retreat", "free", 0.0, x_to_um=0.0, move_s=0.0)
+    open_end = Press("hold", None, to_mN=20.0)
+    at_once = Move("retreat", 0.0, to_um=(0.0,))
     program = Program((SEEK, LOAD, open_end, at_once), GUARDS, 2.0)
     assert len(program.segments) == 4

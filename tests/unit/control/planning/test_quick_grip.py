@@ -22,6 +22,7 @@ from pincette.control.planning.quick_grip import (
     quick_speeds,
     speed_limit,
 )
+from pincette.control.planning.segments import Press, Seek
 
 NOTHING = AskedSpeeds(None, None, None, None)
 USUAL = UsualSpeeds(120.0, 40.0, 40.0)
@@ -153,8 +154,11 @@ def test_the_plan_has_no_step_of_speed_from_the_seek_to_the_end_of_the_load() ->
     # The softest part, touched last, is believed before the seek is over.
     softest = 2.17 * 0.7
     seek = plan.program.segments[3]
-    assert seek.x_to_um is not None
-    samples = (seek.x_to_um - (33.0 + 2.0 / softest)) / (found.seek_um_per_s * 0.02)
+    assert isinstance(seek, Seek)
+    assert seek.to_um[0] is not None
+    samples = (seek.to_um[0] - (33.0 + 2.0 / softest)) / (found.seek_um_per_s * 0.02)
     assert samples >= 3.0
     assert plan.program.segments[1].guarded
-    assert plan.program.segments[4].follows
+    load = plan.program.segments[4]
+    assert isinstance(load, Press)
+    assert load.follows

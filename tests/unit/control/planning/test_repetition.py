@@ -1,7 +1,7 @@
 """Learning across cycles: its equation, its bound, and its end."""
 
 from collections.abc import Callable
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
 from random import Random
 
 import pytest
@@ -13,7 +13,9 @@ from pincette.control.planning.repetition import (
     PATIENCE,
     Corrections,
     CycleLearner,
+    HeldOut,
     cycle_ticks,
+    held_out,
     no_corrections,
 )
 
@@ -120,3 +122,61 @@ def test_a_cycle_is_a_whole_number_of_periods() -> None:
         cycle_ticks(1.0 / 7.0, 0.02)
     with pytest.raises(ValueError, match="5000 ticks, at most 2000"):
         cycle_ticks(100.0, 0.02)
+
+
+NOISE_UM = 0.03
+
+
+def judged(
+    seed: int, cycles: int, *, share: float, drift_um: float = 0.0, noise_um: float = NOISE_UM
+) -> HeldOut | None:
+    """Learn over some cycles, and judge them by what they were not learned from.
+
+    Parameters
+    ----------
+    share
+        Size of what repeats, over ``DISTURBED``.
+    drift_um
+        Growth of the error from one cycle to the next.
+    """
+    draw, learner, errors_um = Random(seed), CycleLearner(no_corrections(N)), list[float]()
+    for cycle in range(cycles):
+        squares = 0.0
+        for tick in range(N):
+            error_um = share * DISTURBED[tick] + learner.corrections.at(tick)
+            error_um += draw.gauss(0.0, noise_um) + drift_um * cycle
+            squares += error_um**2
+            learner = learner.follow(tick, error_um, limited=False)
+        errors_um.append(sqrt(squares / N))
+    return held_out(errors_um[0], errors_um[1:], ticks=N, noise_um=noise_um)
+
+
+def share_kept(cycles: int, **case: float) -> float:
+    found = [judged(seed, cycles, **case) for seed in range(200)]  # pyright: ignore[reportArgumentType]
+    return sum(one is not None and one.helps for one in found) / len(found)
+
+
+@pytest.mark.parametrize("cycles", [2, 3, 6, 12])
+def test_what_was_learned_of_noise_is_not_kept(cycles: int) -> None:
+    assert share_kept(cycles, share=0.0) < 0.05
+
+
+@pytest.mark.parametrize("cycles", [2, 3, 6, 12])
+def test_what_repeats_is_kept_also_after_few_cycles(cycles: int) -> None:
+    assert share_kept(cycles, share=1.0) == 1.0
+
+
+def test_of_a_single_cycle_nothing_is_kept() -> None:
+    assert judged(1, 1, share=1.0) is None
+
+
+def test_what_a_drift_has_made_worse_is_not_kept() -> None:
+    assert share_kept(6, share=0.2, drift_um=0.1) == 0.0
+
+
+def test_what_is_at_the_noise_is_kept_where_it_helps_alone() -> None:
+    """The figures are those of the cycles, whatever is decided."""
+    for seed in range(50):
+        found = judged(seed, 6, share=0.15, noise_um=0.06)
+        assert found is not None
+        assert not found.helps or found.after_um < found.before_um

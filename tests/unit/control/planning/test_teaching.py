@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import pytest
 
+from pincette.control.planning.segments import Move
 from pincette.control.planning.teaching import COURSE, teaching_program
 
 
@@ -12,10 +13,12 @@ def test_the_motion_covers_the_range_and_keeps_the_speed() -> None:
     at_um, total_s = 0.0, 0.0
     reached: list[float] = []
     for segment in program.segments:
-        assert segment.x_to_um is not None
+        assert isinstance(segment, Move)
+        (to_um,) = segment.to_um
+        assert to_um is not None
         assert segment.duration_s is not None
-        assert 15 / 8 * abs(segment.x_to_um - at_um) / segment.duration_s <= 60.0 + 1e-9
-        at_um = segment.x_to_um
+        assert 15 / 8 * abs(to_um - at_um) / segment.duration_s <= 60.0 + 1e-9
+        at_um = to_um
         total_s += segment.duration_s
         reached.append(at_um)
     assert (min(reached), max(reached)) == (-5.0, 55.0)

@@ -8,6 +8,7 @@ import pytest
 from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
 from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.path_shapes import sinusoid, steps
+from pincette.control.planning.segments import Move, Press, Seek, Track
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.control.response.hysteresis import HysteresisModel
 
@@ -45,18 +46,18 @@ def found(plan: ContactPlan) -> list[tuple[str, str]]:
 
 def test_segments_in_order() -> None:
     segments = planned().program.segments
-    assert [(segment.phase, segment.kind) for segment in segments[3:]] == [
-        ("contact", "seek"),
-        ("load", "force"),
-        ("load", "force"),
-        ("settle", "force"),
-        ("track", "path"),
-        ("unload", "force"),
-        ("retreat", "free"),
+    assert [(segment.phase, type(segment)) for segment in segments[3:]] == [
+        ("contact", Seek),
+        ("load", Press),
+        ("load", Press),
+        ("settle", Press),
+        ("track", Track),
+        ("unload", Press),
+        ("retreat", Move),
     ]
-    up, back, settle, track = segments[4:8]
-    assert (up.force_to_mN, back.force_to_mN, settle.force_to_mN) == pytest.approx((22, 12, 12))
-    assert (track.path, track.duration_s) == (PATH, 8.0)
+    forces_mN = [segment.to_mN for segment in segments[4:7] if isinstance(segment, Press)]
+    assert forces_mN == pytest.approx([22, 12, 12])
+    assert segments[7] == Track("track", 8.0, force=PATH)
 
 
 def test_position_and_force_agree_all_along_the_path() -> None:

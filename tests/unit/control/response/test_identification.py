@@ -22,6 +22,7 @@ from pincette.control.response.identification import (
     identify_free_response,
 )
 from pincette.control.response.play_fit import REACH, spread_creep_times, spread_thresholds
+from pincette.sim.plant.hysteresis import BoucWen, advance_hysteresis
 from pincette.sim.plant.relays import follow_relays, loop_of_relays
 
 PERIOD_S, NOISE_UM = 0.02, 0.03
@@ -94,6 +95,33 @@ def test_fading_and_curvature_are_found_where_they_are() -> None:
     assert identify_free_response(*arguments, candidates=PLAIN).residual_um > (
         2.0 * found.residual_um
     )
+
+
+def bouc_wen_um(voltage_V: Column, shape: BoucWen) -> Column:
+    """An actuator of the Bouc-Wen class whose loop is some 35 % wide, and creep."""
+    h, before = 0.0, 0.0
+    rows = np.empty(len(voltage_V))
+    for index, u in enumerate(voltage_V.tolist()):
+        h, before = advance_hysteresis(shape, h, u - before), u
+        rows[index] = 22.0 * (u - h)
+    return rows + creep_columns((0.3, 3.0), rows, PERIOD_S) @ np.array([0.02, 0.02])
+
+
+@pytest.mark.parametrize("g_per_V", [-0.35, 0.3])
+def test_a_bouc_wen_actuator_is_given_one_play_that_never_yields(g_per_V: float) -> None:
+    voltage_V = 1.3 * np.array(drive(2500))
+    shape = BoucWen(A_um_per_V=0.55, b_per_V=1.0, g_per_V=g_per_V)
+    x_um = bouc_wen_um(voltage_V, shape) + noise(2500)
+    few = Candidates(families=((0.0,), (0.7,)), bent=(False,), ridges=(1e-6,))
+    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=few)
+    model = found.model
+    assert model.fadings_per_V[-1] * model.thresholds_V[-1] == pytest.approx(1.0)
+    assert model.fadings_per_V[-1] == pytest.approx(1.0 + g_per_V, rel=0.03)
+    assert model.return_fadings_per_V[-1] == pytest.approx(1.0 - g_per_V, rel=0.03)
+    assert found.residual_um < 1.3 * NOISE_UM
+    plays = few._replace(beside=())
+    without = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=plays)
+    assert without.residual_um > 5.0 * found.residual_um
 
 
 def relays_um(voltage_V: Column) -> Column:

@@ -3,6 +3,7 @@
 from pincette.control.faults import FaultCode, fault
 from pincette.control.record import replace
 from pincette.control.safety.admission import CommandFacts, judged, sampled, turned_away, unheard
+from pincette.control.safety.arm import ArmFacts, ArmLimits
 from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.latch import armed, reset
 from pincette.control.safety.monitors import MonitorLimits
@@ -28,14 +29,26 @@ LIMITS = SafetyLimits(
     period_s=T,
     lockstep=False,
     age=AgeLimits(limit_s=0.05, limit_ticks=2, grace_s=1.0, wake_s=T / 4, excused_s=10 * T),
-    voltage=VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1),
-    monitors=MONITORS,
+    arms=(ArmLimits(VoltageLimits(min_V=-1.0, max_V=4.0, slew_V=0.5, sweep_V=0.1), MONITORS),),
     ramp_s=0.035,
     freeze_s=0.5,
     safe_V=0.0,
 )
 LOCKSTEP = replace(LIMITS, lockstep=True)
-GOOD = CommandFacts(EPOCH, OWNER, 0, 0.5, part_held=False, final=False, valid=True)
+GOOD = CommandFacts(EPOCH, OWNER, 0, (ArmFacts(0.5),), part_held=False, final=False, valid=True)
+
+
+def with_arm(state: SafetyState, **changes: object) -> SafetyState:
+    """Return the state with other values of its first arm."""
+    first, *others = state.arms
+    return replace(state, arms=(replace(first, **changes), *others))
+
+
+def command(**changes: object) -> CommandFacts:
+    """Return a good command with other values of some fields, those of its arm included."""
+    (arm,) = GOOD.arms
+    of_arm = {name: changes.pop(name) for name in ArmFacts.__struct_fields__ if name in changes}
+    return replace(GOOD, arms=(replace(arm, **of_arm),), **changes)
 
 
 def ready(limits: SafetyLimits = LIMITS) -> SafetyState:
@@ -60,8 +73,8 @@ def ticked(
     **changes: object,
 ) -> SafetyState:
     """Sample ``seq`` on the grid, and 4 ms later the command made of it."""
-    state = sampled(limits, state, seq, x_um, seq * T)
-    return offered(state, replace(GOOD, seq=seq, **changes), seq * T + 0.004, limits)
+    state = sampled(limits, state, seq, (x_um,), seq * T)
+    return offered(state, command(seq=seq, **changes), seq * T + 0.004, limits)
 
 
 def held(voltage_V: float = 0.5) -> SafetyState:

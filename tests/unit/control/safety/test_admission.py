@@ -14,6 +14,7 @@ from pincette.control.safety.admission import (
     sampled,
     unheard,
 )
+from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.causes import Cause
 from pincette.control.safety.latch import pass_time, trip
 from pincette.control.safety.state import SafetyState
@@ -28,6 +29,7 @@ from .bench import (
     OWNER,
     T,
     cause_words,
+    command,
     detail_words,
     held,
     offered,
@@ -45,21 +47,21 @@ def after(state: SafetyState, **changes: Any) -> SafetyState:
 
 def test_a_good_command_is_followed() -> None:
     state = after(replace(FREE, blind=OFF, excused_s=0.1), voltage_V=0.75, part_held=True)
-    assert (state.mode, state.voltage_V, state.part_held) == ("armed", 0.75, True)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("armed", 0.75, True)
     assert (state.taken_seq, state.fresh_s) == (1, T)
-    assert (state.limits_active, state.blind, state.excused_s) == (0, None, 0.0)
+    assert (state.arms[0].limits_active, state.blind, state.excused_s) == (0, None, 0.0)
     assert (state.refused, state.refusal) == (0, None)
 
 
 def test_the_limits_that_act_are_told() -> None:
     state = after(FREE, voltage_V=9.0)
-    assert (state.voltage_V, state.limits_active) == (1.0, VOLTAGE_MAX | SLEW_UP)
+    assert (state.arms[0].voltage_V, state.arms[0].limits_active) == (1.0, VOLTAGE_MAX | SLEW_UP)
 
 
 def test_a_final_command_ends_the_arming_at_its_voltage() -> None:
     state = after(FREE, voltage_V=0.75, final=True)
-    assert (state.mode, state.voltage_V) == ("idle", 0.75)
-    assert ticked(state, 2, voltage_V=1.0).voltage_V == 0.75
+    assert (state.mode, state.arms[0].voltage_V) == ("idle", 0.75)
+    assert ticked(state, 2, voltage_V=1.0).arms[0].voltage_V == 0.75
 
 
 @pytest.mark.parametrize(
@@ -73,8 +75,8 @@ def test_a_final_command_ends_the_arming_at_its_voltage() -> None:
     ],
 )
 def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str) -> None:
-    state = sampled(LIMITS, FREE, 1, 1.0, T)
-    refused = offered(state, replace(GOOD, **({"seq": 1} | changes)), T + 0.004)
+    state = sampled(LIMITS, FREE, 1, (1.0,), T)
+    refused = offered(state, command(**({"seq": 1} | changes)), T + 0.004)
     assert (refused.refused, fault_text(refused.refusal)) == (1, words)
     kept = replace(refused, refused=0, refusal=None, strangers=state.strangers)
     assert kept == state
@@ -82,8 +84,8 @@ def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str)
 
 
 def test_the_owner_may_be_as_far_ahead_as_samples_are_kept() -> None:
-    assert unheard(FREE, replace(GOOD, seq=8)) is None
-    assert unheard(FREE, replace(GOOD, seq=9)) is not None
+    assert unheard(FREE, command(seq=8)) is None
+    assert unheard(FREE, command(seq=9)) is not None
 
 
 def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> None:
@@ -91,7 +93,7 @@ def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> No
     for seq in range(1, 10):
         state = ticked(state, seq)
         assert ("alarm" in detail_words(state)) is (seq > 3)
-        state = offered(state, replace(GOOD, seq=seq, owner=9), seq * T + 0.005)
+        state = offered(state, command(seq=seq, owner=9), seq * T + 0.005)
     assert (state.mode, state.taken_seq, state.strangers.count) == ("armed", 9, 9)
     assert "alarm: 9 commands of a stranger refused" in detail_words(state)
     assert "command of owner 9, armed for 5" in detail_words(state)
@@ -100,7 +102,7 @@ def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> No
 def test_an_invalid_command_of_another_epoch_is_a_remnant() -> None:
     state = FREE
     for _ in range(5):
-        state = offered(state, replace(GOOD, epoch=3, valid=False), 0.01)
+        state = offered(state, command(epoch=3, valid=False), 0.01)
     assert (state.refused, state.strangers.count) == (0, 0)
 
 
@@ -121,7 +123,7 @@ def test_numbers_that_cannot_be_are_refused_in_the_same_cycle(
 ) -> None:
     state = after(replace(FREE, blind=OFF), **changes)
     assert (state.refused, fault_text(state.refusal), state.strangers.count) == (1, words, 0)
-    assert (state.mode, state.voltage_V, state.taken_seq) == ("armed", 0.5, 0)
+    assert (state.mode, state.arms[0].voltage_V, state.taken_seq) == ("armed", 0.5, 0)
     assert state.blind == OFF
 
 
@@ -133,8 +135,8 @@ def test_three_of_them_in_a_row_are_silence() -> None:
 
 
 def test_a_number_that_is_not_known_is_none() -> None:
-    assert nonsense(LIMITS.voltage, 0.5, None, None) is None
-    assert nonsense(LIMITS.voltage, 0.5, 1.0, 2.0) is None
+    assert nonsense(LIMITS.arms[0].voltage, 0.5, None, None) is None
+    assert nonsense(LIMITS.arms[0].voltage, 0.5, 1.0, 2.0) is None
 
 
 def test_a_sweep_within_its_limits_is_taken() -> None:
@@ -142,7 +144,7 @@ def test_a_sweep_within_its_limits_is_taken() -> None:
 
 
 def test_a_command_waits_for_its_sample_alone() -> None:
-    assert early(FREE, replace(GOOD, seq=1))
+    assert early(FREE, command(seq=1))
     assert not early(FREE, GOOD)
     assert early(ready(), GOOD)
 
@@ -150,13 +152,13 @@ def test_a_command_waits_for_its_sample_alone() -> None:
 @pytest.mark.parametrize("seq", [1, 0])
 def test_each_number_is_taken_once_and_in_order(seq: int) -> None:
     state = after(FREE)
-    again = offered(state, replace(GOOD, seq=seq, voltage_V=0.9), T + 0.005)
-    assert (again.voltage_V, fault_text(again.refusal)) == (0.5, f"command {seq} after 1")
+    again = offered(state, command(seq=seq, voltage_V=0.9), T + 0.005)
+    assert (again.arms[0].voltage_V, fault_text(again.refusal)) == (0.5, f"command {seq} after 1")
 
 
 def test_a_command_whose_sample_was_not_seen_is_refused() -> None:
-    state = sampled(LIMITS, FREE, 3, 1.0, 3 * T)
-    state = offered(state, replace(GOOD, seq=2), 3 * T)
+    state = sampled(LIMITS, FREE, 3, (1.0,), 3 * T)
+    state = offered(state, command(seq=2), 3 * T)
     assert (fault_text(state.refusal), state.refused) == (
         "command 2: its sample was not seen here",
         1,
@@ -165,43 +167,43 @@ def test_a_command_whose_sample_was_not_seen_is_refused() -> None:
 
 
 def test_a_sample_that_was_lost_on_its_way_here_is_as_old_as_the_one_before_it() -> None:
-    state = sampled(LIMITS, FREE, 2, 1.0, 2 * T)
-    state = offered(state, replace(GOOD, seq=1), 2 * T)
+    state = sampled(LIMITS, FREE, 2, (1.0,), 2 * T)
+    state = offered(state, command(seq=1), 2 * T)
     assert (state.refusal, state.taken_seq) == (None, 1)
     assert state.fresh_s == FREE.arrivals[-1].at_s
-    late = sampled(LIMITS, FREE, 2, 1.0, 2.6 * T)
-    late = offered(late, replace(GOOD, seq=1), 2.6 * T)
+    late = sampled(LIMITS, FREE, 2, (1.0,), 2.6 * T)
+    late = offered(late, command(seq=1), 2.6 * T)
     assert (fault_text(late.refusal), late.refused) == ("command 1: 52 ms old, limit 50 ms", 1)
 
 
 def test_a_late_command_is_refused() -> None:
-    state = sampled(LIMITS, FREE, 1, 1.0, T)
-    state = offered(state, replace(GOOD, seq=1), T + 0.051)
+    state = sampled(LIMITS, FREE, 1, (1.0,), T)
+    state = offered(state, command(seq=1), T + 0.051)
     assert fault_text(state.refusal) == "command 1: 51 ms old, limit 50 ms"
 
 
 def test_a_command_out_of_a_queue_is_refused() -> None:
     state = FREE
     for seq in (1, 2, 3, 4):
-        state = sampled(LIMITS, state, seq, 1.0, 0.021)
-    state = offered(state, replace(GOOD, seq=1), 0.022)
+        state = sampled(LIMITS, state, seq, (1.0,), 0.021)
+    state = offered(state, command(seq=1), 0.022)
     assert fault_text(state.refusal) == "command 1: 3 samples old, limit 2"
 
 
 @pytest.mark.parametrize(("mode", "cause"), [("idle", ""), ("latched", "estop")])
 def test_nothing_is_taken_outside_an_arming(mode: str, cause: str) -> None:
     state = after(replace(FREE, mode=mode, cause=cause), voltage_V=0.9, force_mN=90.0)
-    assert (state.voltage_V, fault_text(state.refusal), state.mode) == (
+    assert (state.arms[0].voltage_V, fault_text(state.refusal), state.mode) == (
         0.5,
         "command 1: the actuator is not armed",
         mode,
     )
-    assert state.watches == FREE.watches
+    assert state.arms[0].watches == FREE.arms[0].watches
 
 
 def test_an_invalid_command_is_never_taken_and_its_reason_is_kept() -> None:
     state = after(FREE, valid=False, fault=OFF, voltage_V=0.9)
-    assert (state.voltage_V, state.blind, state.refused) == (0.5, OFF, 0)
+    assert (state.arms[0].voltage_V, state.blind, state.refused) == (0.5, OFF, 0)
 
 
 def forced(state: SafetyState, seqs: range, **changes: Any) -> SafetyState:
@@ -234,9 +236,9 @@ def test_a_position_beyond_the_limits_trips_by_the_sample_itself(
     state: SafetyState, mode: str
 ) -> None:
     for seq in (1, 2):
-        state = sampled(LIMITS, state, seq, 80.0, seq * T)
+        state = sampled(LIMITS, state, seq, (80.0,), seq * T)
         assert state.mode == "armed"
-    state = sampled(LIMITS, state, 3, 80.0, 3 * T)
+    state = sampled(LIMITS, state, 3, (80.0,), 3 * T)
     assert (state.mode, state.since_s) == (mode, 3 * T)
     assert cause_words(state).startswith("position: 80.00 µm")
 
@@ -244,21 +246,21 @@ def test_a_position_beyond_the_limits_trips_by_the_sample_itself(
 def test_what_is_no_measurement_is_no_position() -> None:
     state = FREE
     for seq in range(1, 9):
-        state = sampled(LIMITS, state, seq, None, seq * T)
-    assert (state.mode, state.watches) == ("armed", FREE.watches)
-    assert state.arrivals[-1].x_um is None
+        state = sampled(LIMITS, state, seq, (None,), seq * T)
+    assert (state.mode, state.arms[0].watches) == ("armed", FREE.arms[0].watches)
+    assert state.arrivals[-1].x_um == (None,)
 
 
 @pytest.mark.parametrize("mode", ["idle", "latched", "frozen", "ramping"])
 def test_outside_an_arming_no_position_trips(mode: str) -> None:
     state = replace(FREE, mode=mode, cause=Cause.LEASE)
     for seq in range(1, 9):
-        state = sampled(LIMITS, state, seq, 900.0, seq * T)
-    assert (state.mode, state.cause, state.watches) == (mode, "lease", FREE.watches)
+        state = sampled(LIMITS, state, seq, (900.0,), seq * T)
+    assert (state.mode, state.cause, state.arms[0].watches) == (mode, "lease", FREE.arms[0].watches)
 
 
 def test_an_older_sample_is_no_news() -> None:
-    assert sampled(LIMITS, FREE, 0, 900.0, 1.0) is FREE
+    assert sampled(LIMITS, FREE, 0, (900.0,), 1.0) is FREE
 
 
 def test_a_frozen_part_is_let_go_by_a_force_that_grows() -> None:
@@ -266,7 +268,7 @@ def test_a_frozen_part_is_let_go_by_a_force_that_grows() -> None:
     blind: dict[str, Any] = {"valid": False, "force_mN": 55.0}
     assert forced(frozen, range(1, 3), **blind).mode == "frozen"
     state = forced(frozen, range(1, 4), **blind)
-    assert (state.mode, state.ramp_from_V, state.since_s) == ("ramping", 0.5, 3 * T + 0.004)
+    assert (state.mode, state.arms[0].ramp_from_V, state.since_s) == ("ramping", 0.5, 3 * T + 0.004)
     assert cause_words(state) == (
         "estop: an emergency stop was asked for; "
         "released: 55.0 mN, limit 50.0 mN, 3 samples in a row"
@@ -282,12 +284,8 @@ def test_a_stranger_releases_no_part(changes: dict[str, Any]) -> None:
 
 
 def test_a_command_may_know_nothing_of_its_sample() -> None:
-    command = CommandFacts(EPOCH, OWNER, 1, 0.5, part_held=False, final=False, valid=True)
-    assert (command.fault, command.force_mN, command.x_d_um, command.sweep_V) == (
-        None,
-        None,
-        None,
-        None,
-    )
-    state = judged(LIMITS, sampled(LIMITS, FREE, 1, 1.0, T), command, T)
-    assert (state.taken_seq, state.watches.seq) == (1, 1)
+    arm = ArmFacts(0.5)
+    bare = CommandFacts(EPOCH, OWNER, 1, (arm,), part_held=False, final=False, valid=True)
+    assert (bare.fault, bare.sweep_V, arm.force_mN, arm.x_d_um) == (None, None, None, None)
+    state = judged(LIMITS, sampled(LIMITS, FREE, 1, (1.0,), T), bare, T)
+    assert (state.taken_seq, state.arms[0].watches.seq) == (1, 1)

@@ -3,6 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.confirmation import (
     READ_BACK_V,
@@ -19,7 +20,7 @@ from pincette.core.wording import fault_text
 
 from .bench import LIMITS, LOCKSTEP, T
 
-LOST = failed(SafetyState(mode=Mode.RAMPING, cause=Cause.DEVICE, voltage_V=3.0, ramp_from_V=3.0))
+LOST = failed(SafetyState(mode=Mode.RAMPING, cause=Cause.DEVICE, arms=(ArmOutput(3.0, 3.0),)))
 
 
 def test_a_failed_output_is_asked_at_once_and_then_once_a_period() -> None:
@@ -51,54 +52,58 @@ def test_in_lockstep_nothing_is_asked() -> None:
 
 def test_until_it_has_answered_the_voltage_stays_and_the_ramp_comes_to_its_end() -> None:
     under_way = pass_time(LIMITS, replace(LOST, since_s=1.0), 1.01)
-    assert (under_way.mode, under_way.voltage_V) == (Mode.RAMPING, 3.0)
+    assert (under_way.mode, under_way.arms[0].voltage_V) == (Mode.RAMPING, 3.0)
     over = pass_time(LIMITS, replace(LOST, since_s=1.0, part_held=True), 1.04)
-    assert (over.mode, over.voltage_V, over.part_held) == (Mode.LATCHED, 3.0, False)
+    assert (over.mode, over.arms[0].voltage_V, over.part_held) == (Mode.LATCHED, 3.0, False)
     assert over.unconfirmed
 
 
 @pytest.mark.parametrize("mode", [Mode.RAMPING, Mode.LATCHED])
 def test_the_ramp_begins_where_it_stands_and_is_not_confirmed_by_that(mode: Mode) -> None:
-    state = found(LIMITS, replace(LOST, mode=mode), 2.5, 7.0)
-    assert (state.mode, state.voltage_V, state.ramp_from_V, state.since_s) == (
+    state = found(LIMITS, replace(LOST, mode=mode), (2.5,), 7.0)
+    assert (state.mode, state.arms[0].voltage_V, state.arms[0].ramp_from_V, state.since_s) == (
         Mode.RAMPING,
         2.5,
         2.5,
         7.0,
     )
     assert (state.unconfirmed, state.located) == (True, True)
-    assert pass_time(LIMITS, state, 7.01).voltage_V < 2.5
+    assert pass_time(LIMITS, state, 7.01).arms[0].voltage_V < 2.5
 
 
 @pytest.mark.parametrize("found_V", [0.0, READ_BACK_V, -READ_BACK_V])
 def test_one_that_stands_at_the_safe_voltage_is_safe(found_V: float) -> None:
-    state = found(LIMITS, replace(LOST, part_held=True), found_V, 7.0)
-    assert (state.mode, state.voltage_V, state.part_held) == (Mode.LATCHED, LIMITS.safe_V, False)
+    state = found(LIMITS, replace(LOST, part_held=True), (found_V,), 7.0)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == (
+        Mode.LATCHED,
+        LIMITS.safe_V,
+        False,
+    )
     assert not state.unconfirmed
 
 
 def test_a_freeze_keeps_what_there_is_and_the_part_unless_it_was_let_go() -> None:
     frozen = replace(LOST, mode=Mode.FROZEN, part_held=True)
-    kept = found(LIMITS, frozen, 2.9, 7.0)
-    assert (kept.mode, kept.voltage_V, kept.part_held, kept.unconfirmed) == (
+    kept = found(LIMITS, frozen, (2.9,), 7.0)
+    assert (kept.mode, kept.arms[0].voltage_V, kept.part_held, kept.unconfirmed) == (
         Mode.FROZEN,
         2.9,
         True,
         False,
     )
-    assert found(LIMITS, frozen, 1.5, 7.0).part_held, "as near to both"
-    assert not found(LIMITS, frozen, 0.1, 7.0).part_held
+    assert found(LIMITS, frozen, (1.5,), 7.0).part_held, "as near to both"
+    assert not found(LIMITS, frozen, (0.1,), 7.0).part_held
 
 
 @pytest.mark.parametrize("cause", [Cause.BOOT, Cause.RESTART])
 def test_the_latch_of_a_boot_keeps_the_voltage(cause: Cause) -> None:
-    state = found(LIMITS, replace(LOST, mode=Mode.LATCHED, cause=cause), 2.5, 7.0)
-    assert (state.mode, state.voltage_V, state.unconfirmed) == (Mode.LATCHED, 2.5, False)
+    state = found(LIMITS, replace(LOST, mode=Mode.LATCHED, cause=cause), (2.5,), 7.0)
+    assert (state.mode, state.arms[0].voltage_V, state.unconfirmed) == (Mode.LATCHED, 2.5, False)
 
 
 def test_what_is_not_tripped_only_learns_its_voltage() -> None:
-    state = found(LIMITS, replace(LOST, mode=Mode.IDLE), 2.5, 7.0)
-    assert (state.mode, state.voltage_V) == (Mode.IDLE, 2.5)
+    state = found(LIMITS, replace(LOST, mode=Mode.IDLE), (2.5,), 7.0)
+    assert (state.mode, state.arms[0].voltage_V) == (Mode.IDLE, 2.5)
 
 
 def test_what_stands_is_not_told_again() -> None:

@@ -20,25 +20,25 @@ from pincette.core.wording import fault_text
 from .bench import LIMITS, T
 
 AGE = LIMITS.age
-SEEN = tuple(Arrival(seq, seq * T, 1.0) for seq in range(4))
+SEEN = tuple(Arrival(seq, seq * T, (1.0,)) for seq in range(4))
 
 
 def test_samples_are_kept_in_order_and_not_for_ever() -> None:
     arrivals: Arrivals = ()
     assert newest_seq(arrivals) == -1
     for seq in range(20):
-        arrivals = with_sample(arrivals, seq, seq * T, float(seq))
+        arrivals = with_sample(arrivals, seq, seq * T, (float(seq),))
         assert newest_seq(arrivals) == seq
         assert len(arrivals) == min(seq + 1, ARRIVALS_KEPT)
     assert min(arrival.seq for arrival in arrivals) == 12
-    assert arrival_of(arrivals, 12) == Arrival(12, 12 * T, 12.0)
+    assert arrival_of(arrivals, 12) == Arrival(12, 12 * T, (12.0,))
     assert arrival_of(arrivals, 11) is None
     assert arrival_of(arrivals, 20) is None
 
 
 @pytest.mark.parametrize("seq", [3, 2, 0, -1])
 def test_an_older_or_equal_sample_changes_nothing(seq: int) -> None:
-    assert with_sample(SEEN, seq, 9.0, 9.0) is SEEN
+    assert with_sample(SEEN, seq, 9.0, (9.0,)) is SEEN
 
 
 def test_the_clock_refuses_what_is_late() -> None:
@@ -53,11 +53,11 @@ def test_an_age_is_told_to_the_millisecond() -> None:
 
 
 def test_an_age_of_just_the_limit_is_none() -> None:
-    assert too_old(AGE, (Arrival(0, 0.0, 1.0),), Arrival(0, 0.0, 1.0), 0.05) is None
+    assert too_old(AGE, (Arrival(0, 0.0, (1.0,)),), Arrival(0, 0.0, (1.0,)), 0.05) is None
 
 
 def test_the_numbers_refuse_what_comes_out_of_a_queue() -> None:
-    burst = tuple(Arrival(seq, 1.0, 1.0) for seq in range(4))
+    burst = tuple(Arrival(seq, 1.0, (1.0,)) for seq in range(4))
     assert too_old(AGE, burst, burst[1], 1.001) is None
     assert fault_text(too_old(AGE, burst, burst[0], 1.001)) == "3 samples old, limit 2"
 
@@ -81,6 +81,6 @@ def test_a_standstill_is_excused_up_to_a_bound(
 
 
 def test_a_number_that_was_passed_over_is_told() -> None:
-    seen = with_sample((), 3, 0.06, 1.0)
+    seen = with_sample((), 3, 0.06, (1.0,))
     assert [skipped_seq(seen, seq) for seq in (2, 3, 4, 5, 9)] == [-1, -1, -1, 4, 8]
     assert skipped_seq((), 7) == -1

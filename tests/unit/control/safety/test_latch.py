@@ -5,6 +5,7 @@ import pytest
 from pincette.control.faults import FaultCode, fault
 from pincette.control.record import replace
 from pincette.control.safety.admission import sampled
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.latch import (
     armed,
@@ -32,6 +33,7 @@ from .bench import (
     held,
     ready,
     ticked,
+    with_arm,
 )
 
 FREE = ticked(ready(), 0)
@@ -42,7 +44,12 @@ PRESSED = fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=55.0, limit_mN=50.0)
 def test_it_boots_latched_without_authority() -> None:
     state = SafetyState()
     assert (state.mode, state.cause, state.epoch, state.owner) == ("latched", "boot", 0, 0)
-    assert (state.voltage_V, state.part_held, state.refused, state.refusal) == (0.0, False, 0, None)
+    assert (state.arms[0].voltage_V, state.part_held, state.refused, state.refusal) == (
+        0.0,
+        False,
+        0,
+        None,
+    )
     assert (state.taken_seq, state.fresh_s, state.arrivals, state.ran_s) == (-1, 0.0, (), None)
     assert state.unconfirmed is False
 
@@ -65,20 +72,22 @@ def test_before_its_first_sample_an_arming_may_take_the_place_of_another() -> No
     assert arming_objection(ready()) == ""
     words = "the actuator is armed (armed): wait until it has ended"
     assert arming_objection(FREE) == words
-    assert arming_objection(sampled(LIMITS, ready(), 0, 1.0, 0.0)) == words
+    assert arming_objection(sampled(LIMITS, ready(), 0, (1.0,), 0.0)) == words
 
 
 def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
     used = replace(
-        HELD,
+        with_arm(
+            HELD,
+            ramp_from_V=2.0,
+            limits_active=5,
+            watches=Watches(4, Watch(2, PRESSED), Watch(1, OFF), Watch(1, OFF), 4, 1.0),
+        ),
         mode=Mode.IDLE,
         cause=Cause.ESTOP,
         since_s=3.0,
-        ramp_from_V=2.0,
-        limits_active=5,
         faults=(PRESSED,),
         blind=OFF,
-        watches=Watches(4, Watch(2, PRESSED), Watch(1, OFF), Watch(1, OFF), 4, 1.0),
         excused_s=0.1,
         standstills=2,
         refused=7,
@@ -92,12 +101,12 @@ def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
         cause=Cause.NONE,
         epoch=12,
         owner=6,
-        voltage_V=used.voltage_V,
+        arms=(ArmOutput(used.arms[0].voltage_V),),
         moved_s=used.moved_s,
         slewing_s=used.slewing_s,
         part_held=True,
         fresh_s=5.0 + LIMITS.age.grace_s,
-        ran_s=4.0,
+        ran_s=5.0,
         standstills=2,
         refused=7,
     )
@@ -106,12 +115,12 @@ def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
 
 @pytest.mark.parametrize(("state", "mode"), [(FREE, "ramping"), (HELD, "frozen")])
 def test_a_trip_does_what_was_decided_before(state: SafetyState, mode: str) -> None:
-    tripped = trip(LIMITS, replace(state, limits_active=3), Cause.ESTOP, 0.01)
+    tripped = trip(LIMITS, with_arm(state, limits_active=3), Cause.ESTOP, 0.01)
     assert (tripped.mode, tripped.cause, tripped.since_s) == (mode, "estop", 0.01)
-    assert tripped.limits_active == 0
-    assert tripped.voltage_V == state.voltage_V
+    assert tripped.arms[0].limits_active == 0
+    assert tripped.arms[0].voltage_V == state.arms[0].voltage_V
     if mode == "ramping":
-        assert tripped.ramp_from_V == state.voltage_V
+        assert tripped.arms[0].ramp_from_V == state.arms[0].voltage_V
 
 
 @pytest.mark.parametrize(("cause", "asked"), [(Cause.ESTOP, True), (Cause.FORCE, False)])
@@ -140,9 +149,9 @@ def test_letting_go_moves_a_latched_arm_only_after_a_boot(cause: str) -> None:
 def test_in_lockstep_without_an_arming_nothing_will_play_a_ramp(mode: str) -> None:
     before = replace(HELD, mode=mode, cause=Cause.BOOT)
     kept = trip(LOCKSTEP, before, Cause.ESTOP, 1.0)
-    assert (kept.mode, kept.voltage_V, kept.part_held) == ("latched", 0.5, True)
+    assert (kept.mode, kept.arms[0].voltage_V, kept.part_held) == ("latched", 0.5, True)
     gone = trip(LOCKSTEP, before, Cause.ESTOP, 1.0, let_go=True)
-    assert (gone.mode, gone.voltage_V, gone.part_held, gone.cause) == (
+    assert (gone.mode, gone.arms[0].voltage_V, gone.part_held, gone.cause) == (
         "latched",
         0.0,
         False,
@@ -158,7 +167,7 @@ def test_in_lockstep_an_arming_ends_as_in_real_time() -> None:
 def test_a_freeze_that_is_released_says_so_beside_its_cause() -> None:
     frozen = trip(LIMITS, HELD, Cause.ESTOP, 0.01)
     state = released(frozen, PRESSED, 0.2)
-    assert (state.mode, state.since_s, state.ramp_from_V) == ("ramping", 0.2, 0.5)
+    assert (state.mode, state.since_s, state.arms[0].ramp_from_V) == ("ramping", 0.2, 0.5)
     assert cause_words(state) == (
         "estop: an emergency stop was asked for; released: 55.0 mN, limit 50.0 mN"
     )
@@ -180,7 +189,7 @@ def test_a_reset_clears_the_latch_and_keeps_part_and_voltage(mode: str) -> None:
     tripped = replace(HELD, mode=mode, cause=Cause.ESTOP, faults=(OFF,), unconfirmed=True)
     state = reset(LIMITS, tripped)
     assert (state.mode, state.cause, state.faults, state.unconfirmed) == ("idle", "", (), False)
-    assert (state.voltage_V, state.part_held) == (0.5, True)
+    assert (state.arms[0].voltage_V, state.part_held) == (0.5, True)
 
 
 @pytest.mark.parametrize("mode", ["idle", "armed"])
@@ -191,11 +200,11 @@ def test_there_is_nothing_to_reset_where_nothing_has_tripped(mode: str) -> None:
 
 def test_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> None:
     state = reset(LOCKSTEP, trip(LOCKSTEP, FREE, Cause.ESTOP, 0.01))
-    assert (state.mode, state.voltage_V, state.part_held) == ("idle", 0.0, False)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("idle", 0.0, False)
 
 
 def test_running_on_time_changes_no_age() -> None:
-    state = awake(LIMITS, FREE, 5.0)
+    state = awake(LIMITS, replace(FREE, ran_s=None), 5.0)
     assert state == replace(FREE, ran_s=5.0)
     assert awake(LIMITS, state, 5.01) == replace(FREE, ran_s=5.01)
 
@@ -243,18 +252,20 @@ def test_a_freeze_ends_in_its_ramp() -> None:
     assert pass_time(LIMITS, frozen, 1.4999) is frozen
     state = pass_time(LIMITS, frozen, 1.5)
     assert (state.mode, state.since_s) == ("ramping", 1.5)
-    assert state.voltage_V == pytest.approx(0.5 * (1.0 - 0.005 / 0.035))
+    assert state.arms[0].voltage_V == pytest.approx(0.5 * (1.0 - 0.005 / 0.035))
 
 
 def test_the_ramp_begins_with_the_trip_and_ends_at_the_safe_voltage() -> None:
     limits = replace(LIMITS, safe_V=-0.5)
     ramping = trip(limits, FREE, Cause.ESTOP, 1.0)
-    voltages = [pass_time(limits, ramping, 1.0 + step * 0.005).voltage_V for step in range(7)]
+    voltages = [
+        pass_time(limits, ramping, 1.0 + step * 0.005).arms[0].voltage_V for step in range(7)
+    ]
     expected = [0.5 - 1.0 * (step * 0.005 + 0.005) / 0.035 for step in range(6)]
     assert voltages == pytest.approx([*expected, -0.5])
     assert pass_time(limits, ramping, 1.029).mode == "ramping"
     state = pass_time(limits, replace(ramping, part_held=True), 1.0301)
-    assert (state.mode, state.voltage_V, state.part_held) == ("latched", -0.5, False)
+    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", -0.5, False)
 
 
 def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
@@ -265,7 +276,7 @@ def test_the_last_step_of_the_ramp_is_the_safe_voltage_itself() -> None:
 
 
 def test_told_to_end_it_lets_go_and_ramps_once() -> None:
-    at_safe = replace(FREE, voltage_V=0.0)
+    at_safe = with_arm(FREE, voltage_V=0.0)
     assert shutdown(LIMITS, at_safe, 1.0) == (at_safe, True)
     state, done = shutdown(LIMITS, HELD, 1.0)
     assert (done, state.mode, state.cause, state.part_held) == (
@@ -274,7 +285,7 @@ def test_told_to_end_it_lets_go_and_ramps_once() -> None:
         "shutdown",
         False,
     )
-    assert (state.since_s, state.ramp_from_V) == (1.0, 0.5)
+    assert (state.since_s, state.arms[0].ramp_from_V) == (1.0, 0.5)
     assert shutdown(LIMITS, state, 1.01) == (state, False)
     again, _ = shutdown(LIMITS, replace(HELD, mode=Mode.FROZEN, cause=Cause.ESTOP), 1.0)
     assert (again.mode, again.cause) == ("ramping", "estop")

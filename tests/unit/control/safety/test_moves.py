@@ -6,21 +6,24 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.control.faults import FaultCode, fault
+from pincette.control.safety.arm import ArmOutput
 from pincette.control.safety.causes import Cause, Mode
 from pincette.control.safety.confirmation import failed, found, read_back_due, suspended
 from pincette.control.safety.latch import pass_time, reset
 from pincette.control.safety.monitors import QUIET, Watch
 from pincette.control.safety.state import SafetyState
 
-from .bench import LIMITS, LOCKSTEP, T, ready, ticked
+from .bench import LIMITS, LOCKSTEP, T, ready, ticked, with_arm
 
-HIGH = replace(SafetyState(), mode=Mode.RAMPING, cause=Cause.DEVICE, voltage_V=3.0, part_held=True)
+HIGH = replace(
+    SafetyState(), mode=Mode.RAMPING, cause=Cause.DEVICE, arms=(ArmOutput(3.0),), part_held=True
+)
 SAFE_1_V = changed(LIMITS, safe_V=1.0)
 EXCESS = fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=60.0, limit_mN=50.0)
 
 
 def test_in_lockstep_a_tick_moves_by_one_slew_limit() -> None:
-    assert ticked(ready(LOCKSTEP), 0, limits=LOCKSTEP, voltage_V=4.0).voltage_V == 0.5
+    assert ticked(ready(LOCKSTEP), 0, limits=LOCKSTEP, voltage_V=4.0).arms[0].voltage_V == 0.5
 
 
 def test_a_voltage_that_stays_has_not_moved() -> None:
@@ -32,7 +35,7 @@ def test_a_voltage_that_stays_has_not_moved() -> None:
 
 
 def test_each_step_of_a_ramp_has_moved_now() -> None:
-    ramping = replace(HIGH, since_s=1.0, ramp_from_V=3.0)
+    ramping = replace(with_arm(HIGH, ramp_from_V=3.0), since_s=1.0)
     under_way = pass_time(LIMITS, ramping, 1.01)
     assert (under_way.mode, under_way.moved_s) == (Mode.RAMPING, 1.01)
     over = pass_time(LIMITS, ramping, 1.04)
@@ -50,11 +53,11 @@ def test_a_part_is_let_go_nearer_to_the_safe_voltage_wherever_that_is(
     found_V: float, held: bool
 ) -> None:
     frozen = failed(replace(HIGH, mode=Mode.FROZEN))
-    assert found(SAFE_1_V, frozen, found_V, 7.0).part_held == held
+    assert found(SAFE_1_V, frozen, (found_V,), 7.0).part_held == held
 
 
 def test_one_that_stands_at_a_safe_voltage_beyond_0_V_is_safe() -> None:
-    assert found(SAFE_1_V, failed(HIGH), 1.0, 7.0).mode == Mode.LATCHED
+    assert found(SAFE_1_V, failed(HIGH), (1.0,), 7.0).mode == Mode.LATCHED
 
 
 def test_it_is_asked_again_after_a_period_exactly() -> None:

@@ -10,10 +10,11 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.control.safety.admission import CommandFacts, sampled
+from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.latch import pass_time
 from pincette.control.safety.state import NO_STRANGERS, SafetyState
 
-from .bench import EPOCH, GOOD, LIMITS, OWNER, T, offered, ready
+from .bench import EPOCH, LIMITS, OWNER, T, command, offered, ready
 
 TICKS = 6
 WORLDS = 64
@@ -27,8 +28,7 @@ def first(chance: random.Random) -> list[Event]:
     events: list[Event] = []
     for seq in range(TICKS):
         events.append((seq * T, None, seq))
-        command = replace(
-            GOOD,
+        told = command(
             seq=seq - chance.choice((0, 0, 0, 0, 1)),
             voltage_V=chance.choice((0.25, 0.5, 9.0, -0.5)),
             part_held=chance.random() < 0.5,
@@ -37,7 +37,7 @@ def first(chance: random.Random) -> list[Event]:
             x_d_um=chance.choice((None, 1.0, 9.0)),
         )
         if chance.random() < 0.9:
-            events.append((seq * T + chance.choice((0.004, 0.019)), command, seq))
+            events.append((seq * T + chance.choice((0.004, 0.019)), told, seq))
     return events
 
 
@@ -48,21 +48,25 @@ def second(chance: random.Random) -> CommandFacts:
         epoch,
         owner,
         chance.choice((*range(-1, TICKS + 2), 2**62)),
-        chance.choice((-1.0, 0.0, 1.0, 4.0, 1e300, float("nan"))),
+        (
+            ArmFacts(
+                chance.choice((-1.0, 0.0, 1.0, 4.0, 1e300, float("nan"))),
+                force_mN=chance.choice((None, 99.0, float("inf"))),
+                x_d_um=chance.choice((None, -99.0)),
+            ),
+        ),
         part_held=chance.random() < 0.5,
         final=chance.random() < 0.3,
         valid=chance.random() < 0.8,
-        force_mN=chance.choice((None, 99.0, float("inf"))),
-        x_d_um=chance.choice((None, -99.0)),
         sweep_V=chance.choice((None, 0.1)),
     )
 
 
 def befallen(state: SafetyState, event: Event) -> SafetyState:
-    at_s, command, seq = event
-    if command is None:
-        return sampled(LIMITS, state, seq, 1.0, at_s)
-    return offered(state, command, at_s)
+    at_s, told, seq = event
+    if told is None:
+        return sampled(LIMITS, state, seq, (1.0,), at_s)
+    return offered(state, told, at_s)
 
 
 def ending(state: SafetyState) -> SafetyState:
@@ -102,7 +106,7 @@ def test_the_first_controller_alone_does_various_things() -> None:
         for event in first(chance):
             state = befallen(state, event)
         silent = pass_time(LIMITS, state, (TICKS + 3) * T)
-        ends |= {(state.mode, state.voltage_V), (silent.mode, silent.voltage_V)}
+        ends |= {(state.mode, state.arms[0].voltage_V), (silent.mode, silent.arms[0].voltage_V)}
     assert {mode for mode, _ in ends} >= {"armed", "ramping", "frozen"}
     assert len(ends) > 10
 

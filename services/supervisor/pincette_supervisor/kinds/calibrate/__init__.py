@@ -23,5 +23,9 @@ KIND = JobKind(
     proposes=True,
     picture="calibration.png",
     arms=(1, 2),
+    on_stop="retract",
+    # A calibration lasts for minutes, and a machine that stalls must not end it.
+    lease_factor=3.0,
+    needs_every_sample=True,
     place=60,
 )

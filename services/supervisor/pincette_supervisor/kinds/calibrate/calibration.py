@@ -8,13 +8,10 @@ from pincette.api.checklist import NeedCode
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
 from pincette.core import plugins
-from pincette_supervisor.calibration.findings import Analysis
 from pincette_supervisor.kinds.calibrate import KIND
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.planned import Wait
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.drawing import Sheet
+from pincette_supervisor.kinds.calibrate.findings import Analysis
+from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait
+from pincette_supervisor.plugin.drawing import Sheet
 
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
 """A program, the values it was made of, and its waits by the number of their segment."""

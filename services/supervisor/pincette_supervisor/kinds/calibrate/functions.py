@@ -9,8 +9,9 @@ from pincette.api.predictions import Violation
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile, derived
 from pincette.control.planning.contact_plan import CONTACT_SAMPLES
-from pincette.control.planning.course import require_bounded
+from pincette.control.planning.prediction import require_bounded
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import PlayedSweep, Seek
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds.calibrate.calibration import functions_of
 from pincette_supervisor.kinds.calibrate.one_arm import (
@@ -21,21 +22,32 @@ from pincette_supervisor.kinds.calibrate.one_arm import (
 )
 from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
 from pincette_supervisor.kinds.calibrate.voltages import planned_phases
-from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
-from pincette_supervisor.planning.laws import rig_law
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import LEFT, MEASURED, Picture, Sheet
-from pincette_supervisor.results.figures import Series, series
-from pincette_supervisor.results.result import course, outcome_of
+from pincette_supervisor.plugin import (
+    ASSUMED,
+    UNITS,
+    Evaluation,
+    Interruption,
+    JobFunctions,
+    ModelInUse,
+    NextJob,
+    Planned,
+    Present,
+    Run,
+    drawing,
+    value_of,
+)
+from pincette_supervisor.plugin.drawing import LEFT, MEASURED, Picture, Sheet
+from pincette_supervisor.plugin.figures import Series, course, outcome_of, series
+from pincette_supervisor.plugin.plans import rig_law
 
 SOFTER = 1.5
 """Compliance of an arm by which weights hang, over that of the model in use, at most."""
+WIDEST_LOOP = 0.5
+"""Width of the hysteresis loop of an arm that no model knows, as a share of its stroke."""
 WIDEST = 150
 """Letters of a statement that have room."""
+BY_HAND = "a person begins it again from its start, since it presses a part"
+NO_MORE = "it has begun as often as `tries` says"
 
 
 def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Planned:
@@ -52,10 +64,17 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
     of_arm = model_of_arm(model, request.arm)
     made, values, waits = functions.program(request, of_arm, present)
     rig = of_arm.rig
-    made = _guarded(made, rig, weights="weights" in functions.needs)
     require_bounded([(segment.phase, segment.duration_s or 0.0) for segment in made.segments])
     phases, low_V, high_V = planned_phases(
         made, derived.planned_rig(rig), rig.part.contact_um, rig.safety.safe_V
+    )
+    weights = "weights" in functions.needs
+    made = _guarded(
+        made,
+        rig,
+        weights=weights,
+        range_V=high_V - low_V,
+        no_part=bool(values.get("no_part")),
     )
     program = program_for_both(made, model.rig, request.arm)
     for number, wait in waits.items():
@@ -82,24 +101,39 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
     return Planned(view, program, values, model, waits, meets_part=functions.meets_part)
 
 
-def _guarded(program: Program, rig: RigFile, *, weights: bool) -> Program:
+def _guarded(
+    program: Program, rig: RigFile, *, weights: bool, range_V: float, no_part: bool
+) -> Program:
     """Add the rig's limits of position, which no law keeps while the voltage alone moves the arm.
 
     Where no part is expected, add those of force too: weights are forces that a person hangs, and
-    an arm that is softer than the model in use makes more of them.
+    an arm that is softer than the model in use makes more of them. As long as no free response is
+    known, a straight line stands in for it, and a wide loop reads as a force.
+
+    Some free arms bend as if they touched a part. Where a person has confirmed ``no_part``, only a
+    touch with the largest force that the rig allows ends the motion.
     """
     limits, guards = rig.limits, program.guards
-    if not any(segment.kind == "seek" for segment in program.segments):
+    if not any(isinstance(segment, Seek) for segment in program.segments):
         guards = replace(
             guards,
-            force_max_mN=limits.force_max_mN * (SOFTER if weights else 1.0),
-            contact_force_mN=rig.grip.contact_force_mN,
+            force_max_mN=limits.force_max_mN * (SOFTER if weights else 1.0)
+            + _unknown_loop_mN(rig, range_V),
+            contact_force_mN=limits.force_max_mN if no_part else rig.grip.contact_force_mN,
             contact_samples=CONTACT_SAMPLES,
         )
     guards = replace(
         guards, position_min_um=limits.position_min_um, position_max_um=limits.position_max_um
     )
     return replace(program, guards=guards)
+
+
+def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
+    """Return the force that the loop of an arm can be taken for; 0 where a response is known."""
+    model = rig.model
+    if model.free_response is not None or model.recorded_response is not None:
+        return 0.0
+    return WIDEST_LOOP * model.piezo_um_per_V * range_V / model.compliance_um_per_mN
 
 
 def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
@@ -116,8 +150,9 @@ def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
 
 
 def _violations(program: Program, sweep_limit_V: float) -> list[Violation]:
-    """A sweep that is too wide; every other limit has refused the program as it was made."""
-    widest_V = max((s.sweep.amplitude_V for s in program.segments if s.sweep), default=0.0)
+    """Return a violation if a sweep is too wide; all other limits are checked before."""
+    sweeps = (one.sweep for one in program.segments if isinstance(one, PlayedSweep))
+    widest_V = max((sweep.amplitude_V for sweep in sweeps), default=0.0)
     if widest_V <= sweep_limit_V:
         return []
     return [
@@ -189,4 +224,24 @@ def _draw_course(sheet: Sheet, table: Columns) -> None:
     drawing.line(voltage, t_s, series(table, "voltage_V"), MEASURED, "$u$ applied")
 
 
-FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot)
+def goes_on(request: CalibrationRequest, run: Run, why: Interruption) -> NextJob | None:
+    """Say how a calibration goes on; one that presses a part is left to a person."""
+    functions = functions_of(request.calibration)
+    left: dict[str, object] = {"tries": request.tries - 1, "autostart": True, "queue": False}
+    following = request.model_copy(update=left) if request.tries > 1 else None
+    if why == "overtravel":
+        if functions.moves_less is None or following is None:
+            return None
+        found = functions.moves_less(following, run)
+        return None if found is None else NextJob(found[1], found[0])
+    if functions.meets_part:
+        return NextJob(BY_HAND)
+    if following is None:
+        return NextJob(NO_MORE)
+    if functions.goes_on is None:
+        return NextJob("begins again from its start", following)
+    following, words = functions.goes_on(following, run)
+    return NextJob(words, following)
+
+
+FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, goes_on=goes_on)

@@ -1,7 +1,6 @@
 """Refuse a value that is unlike the one in use, where a calibration has found that one."""
 
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import ASSUMED, UNITS, value_of
+from pincette_supervisor.plugin import ASSUMED, UNITS, ModelInUse, value_of
 
 MOST_UNLIKE = 0.1
 """Share by which an arm, left as it is, may have changed since; a part in the way makes more."""

@@ -9,28 +9,13 @@ import dataclasses
 from msgspec.structs import replace
 
 from pincette.config import Calibration, RigFile
-from pincette.control.planning.program import BothArms, Program, Segment
-from pincette.records.columns import Columns
-from pincette_supervisor.calibration.findings import Analysis
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Segment, Stay
+from pincette_supervisor.kinds.calibrate.findings import Analysis
+from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Run
+from pincette_supervisor.plugin.figures import table_of_arm
 
 SECOND = "second."
-COLUMNS = {
-    "x_um": "second_x_um",
-    "position_valid": "second_position_valid",
-    "force_mN": "second_force_mN",
-    "force_uncertainty_mN": "second_force_uncertainty_mN",
-    "zero_age_s": "second_zero_age_s",
-    "command_V": "second_command_V",
-    "voltage_V": "second_voltage_V",
-    "limits_active": "second_limits_active",
-    "true_x_um": "true_second_x_um",
-    "true_force_mN": "true_second_force_mN",
-    "true_voltage_V": "true_second_voltage_V",
-}
-"""Columns of the first arm, and those of the second."""
 
 
 def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
@@ -59,7 +44,7 @@ def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
     """
     if rig.second is None:
         return program
-    if program.capture_hz or any(segment.kind != "voltage" for segment in program.segments):
+    if program.capture_hz or not all(isinstance(segment, Drive) for segment in program.segments):
         raise ValueError(
             "a calibration that sweeps, acquires or meets a part is for rigs of one driven arm; of "
             "two, calibrate noise and free_response of each"
@@ -70,25 +55,15 @@ def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
 
 
 def _on_second(segment: Segment) -> Segment:
-    both = BothArms(
-        second_to_V=segment.voltage_to_V,
-        second_path=segment.path,
-        second_voltages_V=segment.voltages_V,
-    )
-    return replace(segment, voltage_to_V=None, path=None, voltages_V=(), both=both)
+    if not isinstance(segment, Drive):
+        return segment
+    return replace(segment, courses=(Stay(), *segment.courses))
 
 
 def _on_first(segment: Segment) -> Segment:
-    both = segment.both
-    if both is None:
+    if not isinstance(segment, Drive):
         return segment
-    return replace(
-        segment,
-        voltage_to_V=both.second_to_V,
-        path=both.second_path,
-        voltages_V=both.second_voltages_V,
-        both=None,
-    )
+    return replace(segment, courses=segment.courses[1:])
 
 
 def run_of_arm(run: Run, arm: int) -> Run:
@@ -97,9 +72,7 @@ def run_of_arm(run: Run, arm: int) -> Run:
     model = model_of_arm(planned.model, arm)
     segments = planned.program.segments if arm == 1 else map(_on_first, planned.program.segments)
     program = replace(planned.program, segments=tuple(segments))
-    table: Columns = run.table
-    if arm == 2:
-        table = {**run.table, **{name: run.table[other] for name, other in COLUMNS.items()}}
+    table = table_of_arm(run.table, arm)
     of_arm = dataclasses.replace(planned, model=model, program=program, expecting=None)
     return dataclasses.replace(run, rig=model.rig, planned=of_arm, table=table)
 

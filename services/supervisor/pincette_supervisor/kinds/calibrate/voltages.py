@@ -6,7 +6,15 @@ Where a law leads the arm they are by the nominal gain alone, u = (x - x_start +
 from pincette.api.plans import PlannedPhase
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.path_shapes import peaks
-from pincette.control.planning.program import Program, Segment
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import (
+    Move,
+    PlayedSweep,
+    Press,
+    Seek,
+    Segment,
+    voltage_paths,
+)
 
 
 def planned_phases(
@@ -30,12 +38,13 @@ def planned_phases(
     start_s, voltage_V = 0.0, rest_V
     low_V = high_V = rest_V
     for segment in program.segments:
-        force_mN = segment.force_to_mN
-        if segment.kind == "seek":
-            force_mN = program.guards.contact_force_mN
-        led_V = None if force_mN is None else pressed_V(force_mN)
-        if led_V is None and segment.x_to_um is not None:
-            led_V = (segment.x_to_um - rig.x_start_um) / rig.piezo_um_per_V
+        led_V: float | None = None
+        if isinstance(segment, Seek):
+            led_V = pressed_V(program.guards.contact_force_mN)
+        elif isinstance(segment, Press) and segment.to_mN is not None:
+            led_V = pressed_V(segment.to_mN)
+        elif isinstance(segment, Move) and segment.to_um[0] is not None:
+            led_V = (segment.to_um[0] - rig.x_start_um) / rig.piezo_um_per_V
         lowest_V, highest_V, voltage_V = _voltages(segment, voltage_V, led_V)
         low_V, high_V = min(low_V, lowest_V), max(high_V, highest_V)
         phases.append(
@@ -54,12 +63,13 @@ def planned_phases(
 
 def _voltages(segment: Segment, from_V: float, led_V: float | None) -> tuple[float, float, float]:
     """Lowest, highest and last voltage of a segment; ``led_V`` is where a law leads it."""
-    if segment.path is not None:
-        base_V = from_V if segment.path.relative else 0.0
-        found = peaks(segment.path)
-        end_V = base_V + segment.path.at(segment.path.duration_s)
+    paths = voltage_paths(segment)
+    if paths:
+        path, base_V = paths[0], from_V if paths[0].relative else 0.0
+        found = peaks(path)
+        end_V = base_V + path.at(path.duration_s)
         return base_V + found.lowest, base_V + found.highest, end_V
-    if segment.sweep is not None:
+    if isinstance(segment, PlayedSweep):
         return from_V - segment.sweep.amplitude_V, from_V + segment.sweep.amplitude_V, from_V
     to_V = from_V if led_V is None else led_V
     return min(from_V, to_V), max(from_V, to_V), to_V

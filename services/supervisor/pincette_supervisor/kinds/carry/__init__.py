@@ -6,8 +6,8 @@ from pydantic import model_validator
 
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind
-from pincette.api.pairs import PairPlan, PairResult
-from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
+from pincette.api.pairs import PairJobRequest, PairPlan, PairResult
+from pincette_supervisor.kinds import fields
 
 
 class CarryJobRequest(PairJobRequest, frozen=True):
@@ -38,13 +38,14 @@ KIND = JobKind(
     request=CarryJobRequest,
     plan=PairPlan,
     result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.carry.functions:FUNCTIONS",
     form=(
         FieldSpec(name="by_um", label="By"),
         FieldSpec(name="to_um", label="To the place", placeholder="by a distance"),
-        *FORM,
+        *fields.PAIR_FORM,
     ),
-    figures=FIGURES,
+    figures=fields.PAIR_FIGURES,
     begins_held=True,
     from_present=True,
     relative=("by_um",),

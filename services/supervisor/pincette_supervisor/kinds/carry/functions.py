@@ -8,13 +8,15 @@ from pincette.control.laws.two_arms import Pair
 from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.pair_plan import carry_program
 from pincette_supervisor.kinds.carry import CarryJobRequest
-from pincette_supervisor.kinds.functions import JobFunctions
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.pair_plans import contacts_um, pair_job, pair_values
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.pair import evaluate, plot
+from pincette_supervisor.kinds.pairs import evaluate, plot
+from pincette_supervisor.plugin import (
+    FaultyRequestError,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+)
+from pincette_supervisor.plugin.plans import contacts_um, pair_job, pair_values
 
 MORE_TOUCHES = 2.0
 """Contact forces that the squeeze may grow by on the way: how large it is, is not known."""
@@ -50,7 +52,8 @@ def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Plann
     )
     pointer = "/to_um" if request.to_um is not None else "/by_um"
     values |= {"by_um": by_um, "to_um": request.to_um}
-    planned = pair_job(request, model, program, values, {"move": pointer}, tips or contacts_um(rig))
+    held_um = tips or contacts_um(rig)
+    planned = pair_job(request, model, program, values, {"move": pointer}, present, held_um)
     if tips is not None and present.held:
         return planned
     words = "that a part is held is not told by the rig: the operator is taken at their word"

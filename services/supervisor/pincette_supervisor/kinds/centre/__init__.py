@@ -6,11 +6,10 @@ from pydantic import model_validator
 
 from pincette.api import example
 from pincette.api.job_kinds import JobKind, RecipeRules
-from pincette.api.pairs import PairPlan, PairResult
+from pincette.api.pairs import PairJobRequest, PairPlan, PairResult
 from pincette.api.requests import Duration, Positive, ZeroingRequest, check_one_hold
 from pincette_supervisor.kinds import fields
 from pincette_supervisor.kinds.pair_grip import GRIP_FORM
-from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 
 class CentreJobRequest(PairJobRequest, ZeroingRequest, frozen=True):
@@ -45,9 +44,10 @@ KIND = JobKind(
     request=CentreJobRequest,
     plan=PairPlan,
     result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.pair_grip.functions:FUNCTIONS",
-    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *FORM),
-    figures=FIGURES,
+    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *fields.PAIR_FORM),
+    figures=fields.PAIR_FIGURES,
     predicted=True,
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),
     arms=(2,),

@@ -86,6 +86,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("force_target_mN", "force asked for"),
     *fields.GOAL,
     *fields.ZERO_RETURN,
+    *fields.POSITION_STEP,
     number("force_error_mN", "force error"),
     number("peak_force_mN", "peak force"),
     number("rmse_position_um", "RMSE of the position, over the hold", digits=3),

@@ -10,25 +10,39 @@ from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.force.estimation import uncertainty_of_mean
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
 from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
 from pincette_supervisor.kinds.grip.profile import chosen_speeds
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.contact_plans import (
+from pincette_supervisor.plugin import (
+    Evaluation,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    drawing,
+    figures,
+)
+from pincette_supervisor.plugin.drawing import Picture, Sheet
+from pincette_supervisor.plugin.figures import (
+    Mask,
+    chosen,
+    common,
+    draw_sources,
+    force_error,
+    position_error,
+    series,
+    sources_of,
+)
+from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
+    arm_touch,
     conditioning_V,
     contact_job,
     contact_pointer,
     contact_values,
     part_values,
+    slowed,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing, error_sources, figures
-from pincette_supervisor.results.drawing import Picture, Sheet
-from pincette_supervisor.results.error_sources import sources_of
-from pincette_supervisor.results.figures import Mask, chosen, series
-from pincette_supervisor.results.result import common, force_error, position_error
 
 PRESSING = ("load", "hold", "unload")
 
@@ -41,11 +55,15 @@ def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planne
         values["hold_s"] = None
     part = part_values(rig)
     speeds = chosen_speeds(request, rig)
-    if speeds is not None:
+    if speeds is None:
+        touch = arm_touch(rig, values["force_mN"], values["contact_force_mN"])
+        values = slowed(values, request, touch)
+    else:
         values |= speeds.values()
         part |= {"zero_s": rig.grip.quick.zero_s, "quick": True}
-    low_V = conditioning_V(request, rig, present)
-    made = plan_grip(GripRequest(**values, **part), derived.planned_rig(rig, present.x_um, low_V))
+    low_V = conditioning_V(request, rig)
+    planned = derived.planned_rig(rig, present.x_um, low_V, present.rest_um())
+    made = plan_grip(GripRequest(**values, **part), planned)
     if speeds is not None:
         made = replace(made, violations=(*speeds.violations, *made.violations))
     values["profile"] = "gentle" if speeds is None else "quick"
@@ -131,7 +149,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
         # Below the axis of time, which is moved up for it.
         sheet.figure.subplots_adjust(bottom=0.18)
         causes = sheet.figure.add_axes((0.085, 0.025, 0.9, 0.075))
-        error_sources.draw(causes, result.error_sources)
+        draw_sources(causes, result.error_sources)
     sheet.head(0.085, _title(result), _subtitle(result), name)
     return sheet.picture()
 

@@ -10,7 +10,7 @@ from pincette.control.planning.quick_grip import (
 )
 from pincette.control.planning.touch_force import weak_force
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.plugin import FaultyRequestError
 
 GENTLY = 'or grip with profile = "gentle"'
 

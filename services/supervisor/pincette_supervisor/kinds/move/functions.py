@@ -6,22 +6,31 @@ from typing import Any
 
 from pincette.config import RigFile, derived
 from pincette.control.planning.contact_plan import MotionPlan
-from pincette.control.planning.motion_plan import Cycles, MoveRequest, plan_move
-from pincette_supervisor.kinds.functions import JobFunctions
+from pincette.control.planning.motion_plan import REST_S, Cycles, MoveRequest, plan_move
+from pincette_supervisor.kinds.motions import evaluate, plot
 from pincette_supervisor.kinds.move import TARGETS, MoveJobRequest
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import ASSUMED
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.motion_plans import (
+from pincette_supervisor.plugin import (
+    ASSUMED,
+    FaultyRequestError,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+)
+from pincette_supervisor.plugin.plans import (
     GAIN_GROWTH,
     SPEED_FACTOR,
+    goal_warnings,
     motion_job,
+    planned_goal,
     stand_of,
+    tolerances,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.goal import goal_warnings, tolerances
-from pincette_supervisor.results.motion import evaluate, plot
+
+JUDGED_S = 0.2
+"""Time of the rest after the settling time, over which a goal is judged."""
+WARM_UP_EXCESS = 1.5
+"""Factor by which a warm-up may exceed the requested time without a warning."""
 
 
 def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planned:
@@ -31,7 +40,7 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
     if by_um is not None:
         to_um = (stand.x_um if present.pose_um is None else present.pose_um) + by_um
     speed = request.speed_um_per_s or rig.grip.approach_um_per_s
-    cycles = _cycles(request, rig)
+    cycles, asked = _cycles(request, rig), tolerances(request)
     move = MoveRequest(
         speed_um_per_s=speed,
         contact_force_mN=rig.grip.contact_force_mN,
@@ -40,6 +49,7 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
         by_V=request.by_V,
         zero_s=rig.grip.zero_s if request.zero else None,
         cycles=cycles,
+        rest_s=max(REST_S, JUDGED_S + asked.get("settling_s", 0.0)),
     )
     made = plan_move(move, derived.planned_rig(rig), stand, _pointers(request))
     values: dict[str, Any] = {
@@ -50,13 +60,15 @@ def plan(request: MoveJobRequest, model: ModelInUse, present: Present) -> Planne
         "zero_s": move.zero_s,
         "cycles": None if cycles is None else asdict(cycles),
         "teach": request.teach,
-        **tolerances(request),
+        **asked,
     }
     warnings = [
         *_warnings(made, model, present, by_um),
-        *goal_warnings(tolerances(request), made.program, "rest"),
+        *_overridden(request, made, rig),
+        *goal_warnings(asked, made.program, "rest", rig),
     ]
-    return motion_job(request, model, present, made, values, warnings, meets_part=False)
+    goal = planned_goal(asked, made.program, "rest")
+    return motion_job(request, model, present, made, values, warnings, meets_part=False, goal=goal)
 
 
 def _warnings(
@@ -78,6 +90,29 @@ def _warnings(
     if model.calibration.sources.get(quantity, ASSUMED) == ASSUMED:
         warnings.append(f"rests on {quantity}, which is assumed: calibrate it first")
     return warnings
+
+
+def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list[str]:
+    """Return a warning for each requested value that the output or whole cycles override."""
+    found: list[str] = []
+    step_V, d_p = rig.output.step_V, rig.model.piezo_um_per_V
+    for name, way, step, unit in (
+        ("by_V", request.by_V, step_V, "V"),
+        ("by_um", request.by_um, step_V * d_p, "µm"),
+    ):
+        if way is not None and abs(way) < step:
+            found.append(
+                f"{name} = {way:g} {unit} is less than one step of the output, {step:g} {unit}: "
+                "the arm moves by a whole step or not at all"
+            )
+    cycled_s = sum(
+        phase.duration_s for phase in made.phases if phase.phase == "warm up" and phase.duration_s
+    )
+    if request.warm_up_s and cycled_s > WARM_UP_EXCESS * request.warm_up_s:
+        found.append(
+            f"warm_up_s = {request.warm_up_s:g} s: whole cycles at this rate take {cycled_s:.3g} s"
+        )
+    return found
 
 
 def _touch_um(rig: RigFile) -> float:

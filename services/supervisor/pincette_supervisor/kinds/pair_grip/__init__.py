@@ -6,10 +6,9 @@ from pydantic import model_validator
 
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules
-from pincette.api.pairs import PairPlan, PairResult
+from pincette.api.pairs import PairJobRequest, PairPlan, PairResult
 from pincette.api.requests import Duration, Positive, ZeroingRequest, check_one_hold
 from pincette_supervisor.kinds import fields
-from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 
 class PairGripJobRequest(PairJobRequest, ZeroingRequest, frozen=True):
@@ -46,9 +45,10 @@ KIND = JobKind(
     request=PairGripJobRequest,
     plan=PairPlan,
     result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.pair_grip.functions:FUNCTIONS",
-    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *FORM),
-    figures=FIGURES,
+    form=(fields.ZERO_CONFIRMED, fields.RECIPE, *GRIP_FORM, *fields.PAIR_FORM),
+    figures=fields.PAIR_FIGURES,
     predicted=True,
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"),)),
     arms=(2,),

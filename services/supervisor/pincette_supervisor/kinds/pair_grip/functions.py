@@ -2,25 +2,23 @@
 
 from pincette.control.planning.pair_plan import PairHold, grip_program
 from pincette_supervisor.kinds.centre import CentreJobRequest
-from pincette_supervisor.kinds.functions import JobFunctions
 from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.pair_plans import (
+from pincette_supervisor.kinds.pairs import evaluate, plot
+from pincette_supervisor.plugin import JobFunctions, ModelInUse, Planned, Present
+from pincette_supervisor.plugin.plans import (
     STARTS_UM,
+    homes_um,
     most_mN,
     pair_job,
     pair_request,
     pair_values,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.pair import evaluate, plot
 
 POINTERS = {"load": "/force_mN", "hold": "/force_mN", "carry": "/place_um", "unload": "/force_mN"}
 
 
 def plan(
-    request: PairGripJobRequest | CentreJobRequest, model: ModelInUse, _present: Present
+    request: PairGripJobRequest | CentreJobRequest, model: ModelInUse, present: Present
 ) -> Planned:
     """Plan a grip."""
     rig = model.rig
@@ -34,9 +32,10 @@ def plan(
     )
     centred = isinstance(request, CentreJobRequest)
     made = pair_request(values, rig, force_mN, centred=centred)
-    program = grip_program(made, hold, STARTS_UM, most_mN(rig))
+    homes = homes_um(rig, made, force_mN)
+    program = grip_program(made, hold, STARTS_UM, most_mN(rig), homes)
     values |= {"force_mN": force_mN, "hold_s": hold.hold_s, "place_um": request.place_um}
-    return pair_job(request, model, program, values, POINTERS)
+    return pair_job(request, model, program, values, POINTERS, present)
 
 
 def pointer(_quantity: str, phase: str) -> str:

@@ -6,11 +6,10 @@ from pydantic import Field, model_validator
 
 from pincette.api import WHOLE, Model, example
 from pincette.api.job_kinds import FieldSpec, JobKind, choices
-from pincette.api.pairs import PairPlan, PairResult
+from pincette.api.pairs import PairJobRequest, PairPlan, PairResult
 from pincette.api.requests import Duration, NotNegative, Positive, ZeroingRequest
 from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
-from pincette_supervisor.kinds.pair_request import FIGURES, FORM, PairJobRequest
 
 MEMBERS_MAX, POINTS_MAX = 100, 4000
 Cycles = Annotated[int, Field(ge=1, le=1000), WHOLE]
@@ -133,6 +132,7 @@ KIND = JobKind(
     request=PairTrackJobRequest,
     plan=PairPlan,
     result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.pair_track.functions:FUNCTIONS",
     form=(
         fields.ZERO_CONFIRMED,
@@ -146,9 +146,9 @@ KIND = JobKind(
             choices=choices(("", "no"), ("true", "yes")),
             advanced=True,
         ),
-        *FORM,
+        *fields.PAIR_FORM,
     ),
-    figures=FIGURES,
+    figures=fields.PAIR_FIGURES,
     predicted=True,
     arms=(2,),
     place=22,

@@ -4,23 +4,26 @@ from typing import Any, Literal
 
 from pincette.config import RigFile
 from pincette.control.planning.pair_plan import PairPaths, track_program
-from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
+from pincette.control.planning.path_shapes import peaks, sinusoid, steps, triangle, waypoints
 from pincette.control.planning.paths import Path, Shape
-from pincette_supervisor.kinds.functions import JobFunctions
 from pincette_supervisor.kinds.pair_track import ForcePath, PairTrackJobRequest, PlacePath
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.pair_plans import (
+from pincette_supervisor.kinds.pairs import evaluate, plot
+from pincette_supervisor.plugin import (
+    FaultyRequestError,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+)
+from pincette_supervisor.plugin.plans import (
     STARTS_UM,
     contacts_um,
+    homes_um,
     most_mN,
     pair_job,
     pair_request,
     pair_values,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.pair import evaluate, plot
 
 LONGEST_S = 3600.0
 MEMBERS = {
@@ -32,7 +35,7 @@ MEMBERS = {
 POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 
 
-def plan(request: PairTrackJobRequest, model: ModelInUse, _present: Present) -> Planned:
+def plan(request: PairTrackJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a track."""
     rig = model.rig
     values = pair_values(request, rig)
@@ -42,13 +45,15 @@ def plan(request: PairTrackJobRequest, model: ModelInUse, _present: Present) -> 
     force_mN = request.force_mN or rig.grip.force_mN
     paths = PairPaths(force=force, place=place)
     made = pair_request(values, rig, force_mN, centred=request.centre)
-    program = track_program(made, paths, STARTS_UM, most_mN(rig))
+    highest_mN = force_mN if force is None else max(force_mN, peaks(force).highest)
+    homes = homes_um(rig, made, highest_mN)
+    program = track_program(made, paths, STARTS_UM, most_mN(rig), homes)
     values |= {
         "force_mN": force_mN,
         "force": None if request.force is None else request.force.model_dump(),
         "place": None if request.place is None else request.place.model_dump(),
     }
-    return pair_job(request, model, program, values, POINTERS)
+    return pair_job(request, model, program, values, POINTERS, present)
 
 
 def _force_path(path: ForcePath, rig: RigFile) -> Path:

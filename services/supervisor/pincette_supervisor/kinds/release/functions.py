@@ -1,13 +1,10 @@
 """Plan, result and plot of a release."""
 
 from pincette.control.planning.motion_plan import plan_release
-from pincette_supervisor.kinds.functions import JobFunctions
+from pincette_supervisor.kinds.motions import evaluate, plot
 from pincette_supervisor.kinds.release import ReleaseJobRequest
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.motion_plans import releasing_job
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results.motion import evaluate, plot
+from pincette_supervisor.plugin import JobFunctions, ModelInUse, Planned, Present
+from pincette_supervisor.plugin.plans import releasing_job
 
 
 def plan(request: ReleaseJobRequest, model: ModelInUse, present: Present) -> Planned:

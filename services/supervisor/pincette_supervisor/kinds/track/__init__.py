@@ -111,7 +111,14 @@ class Learned(Model):
     """What a job has learned across its cycles, with what was known of the program before it."""
 
     model_config = example(
-        program="5f0c1e2a9b7d4c3e", cycles=12, largest_um=0.31, over=True, errors_um=[0.12, 0.07]
+        program="5f0c1e2a9b7d4c3e",
+        cycles=12,
+        largest_um=0.31,
+        over=True,
+        errors_um=[0.12, 0.07],
+        kept=True,
+        before_um=0.12,
+        after_um=0.07,
     )
 
     program: str
@@ -124,6 +131,13 @@ class Learned(Model):
     """Whether no more is learned: after twelve cycles, or since nothing of an error comes back."""
     errors_um: list[float]
     """R.m.s. of x less x_r of each cycle that was learned from."""
+    kept: bool = True
+    """True where cycles that the corrections were not learned from were better than the first one
+    without corrections, by more than chance. Otherwise the next job begins without corrections."""
+    before_um: float | None = None
+    """R.m.s. of x less x_r of the first cycle without corrections."""
+    after_um: float | None = None
+    """R.m.s. of x less x_r over the cycles that judged the corrections; null where none did."""
 
 
 class TrackResult(ClosedLoopResult):
@@ -201,6 +215,7 @@ FIGURES: tuple[ResultField, ...] = (
     number("learned.largest_um", "largest correction", "µm", digits=3, optional=True),
     *fields.GOAL,
     *fields.ZERO_RETURN,
+    *fields.POSITION_STEP,
     *fields.ERROR_SOURCES,
 )
 KIND = JobKind(

@@ -9,17 +9,20 @@ from pincette.control.planning.paths import Path
 from pincette.control.planning.repetition import (
     Corrections,
     CycleLearner,
+    HeldOut,
     cycle_ticks,
+    held_out,
     no_corrections,
 )
+from pincette.control.planning.segments import Track
 from pincette.control.record import replace as changed
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.functions import Run
 from pincette_supervisor.kinds.track import CycleErrors, Learned
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.results.figures import Mask, Series, series
-from pincette_supervisor.results.result import force_error, position_error
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Run
+from pincette_supervisor.plugin.figures import Mask, Series, force_error, position_error, series
+
+NOISE_IN_ERROR = 1.15
+"""Noise of x - x_r over that of a reading: the loop follows some of it."""
 
 
 def learning(planned: Planned, path: Path, period_s: float) -> Planned:
@@ -54,7 +57,7 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
     table, period_s = run.table, run.period_s
     learner, slack_s = CycleLearner(begun), 0.5 * period_s
     track = next(
-        number for number, one in enumerate(run.planned.program.segments) if one.kind == "path"
+        number for number, one in enumerate(run.planned.program.segments) if isinstance(one, Track)
     )
     before: tuple[int, bool] | None = None
     names = ("segment", "segment_tick", "paused", "limits_active", "x_um", "x_r_um")
@@ -72,14 +75,41 @@ def learned_of(run: Run, path: Path) -> Corrections | None:
     return learner.corrections
 
 
-def told_of(learned: Corrections, program: str) -> Learned:
-    """What was learned, for people."""
+def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> HeldOut | None:
+    """Hold what was learned against the cycles of this job that it was not learned from.
+
+    Without earlier corrections the first cycle is the one to be better than; else it is the first
+    cycle of the first job.
+    """
+    begun = run.planned.program.corrections
+    errors_um = [one.position_um for one in cycles if one.position_um is not None]
+    if begun is None or not errors_um or not learned.errors_um:
+        return None
+    led_um = errors_um if begun.errors_um else errors_um[1:]
+    noise_um = NOISE_IN_ERROR * run.planned.armed.rig.sensor.noise_um
+    ticks = len(learned.values_um)
+    return held_out(learned.errors_um[0], led_um, ticks=ticks, noise_um=noise_um)
+
+
+def kept(learned: Corrections) -> Corrections:
+    """Return what the next job begins with: the corrections that led the best cycle.
+
+    The newest ones have not led a cycle yet.
+    """
+    return changed(learned, values_um=learned.best_um or learned.values_um)
+
+
+def told_of(learned: Corrections, program: str, held: HeldOut | None) -> Learned:
+    """Return what was learned, for people."""
     return Learned(
         program=program,
         cycles=len(learned.errors_um),
         largest_um=max(abs(value) for value in learned.values_um),
         over=learned.over,
         errors_um=list(learned.errors_um),
+        kept=held is not None and held.helps,
+        before_um=None if held is None else held.before_um,
+        after_um=None if held is None else held.after_um,
     )
 
 

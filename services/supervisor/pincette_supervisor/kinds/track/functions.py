@@ -10,10 +10,11 @@ from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.functions import Evaluation, JobFunctions, Run
 from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
 from pincette_supervisor.kinds.track.cycles import (
     cycle_errors,
+    judged,
+    kept,
     learned_of,
     learning,
     told_of,
@@ -21,22 +22,36 @@ from pincette_supervisor.kinds.track.cycles import (
 )
 from pincette_supervisor.kinds.track.path import path_values, requested_path
 from pincette_supervisor.kinds.track.plot import plot
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.residuals import learning_digest
-from pincette_supervisor.planning.contact_plans import (
+from pincette_supervisor.plugin import (
+    Evaluation,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    figures,
+    learning_digest,
+)
+from pincette_supervisor.plugin.figures import (
+    Mask,
+    Series,
+    common,
+    force_error,
+    position_error,
+    series,
+    sources_of,
+    within,
+)
+from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
+    arm_touch,
     conditioning_V,
     contact_job,
     contact_pointer,
     contact_values,
     part_values,
+    slowed,
 )
-from pincette_supervisor.planning.planned import Planned
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import figures
-from pincette_supervisor.results.error_sources import sources_of
-from pincette_supervisor.results.figures import Mask, Series, series, within
-from pincette_supervisor.results.result import common, force_error, position_error
 
 LEARNED_CYCLES = 3
 """The last ones of a path that is learned, which its errors are told apart by: until then what it
@@ -49,6 +64,9 @@ def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Plann
     contact = contact_values(request, CONTACT_FIELDS, rig)
     values = path_values(request, rig)
     path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
+    found = peaks(path)
+    touch = arm_touch(rig, found.highest, contact["contact_force_mN"])
+    contact = slowed(contact, request, touch)
     track = TrackRequest(
         **contact,
         **part_values(rig),
@@ -57,11 +75,10 @@ def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Plann
         acceleration_um_per_s2=values["acceleration_um_per_s2"],
         pointer=pointer,
     )
-    low_V = conditioning_V(request, rig, present)
-    made = plan_track(track, derived.planned_rig(rig, present.x_um, low_V))
-    found = peaks(path)
+    low_V = conditioning_V(request, rig)
+    made = plan_track(track, derived.planned_rig(rig, present.x_um, low_V, present.rest_um()))
     planned = contact_job(
-        request, model, made, (found.lowest, found.highest), {**values, **contact}, present
+        request, model, made, (found.lowest, found.highest), {**values, **contact}, present, pointer
     )
     return learning(planned, path, rig.rig.period_s) if request.learn else planned
 
@@ -89,8 +106,10 @@ def evaluate(run: Run) -> Evaluation:
     )
     result = result.model_copy(update={"error_sources": found})
     if learned is not None:
-        told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig))
-        result = result.model_copy(update={"learned": told})
+        held = judged(run, learned, result.cycles)
+        name = learning_digest(run.planned.program, run.planned.armed.rig)
+        result = result.model_copy(update={"learned": told_of(learned, name, held)})
+        learned = kept(learned) if held is not None and held.helps else None
     return Evaluation(result, learned=learned)
 
 

@@ -6,7 +6,7 @@ from pincette.config import RigFile
 from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
 from pincette.control.planning.paths import Path
 from pincette_supervisor.kinds.track import MEMBERS, SWING, TrackJobRequest
-from pincette_supervisor.planning.errors import FaultyRequestError
+from pincette_supervisor.plugin import FaultyRequestError
 
 LIMITS = ("rate_um_per_s", "acceleration_um_per_s2")
 LONGEST_S = 3600.0

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.functions import Evaluation, Run
 from pincette_supervisor.kinds.track import Tracking, TrackResult
-from pincette_supervisor.results import drawing, error_sources
-from pincette_supervisor.results.drawing import (
+from pincette_supervisor.plugin import Evaluation, Run, drawing
+from pincette_supervisor.plugin.drawing import (
     FAINT,
     INK,
     MEASURED,
@@ -18,8 +17,7 @@ from pincette_supervisor.results.drawing import (
     Picture,
     Sheet,
 )
-from pincette_supervisor.results.figures import Mask, Series, series, within
-from pincette_supervisor.results.result import PRESSED
+from pincette_supervisor.plugin.figures import PRESSED, Mask, Series, draw_sources, series, within
 
 LEFT, MIDDLE, RIGHT = 0.085, 0.685, 0.985
 """Edges of the two columns, as shares of the width."""
@@ -59,7 +57,7 @@ def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     )
     if result.error_sources is not None:
         causes = figure.add_axes((MIDDLE + 0.055, 0.025, RIGHT - MIDDLE - 0.055, 0.08))
-        error_sources.draw(causes, result.error_sources, columns=3)
+        draw_sources(causes, result.error_sources, columns=3)
     _over_time(axes, table, result, run.period_s)
     tracked = within(table, ["track"])
     _loops(figure.add_subplot(right[0]), figure.add_subplot(right[1]), table, tracked)

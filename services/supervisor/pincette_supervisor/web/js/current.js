@@ -26,8 +26,8 @@ export function outcomeOf(job) {
 
 /** What a stop does with the part of a job. */
 function stopping({ kind, request }) {
-  if (kind === "calibrate") return "ends it, and lets a part go";
-  if (!kindOf(kind).holds_part) return "ends it where the arm is";
+  const { holds_part, on_stop } = kindOf(kind);
+  if (!holds_part) return on_stop === "hold" ? "ends it where the arm is" : "ends it, and lets a part go";
   return { release: "lets the part go", retract: "lets the part go and retreats" }[request.on_stop]
     ?? "keeps a held part";
 }

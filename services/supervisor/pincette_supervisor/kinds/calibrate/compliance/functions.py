@@ -8,17 +8,19 @@ from msgspec.structs import replace
 from pincette.config import RigFile, derived
 from pincette.control.calibration.weights import WeighedCompliance, weighed_compliance
 from pincette.control.planning.calibration_programs import compliance_program, there_and_back
-from pincette_supervisor.calibration.findings import Analysis, figure, identified, residuals, sure
-from pincette_supervisor.calibration.samples import Samples, samples
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
 from pincette_supervisor.kinds.calibrate.compliance import ComplianceRequest, WeighedStep
+from pincette_supervisor.kinds.calibrate.findings import (
+    Analysis,
+    figure,
+    identified,
+    residuals,
+    sure,
+)
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.planned import Wait
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import DOT, MEASURED, REFERENCE, Sheet
+from pincette_supervisor.kinds.calibrate.samples import Samples, samples
+from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait, drawing
+from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, Sheet
 
 ROOM_SHARE = 0.5
 """Of the limits of force and position, for weights that the request leaves out."""

@@ -20,7 +20,9 @@ from pincette.control.planning.contact_stiffness_program import (
     level_phase,
     levels_within,
 )
-from pincette_supervisor.calibration.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
+from pincette_supervisor.kinds.calibrate.findings import (
     Analysis,
     figure,
     identified,
@@ -28,19 +30,21 @@ from pincette_supervisor.calibration.findings import (
     residuals,
     sure,
 )
-from pincette_supervisor.calibration.samples import Samples, samples
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.contact_plans import CONTACT_FIELDS, contact_values, part_values
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import DOT, MEASURED, REFERENCE, TRUE, Sheet
+from pincette_supervisor.kinds.calibrate.samples import Samples, samples
+from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Present, Run, drawing
+from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, TRUE, Sheet
+from pincette_supervisor.plugin.plans import (
+    CONTACT_FIELDS,
+    contact_values,
+    part_values,
+    usual_conditioning_V,
+)
 
 EARLY_PRESS = 3.0
 """Force, as a multiple of the contact force, up to which a press belongs to the first touch."""
+BRING_UP_MIN = 10.0
+"""Time in minutes by which the place of the part in the rig file, which is a reading, may be older
+than this calibration: a bring-up takes so long. The sensor drifts meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +71,10 @@ def program(
             "not identified: calibrate free_response first",
         )
     given = contact_values(request, CONTACT_FIELDS, rig)
-    contact = ContactRequest(**given, **part_values(rig))
-    planned = derived.planned_rig(rig, present.x_um)
+    part = part_values(rig)
+    part["contact_tolerance_um"] += rig.sensor.drift_um_per_min * BRING_UP_MIN
+    contact = ContactRequest(**given, **part)
+    planned = derived.planned_rig(rig, present.x_um, usual_conditioning_V(rig), present.rest_um())
     levels_V = tuple(request.levels_V or levels_within(contact, planned))
     made = contact_stiffness_program(contact, planned, levels_V)
     return made, {"levels_V": list(levels_V), **given}, {}

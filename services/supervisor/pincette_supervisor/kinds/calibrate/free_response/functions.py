@@ -9,6 +9,7 @@ from pincette.control.planning.free_response_program import (
     GAIN_CYCLES,
     GAIN_PP_V,
     PRESS_CYCLES,
+    conditioned_ways,
     free_response_program,
     rehearsed_grips,
 )
@@ -18,7 +19,8 @@ from pincette.control.response.free_calibration import (
     calibrate_free_response,
     kink_text,
 )
-from pincette_supervisor.calibration.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.findings import (
     Analysis,
     figure,
     identified,
@@ -26,17 +28,12 @@ from pincette_supervisor.calibration.findings import (
     residuals,
     sure,
 )
-from pincette_supervisor.calibration.samples import samples
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
 from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import UNITS
-from pincette_supervisor.planning.motion_plans import GAIN_GROWTH, SPEED_FACTOR
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
+from pincette_supervisor.kinds.calibrate.samples import samples
+from pincette_supervisor.plugin import UNITS, ModelInUse, Present, Run, drawing
+from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
+from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR
 
 BELOW_REST = 0.1
 """How far the free motion goes below rest, as a share of its height above."""
@@ -157,6 +154,7 @@ def analyse(run: Run) -> Analysis:
         before_step=taken.of("before step"),
         after_step=taken.of("creep"),
         grips=rehearsed_grips(taken.of, planned.program),
+        conditioned=conditioned_ways(taken.of, planned.program),
     )
     found = calibrate_free_response(
         motion,
@@ -174,6 +172,7 @@ def analyse(run: Run) -> Analysis:
         _fitted_V(motion),
         creep_percent_per_decade=max(0.0, found.creep.percent_per_decade),
         return_error_um=found.return_error_um,
+        branch=found.branch,
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
     warnings: list[str] = []

@@ -3,22 +3,32 @@
 from math import pi
 
 from pincette.config import RigFile, derived
+from pincette.control.arm.shaping import shaping_interval_s
 from pincette.control.calibration.swept_mode import SweptMode, require_even_swing, swept_mode
 from pincette.control.planning.calibration_programs import frequency_response_program
 from pincette.engine.timing_budget import budget
 from pincette.instruments.protocols import Timing
-from pincette_supervisor.calibration.findings import Analysis, figure, identified, residuals, sure
-from pincette_supervisor.calibration.samples import acquisition
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.findings import (
+    Analysis,
+    figure,
+    identified,
+    residuals,
+    sure,
+)
 from pincette_supervisor.kinds.calibrate.frequency_response import FrequencyResponseRequest
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.calibrate.output_timing import bursts_are_needed
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.errors import InstrumentBandwidth, UnsupportedError
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
+from pincette_supervisor.kinds.calibrate.samples import acquisition
+from pincette_supervisor.plugin import (
+    InstrumentBandwidth,
+    ModelInUse,
+    Present,
+    Run,
+    UnsupportedError,
+    drawing,
+)
+from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 
 SWING_SHARE = 0.5
 """Of the room to the nearest limit of position that the resonance may use up."""
@@ -145,6 +155,12 @@ def analyse(run: Run) -> Analysis:
                 f"at {values['amplitude_V']:g} V, below d_p for the hysteresis",
             ),
             figure("delay", 1e3 * found.delay_s, "ms", "from drive to reading"),
+            figure(
+                "shaping interval",
+                1e3 * shaping_interval_s(omega_n, run.planned.model.rig.stiffness_ratio),
+                "ms",
+                "between the parts of a step, where [output] shaping is on",
+            ),
             figure(
                 "coherence",
                 found.coherence,

@@ -2,17 +2,23 @@
 
 from pincette.control.calibration.noise import Noise, sensor_noise
 from pincette.control.planning.calibration_programs import noise_program
-from pincette_supervisor.calibration.findings import Analysis, figure, identified, residuals, sure
-from pincette_supervisor.calibration.samples import samples
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.findings import (
+    Analysis,
+    figure,
+    identified,
+    residuals,
+    sure,
+)
 from pincette_supervisor.kinds.calibrate.noise import NoiseRequest
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
+from pincette_supervisor.kinds.calibrate.samples import samples
+from pincette_supervisor.plugin import ASSUMED, ModelInUse, Present, Run, drawing
+from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 
 BINS = 60
+DRIFT = "sensor.drift_um_per_min"
+SURE = 2.0
+"""Number of standard uncertainties that are added to the slope."""
 
 
 def program(request: NoiseRequest, _model: ModelInUse, _present: Present) -> CalibrationProgram:
@@ -30,8 +36,12 @@ def analyse(run: Run) -> Analysis:
         warnings = (
             f"the step of {found.step_um:g} µm hides the noise: choose a finer display or range",
         )
+    drift_um_per_min, u_um_per_min = _drift_um_per_min(found, run.planned.model)
     return Analysis(
-        values=(identified("sensor.noise_um", found.noise_um, found.noise_uncertainty_um),),
+        values=(
+            identified("sensor.noise_um", found.noise_um, found.noise_uncertainty_um),
+            identified(DRIFT, drift_um_per_min, u_um_per_min),
+        ),
         figures=(
             figure("step", found.step_um, "µm", "of the readings"),
             figure(
@@ -60,6 +70,20 @@ def analyse(run: Run) -> Analysis:
     )
 
 
+def _drift_um_per_min(found: Noise, model: ModelInUse) -> tuple[float, float]:
+    """Return the largest drift that the rest admits, and the standard uncertainty of its slope.
+
+    It is |slope| + 2·u. Creep of the arm is part of it: at rest nothing tells the two apart. A rest
+    of seconds cannot exclude a larger drift that the rig file states, so it is not lowered below
+    that.
+    """
+    u_um_per_min = 60.0 * found.drift_uncertainty_um_per_s
+    drift_um_per_min = 60.0 * abs(found.drift_um_per_s) + SURE * u_um_per_min
+    if model.calibration.sources.get(DRIFT, ASSUMED) == ASSUMED:
+        drift_um_per_min = max(drift_um_per_min, model.rig.sensor.drift_um_per_min)
+    return drift_um_per_min, u_um_per_min
+
+
 def draw(sheet: Sheet, found: Noise) -> None:
     """Draw the readings over time and their spread."""
     trace, spread = drawing.grid(sheet, 2)
@@ -73,5 +97,5 @@ def draw(sheet: Sheet, found: Noise) -> None:
 
 
 FUNCTIONS = CalibrationFunctions(
-    program=program, analyse=analyse, draw=draw, finds=("sensor.noise_um",)
+    program=program, analyse=analyse, draw=draw, finds=("sensor.noise_um", DRIFT)
 )

@@ -9,22 +9,24 @@ from pincette.config import derived
 from pincette.control.calibration.output_timing import Burst, IdentifiedTiming, output_timing
 from pincette.control.calibration.visible_mode import NYQUIST_SHARE, require_visible
 from pincette.control.planning.calibration_programs import BURSTS, output_timing_program
-from pincette_supervisor.calibration.findings import Analysis, figure, identified, residuals, sure
-from pincette_supervisor.calibration.samples import Samples, samples
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.findings import (
+    Analysis,
+    figure,
+    identified,
+    residuals,
+    sure,
+)
 from pincette_supervisor.kinds.calibrate.frequency_response.functions import sweep_amplitude_V
 from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.calibrate.output_timing import (
     OutputTimingRequest,
     bursts_are_needed,
 )
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.planning.errors import UnsupportedError
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import MEASURED, REFERENCE, Sheet
-from pincette_supervisor.results.figures import Series
+from pincette_supervisor.kinds.calibrate.samples import Samples, samples
+from pincette_supervisor.plugin import ModelInUse, Present, Run, UnsupportedError, drawing
+from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
+from pincette_supervisor.plugin.figures import Series
 
 SLEW_SHARE = 0.45
 """Of the slew limit that a step from one side to the other asks for is twice this."""

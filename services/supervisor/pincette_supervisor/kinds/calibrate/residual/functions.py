@@ -7,26 +7,36 @@ import numpy as np
 
 from pincette.api.calibrations import Identified
 from pincette.config import FreeResidual, RigFile, derived
-from pincette.control.planning.recorded_motion import RecordedMotion, chained, recorded_program
+from pincette.control.planning.recorded_motion import (
+    Pressed,
+    RecordedMotion,
+    chained,
+    recorded_program,
+)
+from pincette.control.response.contact_check import ContactScatter, contact_scatter
 from pincette.control.response.residual_identification import (
     IdentifiedResidual,
     Place,
     identify_residual,
 )
+from pincette.control.response.residual_table import ResidualTable
+from pincette.engine.timing_budget import stated_output
 from pincette.records.columns import Columns
-from pincette_supervisor.calibration.findings import Analysis, figure, residuals
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
+from pincette_supervisor.kinds.calibrate.findings import Analysis, figure, residuals
 from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
-from pincette_supervisor.kinds.functions import Run
-from pincette_supervisor.model.model_in_use import ModelInUse
-from pincette_supervisor.model.quantities import UNITS
-from pincette_supervisor.model.residuals import QUANTITY
-from pincette_supervisor.planning.errors import FaultyRequestError
-from pincette_supervisor.planning.planned import Wait
-from pincette_supervisor.planning.present import Present
-from pincette_supervisor.results import drawing
-from pincette_supervisor.results.drawing import FAINT, MEASURED, REFERENCE, Sheet
-from pincette_supervisor.results.figures import Series, series
+from pincette_supervisor.plugin import (
+    RESIDUALS,
+    UNITS,
+    FaultyRequestError,
+    ModelInUse,
+    Present,
+    Run,
+    Wait,
+    drawing,
+)
+from pincette_supervisor.plugin.drawing import FAINT, MEASURED, REFERENCE, Sheet
+from pincette_supervisor.plugin.figures import Series, series
 
 AWAY = "take the part away; nothing may touch the arm. Then continue"
 BACK = "put the part back in its place. Then continue"
@@ -56,6 +66,7 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
         "ticks": [len(one.voltages_V) for one in motion.segments],
         "zeroes": [one.zeroes for one in motion.segments],
         "ring_um": _ring_um(motion, rig),
+        "pressed": [list(one) for one in motion.pressed],
     }
     return made, values, waits
 
@@ -90,6 +101,14 @@ def analyse(run: Run) -> Analysis:
             "something is believed to touch it: take the part away and play it again"
         )
     found = identify_residual(places, runs_um, noise_um)
+    scatter = _scatter(values["pressed"], found.table, s_p)
+    if scatter is not None and scatter.worse:
+        raise ValueError(
+            f"the table would not help: with it the force of job {values['of_job']}, which it was "
+            f"not made of, scatters by {scatter.with_mN:.3f} mN about the line of the part, and by "
+            f"{scatter.without_mN:.3f} mN without: nothing is kept. Fit an RC of 3.3 ms before the "
+            "amplifier, set [output] shaping = true, or move more slowly"
+        )
     error_um = hypot(found.error_um, values["ring_um"])
     # The noise of the sensor is in both.
     missed_um = max(0.0, float(np.mean(np.square(runs_um))) - noise_um**2) ** 0.5
@@ -98,6 +117,12 @@ def analyse(run: Run) -> Analysis:
             f"the table would not help: a run that it was not made of would be missed by "
             f"{error_um:.3f} µm with it, and by {missed_um:.3f} µm without: nothing is kept"
         )
+    if scatter is not None:
+        # What a later job is missed by, as far as the pressed part shows it. The noise of a
+        # position moves both the force and the place at which the line has it.
+        noise_seen_um = (1.0 + rig.stiffness_ratio) * noise_um
+        seen_um = max(0.0, (s_p * scatter.with_mN) ** 2 - noise_seen_um**2) ** 0.5
+        error_um = max(error_um, seen_um)
     table = FreeResidual(
         program=values["motion"],
         response=rig.model.response_digest(),
@@ -110,9 +135,9 @@ def analyse(run: Run) -> Analysis:
     return Analysis(
         values=(
             Identified(
-                quantity=QUANTITY,
+                quantity=RESIDUALS,
                 value=[table.model_dump(mode="json")],
-                unit=UNITS[QUANTITY],
+                unit=UNITS[RESIDUALS],
                 uncertainty=error_um,
             ),
         ),
@@ -137,6 +162,23 @@ def analyse(run: Run) -> Analysis:
     )
 
 
+def _scatter(
+    pressed: list[list[float]], table: ResidualTable, compliance_um_per_mN: float
+) -> ContactScatter | None:
+    """Return how the force of the recorded job scatters without the table and with it."""
+    samples = [Pressed(int(one[0]), int(one[1]), one[2], one[3]) for one in pressed]
+    known = [(one, table.at(one.segment, one.tick)) for one in samples]
+    rows = [
+        (one.x_um, one.force_mN, found.value_um / compliance_um_per_mN)
+        for one, found in known
+        if found is not None
+    ]
+    if not rows:
+        return None
+    x_um, force_mN, correction_mN = zip(*rows, strict=True)
+    return contact_scatter(x_um, force_mN, correction_mN)
+
+
 def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
     """Return the r.m.s. uncertainty of a free arm by the ring of the mode, along the motion.
 
@@ -145,9 +187,9 @@ def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
     steps_V = np.diff(np.concatenate([np.asarray(one.voltages_V) for one in motion.segments]))
     if not steps_V.size:
         return 0.0
-    share, kept = derived.ring_shares(rig.model, rig.rig.period_s)
+    shares = derived.ring_shares(rig, stated_output(rig))
     steps_um = rig.model.piezo_um_per_V * float(np.sqrt(np.mean(steps_V**2)))
-    return share * steps_um / (1.0 - kept)
+    return shares.free * steps_um / (1.0 - shares.kept)
 
 
 def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
@@ -217,6 +259,6 @@ FUNCTIONS = CalibrationFunctions(
     analyse=analyse,
     draw=draw,
     assumes=("model.compliance_um_per_mN", "model.free_response"),
-    finds=(QUANTITY,),
+    finds=(RESIDUALS,),
     of_bring_up=False,
 )

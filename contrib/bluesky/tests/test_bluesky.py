@@ -1,0 +1,341 @@
+"""A real RunEngine drives a rig in lockstep; what it emits is valid by event-model's schemas."""
+
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Generator
+from threading import Timer
+from time import sleep
+from typing import Any, cast
+
+import pytest
+from bluesky.utils import FailedStatus, RunEngineInterrupted
+from ophyd_async.core import NotConnectedError
+
+from contrib.support.run_engine import (
+    bpp,
+    bps,
+    check_limits,
+    closed,
+    connected,
+    ended,
+    failure,
+    new_engine,
+    of,
+    subscribed,
+    until_moving,
+)
+from pincette.client import (
+    InfeasiblePlanError,
+    InvalidRequestError,
+    JobEndedError,
+    LimitViolationError,
+    PartHeldError,
+    RigBusyError,
+    RigLatchedEndError,
+    RigLatchedError,
+)
+from pincette_bluesky import Gripper
+from tests.support.adapters import FORCE_MN, NEAR_MN, SLOWLY, adapter_rig, until
+from tests.support.grips import make_ready, restart
+from tests.support.running import RunningRig
+
+FLIGHT: dict[str, Any] = {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 0.4}
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def engine() -> Generator[Any]:
+    engine = new_engine()
+    yield engine
+    ended(engine)
+
+
+@pytest.fixture
+def documents(engine: Any) -> Generator[list[tuple[str, Any]]]:
+    seen: list[tuple[str, Any]] = []
+    token = subscribed(engine, seen)
+    yield seen
+    engine.unsubscribe(token)
+
+
+@pytest.fixture
+def gripper(rig: RunningRig, engine: Any) -> Generator[Gripper]:
+    assert engine.state == "idle"
+    make_ready(rig)
+    device = connected(rig.rig.supervisor.url)
+    yield device
+    if engine.state != "idle":
+        engine.abort()
+    closed(engine, device)
+    if rig.view()["part"] == "held":
+        rig.post("/jobs/" + rig.view()["active_job"] + "/actions", {"type": "release"})
+    until(lambda: rig.view()["active_job"] is None, "a job is left")
+
+
+def test_a_part_is_gripped_read_and_let_go(
+    engine: Any, gripper: Gripper, documents: list[tuple[str, Any]], rig: RunningRig
+) -> None:
+    updates: list[dict[str, Any]] = []
+
+    def watched(**update: Any) -> None:
+        updates.append(update)
+
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        status = cast("Any", (yield from bps.abs_set(gripper, FORCE_MN, group="grip")))
+        status.watch(watched)
+        yield from bps.wait("grip")
+        yield from bps.trigger_and_read([gripper])
+        # The plan is rewound after a pause: what is held already stays as it is.
+        yield from bps.mv(gripper, FORCE_MN)
+        yield from bps.mv(gripper, 0.0)
+        yield from bps.mv(gripper, 0.0)
+        yield from bps.trigger_and_read([gripper])
+
+    engine(plan())
+    (descriptor,) = of(documents, "descriptor")
+    assert descriptor["data_keys"]["gripper-force_mN"]["units"] == "mN"
+    assert descriptor["hints"]["gripper"]["fields"] == ["gripper-force_mN"]
+    assert descriptor["configuration"]["gripper"]["data"]["gripper-rig"] == "demo"
+    held, free = (event["data"] for event in of(documents, "event"))
+    assert abs(held["gripper-force_mN"] - FORCE_MN) < NEAR_MN
+    assert (held["gripper-part"], free["gripper-part"]) == ("held", "none")
+    assert of(documents, "stop")[0]["exit_status"] == "success"
+    assert {update["unit"] for update in updates} == {"mN"}
+    assert updates[-1]["current"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+    assert any(update.get("time_remaining", 0.0) > 0.0 for update in updates)
+    begun = [job["kind"] for job in rig.get("/jobs", label="bluesky=gripper")["jobs"]]
+    assert begun == ["grip"], "a second job was begun"
+
+
+def test_a_part_stays_held_from_one_plan_to_the_next(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    engine(bps.mv(gripper, FORCE_MN))  # the engine calls stop at its end
+    job = rig.view()["active_job"]
+    sleep(0.5)
+    assert (rig.view()["part"], rig.job(job)["state"]) == ("held", "running")
+    engine(bps.mv(gripper, FORCE_MN))
+    assert rig.view()["active_job"] == job
+    assert isinstance(
+        failure(engine, bps.mv(gripper, FORCE_MN - 2.0)), RigBusyError | PartHeldError
+    )
+    assert engine(bps.locate(gripper)) is not None
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"
+
+
+def test_a_flight_gives_the_samples_of_its_record(
+    engine: Any, gripper: Gripper, documents: list[tuple[str, Any]]
+) -> None:
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.prepare(gripper, FLIGHT, wait=True)
+        yield from bps.declare_stream(gripper, name="gripper_samples", collect=True)
+        yield from bps.kickoff(gripper, wait=True)
+        yield from bps.complete(gripper, wait=True)
+        yield from bps.collect(gripper, name="gripper_samples")
+
+    engine(plan())
+    (descriptor,) = of(documents, "descriptor")
+    assert descriptor["name"] == "gripper_samples"
+    assert descriptor["data_keys"]["gripper-x_um"]["units"] == "µm"
+    pages = of(documents, "event_page")
+    data = pages[0]["data"]
+    assert {"approach", "load", "hold", "retreat"} <= set(data["gripper-phase"])
+    held = [
+        force_mN
+        for phase, force_mN in zip(data["gripper-phase"], data["gripper-force_mN"], strict=True)
+        if phase == "hold"
+    ]
+    assert held[-1] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+    times = [at_s for page in pages for at_s in page["time"]]
+    assert times == sorted(times)
+    assert all(not math.isnan(at_s) for at_s in times)
+    assert of(documents, "stop")[0]["num_events"] == {"gripper_samples": len(times)}
+
+
+def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    words = "force 500.000 mN above the limit 40 mN"
+    error = failure(engine, bps.mv(gripper, 500.0))
+    assert isinstance(error, LimitViolationError)
+    assert words in str(error)
+    planned = failure(engine, bps.prepare(gripper, {**FLIGHT, "force_mN": 500.0}, wait=True))
+    assert isinstance(planned, InfeasiblePlanError)
+    assert words in str(planned)
+
+    check_limits(bps.mv(gripper, FORCE_MN))
+    with pytest.raises(InfeasiblePlanError, match="limit 40 mN"):
+        check_limits(bps.mv(gripper, 500.0))
+    with pytest.raises(FailedStatus):
+        engine(bps.prepare(gripper, {**FLIGHT, "until_released": True}, wait=True))
+    assert rig.view()["active_job"] is None
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -1.0, "20", None, True])
+def test_a_force_that_is_none_is_refused_by_name(
+    engine: Any, gripper: Gripper, rig: RunningRig, odd: Any
+) -> None:
+    error = failure(engine, bps.mv(gripper, odd))
+    assert isinstance(error, InvalidRequestError)
+    assert "force_mN" in str(error)
+    assert engine(bps.locate(gripper)) is not None
+    assert rig.view()["active_job"] is None
+
+
+def test_a_release_while_anothers_grip_is_on_its_way_is_an_error(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    job = rig.start_grip(force_mN=FORCE_MN, until_released=True)
+    rig.until_phase(job, "approach")
+    assert isinstance(failure(engine, bps.mv(gripper, 0.0)), RigBusyError)
+    rig.post(f"/jobs/{job}/actions", {"type": "stop"}).raise_for_status()
+    assert rig.ended(job)["state"] == "stopped"
+
+
+def test_an_abort_in_the_hold_of_a_flight_keeps_the_part(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    @bpp.stage_decorator([gripper])
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.prepare(gripper, {**FLIGHT, "hold_s": 60.0}, wait=True)
+        yield from bps.checkpoint()
+        yield from bps.kickoff(gripper, wait=True)
+        while rig.view()["newest"]["phase"] != "hold":
+            yield from bps.sleep(0.05)
+        yield from bps.pause()
+        yield from bps.complete(gripper, wait=True)
+
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan())
+    job = rig.get("/jobs", label="bluesky=gripper", limit=1)["jobs"][0]["id"]
+    engine.abort()
+    until(lambda: rig.job(job)["state"] == "stopped", "it goes on")
+    assert rig.view()["part"] == "held"
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"
+
+
+def test_an_abort_on_the_way_comes_to_rest(engine: Any, gripper: Gripper, rig: RunningRig) -> None:
+    @bpp.stage_decorator([gripper])
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.prepare(gripper, FLIGHT, wait=True)
+        yield from bps.checkpoint()
+        yield from bps.kickoff(gripper, wait=True)
+        yield from bps.pause()
+        yield from bps.complete(gripper, wait=True)
+
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan())
+    job = rig.get("/jobs", label="bluesky=gripper", limit=1)["jobs"][0]["id"]
+    engine.abort()
+    assert rig.ended(job)["state"] == "stopped"
+    assert rig.view()["part"] == "none"
+
+
+def test_a_pause_during_the_request_stops_it_and_a_resume_grips(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    @bpp.run_decorator()
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.checkpoint()
+        yield from bps.mv(gripper, FORCE_MN)
+
+    before = rig.get("/jobs", label="bluesky=gripper")["jobs"]
+    rig.fleet.signal("supervisor", signal.SIGSTOP)
+    Timer(0.5, engine.request_pause).start()
+    Timer(1.0, rig.fleet.signal, ("supervisor", signal.SIGCONT)).start()
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan())
+    until(lambda: rig.view()["active_job"] is None, "the request went on")
+    engine.resume()
+    assert rig.view()["part"] == "held"
+    begun = rig.get("/jobs", label="bluesky=gripper")["jobs"][: -len(before) or None]
+    assert {job["state"] for job in begun} <= {"running", "stopped"}
+    engine(bps.mv(gripper, 0.0))
+
+
+def test_an_emergency_stop_and_the_latch_are_told(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.abs_set(gripper, FORCE_MN, group="grip")
+        yield from until_moving(rig)
+        rig.post("/rigs/demo/estop").raise_for_status()
+        yield from bps.wait("grip")
+
+    error = failure(engine, plan())
+    assert isinstance(error, RigLatchedEndError)
+    assert "estop" in str(error)
+    until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
+    assert isinstance(failure(engine, bps.mv(gripper, FORCE_MN)), RigLatchedError)
+
+
+def test_somebody_elses_stop_is_an_error(engine: Any, gripper: Gripper, rig: RunningRig) -> None:
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.abs_set(gripper, FORCE_MN, group="grip")
+        yield from until_moving(rig)
+        rig.post(f"/jobs/{rig.view()['active_job']}/actions", {"type": "stop"})
+        yield from bps.wait("grip")
+
+    error = failure(engine, plan())
+    assert isinstance(error, JobEndedError)
+    assert error.stopped
+
+
+KILLED = """\
+import sys, time
+import bluesky.plan_stubs as bps
+from bluesky.run_engine import RunEngine
+from ophyd_async.core import init_devices
+from pincette_bluesky import Gripper
+
+engine = RunEngine({}, context_managers=[])
+with init_devices():
+    gripper = Gripper(sys.argv[1])
+engine(bps.mv(gripper, float(sys.argv[2])))
+print("held", flush=True)
+time.sleep(60.0)
+"""
+
+
+def test_a_killed_process_leaves_the_part_held_and_the_next_finds_its_job(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    line = [sys.executable, "-c", KILLED, rig.rig.supervisor.url, str(FORCE_MN)]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        process.kill()
+    sleep(0.5)
+    job = rig.view()["active_job"]
+    assert rig.view()["part"] == "held"
+    engine(bps.mv(gripper, FORCE_MN))
+    assert rig.view()["active_job"] == job
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"
+
+
+def test_a_supervisor_that_is_gone_and_back_leaves_the_part_held(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    engine(bps.mv(gripper, FORCE_MN))
+    rig.fleet.signal("supervisor", signal.SIGKILL)
+    rig.fleet.members["supervisor"].process.wait(5.0)
+    with pytest.raises(NotConnectedError):
+        connected(rig.rig.supervisor.url, timeout_s=0.5)
+    restart(rig, "supervisor")
+    until(lambda: rig.view()["part"] == "held", "the part is not held")
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"

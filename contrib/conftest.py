@@ -1,0 +1,23 @@
+"""Plug-ins of the tests of contrib, and a rig with time to cancel a grip for those that ask."""
+
+from collections.abc import Generator
+
+import pytest
+
+from tests.support.adapters import SLOWLY, adapter_rig
+from tests.support.grips import make_ready
+from tests.support.running import RunningRig
+
+pytest_plugins = ["tests.support.selection", "tests.support.reruns"]
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as found:
+        yield found
+
+
+@pytest.fixture
+def rig(running: RunningRig) -> RunningRig:
+    make_ready(running)
+    return running

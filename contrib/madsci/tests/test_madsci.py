@@ -1,0 +1,281 @@
+"""MADSci's stock RestNodeClient drives the node of contrib/madsci, in an environment of its own."""
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any, get_args
+
+import httpx
+import pytest
+
+from contrib.support.stock_clients import block
+from pincette.api.endings import EndingCode
+from pincette.api.jobs import Job
+from pincette.api.predictions import Violation
+from pincette.api.problems import TYPE
+from pincette.api.results import OutcomeCode
+from pincette.client.errors import RAISED
+from pincette.control.vocabulary import FaultCode, LimitedQuantity
+from pincette.core.faults import Cause
+from tests.support.adapters import (
+    FORCE_MN,
+    NEAR_MN,
+    SecuredLaboratory,
+    secured_laboratory,
+    until,
+)
+from tests.support.checkout import ROOT
+from tests.support.environments import environment, ran, wheel
+from tests.support.grips import restart
+from tests.support.model_examples import example_of
+from tests.support.rigs import at_own_ports, free_ports
+from tests.support.running import RunningRig, running_rig
+from tests.support.two_arms import SHORT_PAIR, two_arm_rig
+
+# Its environment is made for it, and its packages take some seconds to be imported.
+pytestmark = pytest.mark.slow
+
+PINS = ROOT / "requirements/madsci.txt"
+DRIVE = Path(__file__).with_name("madsci_drive.py")
+ENDING: dict[str, Any] = {"code": "tripped", "trip": "", "faults": []}
+FAULTS = [{"code": str(each), "values": {"limit_um": 2.0}, "text": "words"} for each in FaultCode]
+VIOLATION = example_of(Violation).model_dump(mode="json")
+PAGE_URL = "http://127.0.0.1:2000"
+"""Of the node in the page's program."""
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of an environment with the pins of the node, and this tree's pincette-client."""
+    return environment(
+        tmp_path_factory.mktemp("madsci") / "venv",
+        str(PINS),
+        str(wheel("shared")),
+        str(wheel("contrib/madsci")),
+    )
+
+
+@contextmanager
+def node(
+    python: Path, folder: Path, supervisor: str, **settings: str
+) -> Generator[tuple[str, "subprocess.Popen[bytes]"]]:
+    """The address of a node that has started, and its process."""
+    url = f"http://127.0.0.1:{free_ports(1)}/"
+    own = {"NODE_URL": url, "NODE_SUPERVISOR_URL": supervisor, "HOME": str(folder), **settings}
+    log = folder / "node.log"
+    with log.open("wb") as sink:
+        process = subprocess.Popen(
+            [str(python), "-m", "pincette_madsci"],
+            cwd=folder,
+            env={**os.environ, **own},
+            stdout=sink,
+            stderr=subprocess.STDOUT,
+        )
+    try:
+        await_answer(f"{url}state", process, log)
+        yield url, process
+    finally:
+        process.terminate()
+        process.wait(20.0)
+
+
+def await_answer(url: str, process: "subprocess.Popen[bytes]", log: Path) -> None:
+    deadline = monotonic() + 120.0
+    while True:
+        assert process.poll() is None, log.read_text(errors="replace")[-3000:]
+        assert monotonic() < deadline, log.read_text(errors="replace")[-3000:]
+        try:
+            if httpx.get(url, trust_env=False).json().get("state"):
+                return
+        except (httpx.TransportError, ValueError):
+            pass
+        sleep(0.2)
+
+
+def driven(python: Path, folder: Path, *words: str) -> Any:
+    """What the stock client prints; it keeps files where it runs."""
+    return json.loads(ran([str(python), str(DRIVE), *words], folder).splitlines()[-1])
+
+
+def test_the_stock_client_grips_and_is_refused(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
+    supervisor, process = rig.rig.supervisor.url, rig.fleet.members["supervisor"].process.pid
+    with node(python, tmp_path, supervisor) as (url, _):
+        said = driven(python, tmp_path, url, "all", supervisor, str(FORCE_MN), str(process))
+    assert said["actions"] == ["grip", "plan", "release"]
+    assert said["plan"]["status"] == "succeeded"
+    for refused in ("refused", "infeasible"):
+        (error,) = said[refused]["errors"]
+        assert error[0] == "limit-violation"
+        assert "force 500.000 mN above the limit 40 mN" in error[1]
+    held = said["grip"]
+    assert held["status"] == "succeeded"
+    assert abs(held["json"]["force_held_mN"] - FORCE_MN) < NEAR_MN
+    assert said["part"] == "held"
+    assert code_of(said["second"]) in ("job-active", "part-held")
+    assert said["release"]["json"]["job"] == held["json"]["job"]
+    assert code_of(said["nothing"]) == "nothing-held"
+    assert said["locked"] == "not_ready"
+    assert code_of(said["requested"], "cancelled") in ("key-stopped", "cancelled")
+    assert said["cancelled"]["locked"] is True
+    assert said["cancelled"]["command"] is True
+    assert code_of(said["cancelled"], "cancelled") == "cancelled"
+    assert said["stopped"]["command"] is True
+    assert code_of(said["stopped"]) == "rig-latched"
+    assert said["ready"] is False
+    assert "estop" in said["latched"]["errors"][0][1]
+    assert said["latched"]["status"] == "not_ready"
+    assert said["errored"] is False
+
+
+def test_every_code_passes_the_models_of_madsci(python: Path, tmp_path: Path) -> None:
+    jobs: list[dict[str, Any]] = [
+        *({"state": "failed", "result": {"outcome": each}} for each in get_args(OutcomeCode)),
+        *({"state": "failed", "ending": {**ENDING, "code": each}} for each in get_args(EndingCode)),
+        *({"state": "failed", "ending": {**ENDING, "trip": str(each)}} for each in Cause),
+        *({"state": "failed", "ending": {**ENDING, "faults": [fault]}} for fault in FAULTS),
+    ]
+    problems: list[dict[str, Any]] = [
+        {"type": f"{TYPE}{code}", "violations": [{**VIOLATION, "quantity": quantity}]}
+        for code, quantity in (
+            *(("limit-violation", each) for each in get_args(LimitedQuantity)),
+            *((code, "force") for code in RAISED),
+        )
+    ]
+    given = [
+        *({"job": example_of(Job, **each).model_dump(mode="json")} for each in jobs),
+        *({"problem": each} for each in problems),
+    ]
+    codes = Path(__file__).with_name("madsci_codes.py")
+    done = subprocess.run(
+        [str(python), str(codes)],
+        cwd=tmp_path,
+        env={**os.environ, "HOME": str(tmp_path)},
+        input=json.dumps(given),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert len(said) == len(given)
+    for job, found in zip(jobs, said[: len(jobs)], strict=True):
+        assert found["json"]["outcome"] == job.get("result", {}).get("outcome", "")
+        ending = job.get("ending")
+        assert ending is None or ending.items() <= found["json"]["ending"].items()
+    for problem, found in zip(problems, said[len(jobs) :], strict=True):
+        assert found["json"]["violations"] == problem["violations"]
+        assert found["json"]["code"] == found["type"] == problem["type"].removeprefix(TYPE)
+
+
+def code_of(action: dict[str, Any], status: str = "failed") -> str:
+    assert action["status"] == status
+    return action["errors"][0][0]
+
+
+def test_the_program_of_the_page_grips(rig: RunningRig, python: Path, tmp_path: Path) -> None:
+    page = block("docs/how-to/madsci.md", "RestNodeClient").text
+    program = page.split("\n", 1)[1].rpartition("PYTHON")[0]
+    with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
+        assert program.count(PAGE_URL) == 1
+        said = ran([str(python), "-c", program.replace(PAGE_URL, url.rstrip("/"))], tmp_path)
+    assert said.count("SUCCEEDED") == 3, said
+    assert rig.view()["part"] == "none"
+
+
+def test_a_killed_node_leaves_the_part_held_and_the_next_finds_its_job(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
+    supervisor = rig.rig.supervisor.url
+    with node(python, tmp_path, supervisor) as (url, process):
+        held = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": FORCE_MN}))
+        process.send_signal(signal.SIGKILL)
+        process.wait(20.0)
+    assert rig.view()["part"] == "held"
+    with node(python, tmp_path, supervisor) as (url, _):
+        state = httpx.get(f"{url}state", trust_env=False).json()
+        assert (state["part"], state["job"]) == ("held", held["json"]["job"])
+        released = driven(python, tmp_path, url, "release", "{}")
+    assert released["json"]["job"] == held["json"]["job"]
+    assert rig.view()["part"] == "none"
+
+
+def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(
+    rig: RunningRig, python: Path, tmp_path: Path
+) -> None:
+    with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):
+        driven(python, tmp_path, url, "grip", json.dumps({"force_mN": FORCE_MN}))
+        rig.fleet.signal("supervisor", signal.SIGKILL)
+
+        def state() -> str:
+            return httpx.get(f"{url}state", trust_env=False).json()["state"]
+
+        until(lambda: state() == "unknown", "it is told as there")
+        # An admin command that raised would put the node out of use.
+        answer = driven(python, tmp_path, url, "admin", "safety_stop")
+        assert answer == {"success": False, "errors": ["no-answer"]}
+        answer = driven(python, tmp_path, url, "admin", "cancel")
+        assert answer == {"success": True, "errors": []}, "no action is under way"
+        restart(rig, "supervisor")
+        until(lambda: state() != "unknown", "it is told as gone")
+        until(lambda: rig.view()["part"] == "held", "the part is not held")
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
+    assert rig.view()["part"] == "none"
+
+
+@pytest.fixture
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with running_rig(
+        at_own_ports(two_arm_rig(SHORT_PAIR)), tmp_path_factory.mktemp("pair")
+    ) as found:
+        yield found
+
+
+def test_both_arms_of_a_rig_grip_and_let_go(pair: RunningRig, python: Path, tmp_path: Path) -> None:
+    with node(python, tmp_path, pair.rig.supervisor.url) as (url, _):
+        refused = driven(python, tmp_path, url, "grip", json.dumps({"force_mN": 500.0}))
+        assert code_of(refused) == "limit-violation"
+        assert "force 500.000 mN above the limit 40 mN" in refused["errors"][0][1]
+        wanted = json.dumps({"force_mN": FORCE_MN})
+        assert driven(python, tmp_path, url, "plan", wanted)["status"] == "succeeded"
+        held = driven(python, tmp_path, url, "grip", wanted)
+        assert abs(held["json"]["force_held_mN"] - FORCE_MN) < NEAR_MN
+
+        def told() -> Any:
+            return httpx.get(f"{url}state", trust_env=False).json()
+
+        until(lambda: told().get("part") == "held", "the node does not tell of the part")
+        state = told()
+        assert state["force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+        assert state["second_force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
+        assert pair.job(held["json"]["job"])["kind"] == "pair_grip"
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
+    assert pair.view()["part"] == "none"
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Generator[SecuredLaboratory]:
+    with secured_laboratory(tmp_path_factory.mktemp("laboratory")) as made:
+        yield made
+
+
+def test_a_node_is_for_one_rig_and_has_the_right_of_its_key(
+    lab: SecuredLaboratory, python: Path, tmp_path: Path
+) -> None:
+    trusting = {"NODE_RIG": "right", "NODE_SUPERVISOR_AUTHORITY": str(lab.authority)}
+    wanted = json.dumps({"force_mN": FORCE_MN})
+    own = {**trusting, "NODE_SUPERVISOR_KEY": lab.keys["observe"]}
+    with node(python, tmp_path, lab.url, **own) as (url, _):
+        assert code_of(driven(python, tmp_path, url, "grip", wanted)) == "scope-too-small"
+    own = {**trusting, "NODE_SUPERVISOR_KEY": lab.keys["operate"]}
+    with node(python, tmp_path, lab.url, **own) as (url, _):
+        assert driven(python, tmp_path, url, "grip", wanted)["status"] == "succeeded"
+        assert lab.holds("right")
+        assert lab.view("left")["active_job"] is None
+        assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"

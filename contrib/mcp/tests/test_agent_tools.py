@@ -1,0 +1,62 @@
+"""An agent's emergency stop needs no key, and is told as made where nothing else can be read."""
+
+import asyncio
+
+import httpx
+import pytest
+from mcp.server.mcpserver.exceptions import ToolError
+
+from pincette.api.rigs import Stopped, StoppedList
+from pincette_mcp.server import Tools
+from tests.unit.client.desk import Desk, example, problem, rig
+
+ESTOP = "POST /api/v1/rigs/demo/estop"
+ESTOP_ALL = "POST /api/v1/estop"
+
+
+def stopped() -> httpx.Response:
+    return httpx.Response(200, json=example(Stopped))
+
+
+def all_stopped() -> httpx.Response:
+    return httpx.Response(200, json=example(StoppedList))
+
+
+@pytest.mark.parametrize("name", ["demo", None])
+def test_a_stop_is_told_as_made_where_reading_wants_a_key(name: str | None) -> None:
+    desk = Desk(stopped() if name else all_stopped(), problem(401, "no-key"))
+    done = asyncio.run(Tools(desk.async_supervisor(), name).emergency_stop())
+    assert desk.paths()[0] == (ESTOP if name else ESTOP_ALL), "nothing is asked before the stop"
+    assert (done.part, done.detail) == ("unknown", "latched: estop")
+
+
+def test_a_stop_is_told_as_made_where_the_supervisor_is_gone_afterwards() -> None:
+    desk = Desk(stopped(), httpx.ConnectError("gone"))
+    done = asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())
+    assert (done.part, done.detail) == ("unknown", "latched: estop")
+    assert desk.slept_s == [], "who has stopped a rig waits for nothing"
+
+
+def test_what_is_held_is_told_with_a_stop() -> None:
+    desk = Desk(stopped(), rig(part="held"))
+    assert asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop()).part == "held"
+
+
+@pytest.mark.parametrize("name", ["demo", None])
+def test_status_names_the_code_of_a_missing_key(name: str | None) -> None:
+    desk = Desk(problem(401, "no-key"))
+    with pytest.raises(ToolError, match=r"^no-key: "):
+        asyncio.run(Tools(desk.async_supervisor(), name).status())
+
+
+@pytest.mark.parametrize("name", ["demo", None])
+def test_status_is_unknown_while_no_supervisor_replies(name: str | None) -> None:
+    desk = Desk(httpx.ConnectError("gone"))
+    status = asyncio.run(Tools(desk.async_supervisor(), name).status())
+    assert (status.state, status.can_start) == ("unknown", False)
+
+
+def test_a_stop_that_nobody_has_confirmed_is_an_error() -> None:
+    desk = Desk(problem(503, "estop-unconfirmed"))
+    with pytest.raises(ToolError, match="estop-unconfirmed"):
+        asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())

@@ -1,0 +1,95 @@
+"""An analog output of NI-DAQmx, as the NI-9263 (±10 V, 16 bit): options, timing, opening.
+
+The url is ``ni:DEVICE/CHANNEL`` for this machine's driver, ``grpc://host:port/DEVICE/CHANNEL`` for
+an NI gRPC Device Server.
+
+An analog output cannot be read back. Where the voltage is also led to an analog input, or the
+device measures it within itself (M series: ``Dev1/_ao0_vs_aognd``), that input is ``read_channel``:
+on a device other than the position's, whose input is taken. Without it the voltage before the first
+write is *assumed* to be ``found_V``, with a warning: 0 V is right after power-on, wrong where a
+program that died left another one, for the module holds its last voltage. No watchdog on the host
+is known of it.
+"""
+
+from pydantic import model_validator
+
+from pincette.config import Output, Table
+from pincette.config.tables import Positive
+from pincette.instruments.options import read_options
+from pincette.instruments.protocols import InstrumentError, Link, Timing, WaveOutput
+from pincette_nidaqmx.channel import EXCHANGE_S, channel_of, needing_the_package
+
+MET = False
+"""Whether this driver has met its instrument."""
+URL = "ni:cDAQ1Mod2/ao0"
+"""Where it usually is."""
+STEP_V = 20.0 / 2**16
+"""Of 16 bits over ±10 V."""
+SETTLING_S = 3e-6
+PARTS_CALLS = 3
+"""Calls for a step that is written in parts: stop, write, start."""
+NOTE = (
+    "an exchange of 1 ms unless stated, settling in 3 µs and waves at the stated rate are assumed"
+)
+
+
+class NidaqmxOutputOptions(Table):
+    """Range of the output, and how its voltage is known before the first write."""
+
+    least_V: float = -10.0
+    """Lowest voltage of the output's range."""
+    most_V: float = 10.0
+    """Highest voltage of the output's range."""
+    read_channel: str = ""
+    """Analog input that measures the output, as in Dev1/_ao0_vs_aognd; read once, at opening."""
+    found_V: float = 0.0
+    """Assumed to be put out before the first write, where there is no ``read_channel``."""
+    rate_hz: Positive = 50_000.0
+    """Highest rate of a wave; assumed."""
+    channel: str = ""
+    """Physical channel, where the url names none."""
+    exchange_s: Positive = EXCHANGE_S
+    """Time of a call; measure it where the period is short."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "NidaqmxOutputOptions":
+        if not self.least_V <= self.found_V <= self.most_V:
+            raise ValueError(
+                f"found_V = {self.found_V} V is not within {self.least_V} V and {self.most_V} V"
+            )
+        return self
+
+
+def timing(settings: Output) -> Timing:
+    """Time of one write, settling, and the highest rate of a wave; raises ConfigError."""
+    options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)
+    calls = PARTS_CALLS if settings.shaping else 1
+    return Timing(calls * options.exchange_s, SETTLING_S, options.rate_hz, NOTE)
+
+
+def open_output(settings: Output, link: Link | None = None) -> WaveOutput:
+    """Open the way to the device, or take ``link``, and make its task; moves nothing.
+
+    Raises
+    ------
+    ConfigError
+        Where an option is unknown or impossible, or no channel is named.
+    InstrumentError
+        Where the package or the driver is not installed, or the device does not answer as it
+        should.
+    """
+    options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)
+    channel = channel_of(settings.url, options.channel)
+    with needing_the_package(settings.url):
+        from pincette_nidaqmx.analog_output import AnalogOutput
+        from pincette_nidaqmx.tasks import open_daq
+    daq = open_daq(settings, channel, link, MET)
+    output = AnalogOutput(
+        daq, least_V=options.least_V, most_V=options.most_V, rate_hz=options.rate_hz
+    )
+    try:
+        output.prepare(options.read_channel, options.found_V)
+    except InstrumentError:
+        daq.close()
+        raise
+    return output

@@ -1,0 +1,54 @@
+"""An analog output of NI-DAQmx that does not confirm its voltage is never stepped.
+
+The cases of the core's drivers are in tests/integration/faults. An analog output cannot be read
+back and does not report that its supply was lost, so two of their four faults remain.
+"""
+
+import pytest
+
+from contrib.support.wired_rig import OUTPUT, WIRED, HandRig
+from pincette_nidaqmx.simulated.daq import SimulatedDaq
+from pincette_nidaqmx.voltage_output import open_output
+from tests.integration.faults.test_unconfirmed_outputs import (
+    OTHERS,
+    SEEDS,
+    SEEDS_IN_FULL,
+    Fate,
+    Wired,
+    check,
+    check_without_a_fault,
+    demo_rig_file,
+)
+
+NAME = "nidaqmx"
+FATES: tuple[Fate, ...] = ("write lost", "answer lost")
+
+
+def wire(wired: Wired) -> None:
+    rig = HandRig()
+    rig.put_out = wired.put
+    settings = demo_rig_file().output.model_copy(
+        update={"driver": NAME, "url": f"ni:{OUTPUT}", "options": {}}
+    )
+    wired.instrument = SimulatedDaq(rig, WIRED, lockstep=True)
+    wired.output = open_output(settings, wired.connect(lambda _link: None))
+
+
+OTHERS[NAME] = wire
+
+
+@pytest.mark.parametrize("fate", FATES)
+def test_an_output_that_confirms_nothing_is_never_stepped(fate: Fate) -> None:
+    for seed in range(SEEDS):
+        check(NAME, fate, seed)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("fate", FATES)
+def test_in_many_cases_an_output_that_confirms_nothing_is_never_stepped(fate: Fate) -> None:
+    for seed in range(SEEDS, SEEDS_IN_FULL):
+        check(NAME, fate, seed)
+
+
+def test_without_a_fault_nothing_is_read_back_and_nothing_trips() -> None:
+    check_without_a_fault(NAME)

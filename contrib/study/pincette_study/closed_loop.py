@@ -1,0 +1,243 @@
+"""Closed loop: a program played by the real services over the simulated instruments' bytes."""
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, fields
+from math import sqrt
+from multiprocessing import get_context
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from pincette.config import RigFile, derived
+from pincette.control.laws.definition import LawSettings
+from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.path_shapes import sinusoid
+from pincette.control.planning.paths import Path
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import paths_of
+from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
+from pincette.core.wording import applied_text
+from pincette.engine.composed import ComposedLoop
+from pincette_study import printed
+
+Series = NDArray[np.float64]
+
+LOWEST_MN = 4.0
+"""Force at the path's trough: the part stays pressed, whatever the loop's errors are."""
+CYCLES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One phase of a run, sample by sample."""
+
+    t_s: Series
+    x_um: Series
+    """Measured."""
+    x_r_um: Series
+    true_x_um: Series
+    force_mN: Series
+    """Estimated."""
+    force_r_mN: Series
+    true_force_mN: Series
+    voltage_V: Series
+    sliding_um: Series
+    band_um: Series
+    perturbation_error_mN: Series
+    residual_um: Series
+    stiffness_mN_per_um: float
+    """K_e of the contact line that the references lie on."""
+
+    @property
+    def true_stiffness(self) -> float:
+        """K_e as force and position truly were."""
+        return float(np.polyfit(self.true_x_um, self.true_force_mN, 1)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Of a tracked path: r.m.s., per cent of peak to peak, and largest."""
+
+    position_um: float
+    position_percent: float
+    force_mN: float
+    force_percent: float
+    largest_um: float
+    largest_mN: float
+    true_position_percent: float
+    estimated_force_percent: float
+
+
+class StudyError(RuntimeError):
+    """A run that did not come to its end; the text says how it ended."""
+
+
+def tracking_plan(
+    rig: RigFile,
+    *,
+    frequency_hz: float = printed.FREQUENCY_HZ,
+    x_pp_um: float = printed.X_PP_UM,
+    stiffness_mN_per_um: float | None = None,
+    cycles: int | None = None,
+) -> ContactPlan:
+    """Plan the paper's sinusoid on the contact line of the rig file's part, or on another.
+
+    ``cycles`` at full amplitude; None: as many as take the time of six of the paper's.
+    """
+    K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
+    force_pp_mN = K_e * x_pp_um
+    part, grip = rig.part, rig.grip
+    if cycles is None:
+        cycles = max(CYCLES, round(CYCLES * frequency_hz / printed.FREQUENCY_HZ))
+    return plan_track(
+        TrackRequest(
+            load_s=grip.load_s,
+            approach_um_per_s=grip.approach_um_per_s,
+            seek_um_per_s=grip.seek_um_per_s,
+            contact_force_mN=grip.contact_force_mN,
+            zero_s=grip.zero_s,
+            contact_um=part.contact_um,
+            contact_tolerance_um=part.contact_tolerance_um,
+            stiffness_mN_per_um=K_e,
+            stiffness_tolerance=part.stiffness_tolerance,
+            path=sinusoid(
+                "force", LOWEST_MN + 0.5 * force_pp_mN, force_pp_mN, frequency_hz, cycles
+            ),
+            rate_um_per_s=1e3,
+            acceleration_um_per_s2=1e6,
+            pointer="",
+        ),
+        derived.planned_rig(rig),
+    )
+
+
+def play(rig: RigFile, program: Program) -> list[Message]:
+    """Play a program on a rig that starts unpoled; every message in order."""
+    return ComposedLoop(rig).play(program)
+
+
+def outcome(messages: Sequence[Message]) -> str:
+    """The controller's last word."""
+    outcomes = [m.outcome for m in messages if isinstance(m, Telemetry) and m.outcome]
+    return outcomes[-1] if outcomes else ""
+
+
+def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
+    """Columns of one phase; raises StudyError where the run never had it."""
+    views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
+    if not views:
+        tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
+        raise StudyError(f"no {phase}: ended {outcome(messages) or tripped[-1:]}")
+    estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
+    # The rig counts on over programs, the loop begins anew with each.
+    told = [m for m in messages if isinstance(m, GroundTruth)]
+    truths = {m.seq - told[0].seq: m for m in told}
+    rows = [
+        (
+            view.x_r_um,
+            view.force_r_mN,
+            view.sliding_um,
+            view.band_um,
+            view.perturbation_error_mN,
+            view.residual_um,
+            estimates[view.seq].x_um,
+            estimates[view.seq].force_mN,
+            estimates[view.seq].applied_V,
+            truths[view.seq].x_um,
+            truths[view.seq].force_mN,
+        )
+        for view in views
+    ]
+    columns = np.array(rows).T
+    return Record(
+        t_s=period_s * np.arange(len(views), dtype=np.float64),
+        x_r_um=columns[0],
+        force_r_mN=columns[1],
+        sliding_um=columns[2],
+        band_um=columns[3],
+        perturbation_error_mN=columns[4],
+        residual_um=columns[5],
+        x_um=columns[6],
+        force_mN=columns[7],
+        voltage_V=columns[8],
+        true_x_um=columns[9],
+        true_force_mN=columns[10],
+        stiffness_mN_per_um=views[-1].contact_stiffness_mN_per_um or 0.0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A law on a path."""
+
+    rig: RigFile
+    settings: LawSettings
+    plan: ContactPlan
+    identified: bool = True
+    """Whether the references lie on the contact line identified over the load, or the plan's."""
+
+
+def track(
+    rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
+) -> tuple[Record, Errors]:
+    """Track a path with one law; the errors are those of its full cycles."""
+    return track_all([Trial(rig, settings, plan, identified)])[0]
+
+
+def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
+    """Track each, on so many processes; raises StudyError where one does not come to its path."""
+    if workers == 1 or len(trials) < 2:
+        return [_track(trial) for trial in trials]
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        return list(pool.map(_track, trials))
+
+
+def _track(trial: Trial) -> tuple[Record, Errors]:
+    line = "identified" if trial.identified else "planned"
+    program = replace(trial.plan.program, laws=(trial.settings.spec(),), contact_line=line)
+    path = next(path for segment in program.segments for path in paths_of(segment))
+    found = tracked(play(trial.rig, program), path, trial.rig.rig.period_s)
+    return found, errors(found)
+
+
+def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int = 0) -> Record:
+    """Take the part of a path at full amplitude out of a run, from a cycle on; raises StudyError.
+
+    The references of a sample are those of the tick before it.
+    """
+    seen = record(messages, "track", period_s)
+    begin_s = path.full_from_s + cycle * path.cycle_s
+    full = slice(round(begin_s / period_s), round(path.full_to_s / period_s))
+    series = {
+        each.name: getattr(seen, each.name)[full]
+        for each in fields(seen)
+        if each.name != "stiffness_mN_per_um"
+    }
+    series["t_s"] -= series["t_s"][0]
+    return Record(**series, stiffness_mN_per_um=seen.stiffness_mN_per_um)
+
+
+def errors(found: Record) -> Errors:
+    """Position as it was measured, force as it truly was, against the references."""
+    x_pp = float(np.ptp(found.x_r_um))
+    force_pp = float(np.ptp(found.force_r_mN))
+    x_error = found.x_um - found.x_r_um
+    force_error = found.true_force_mN - found.force_r_mN
+    return Errors(
+        position_um=rms(x_error),
+        position_percent=100.0 * rms(x_error) / x_pp,
+        force_mN=rms(force_error),
+        force_percent=100.0 * rms(force_error) / force_pp,
+        largest_um=float(np.max(np.abs(x_error))),
+        largest_mN=float(np.max(np.abs(force_error))),
+        true_position_percent=100.0 * rms(found.true_x_um - found.x_r_um) / x_pp,
+        estimated_force_percent=100.0 * rms(found.force_mN - found.force_r_mN) / force_pp,
+    )
+
+
+def rms(values: Series) -> float:
+    """Root mean square."""
+    return sqrt(float(np.mean(values**2)))

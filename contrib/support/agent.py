@@ -1,0 +1,45 @@
+"""The stock client of the Model Context Protocol, over stdio, and what a rig's tools answer."""
+
+import asyncio
+import os
+import sys
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from mcp import Client, StdioServerParameters
+
+from tests.support.adapters import FORCE_MN, WAIT_S
+
+
+@asynccontextmanager
+async def agent(url: str, *options: str, key: str = "") -> AsyncGenerator[Client]:
+    """The stock client, with a server of ours for the supervisor at ``url``."""
+    words = ["-m", "pincette_mcp", "--url", url, *options]
+    server = StdioServerParameters(
+        command=sys.executable, args=words, env={**os.environ, "PINCETTE_KEY": key}
+    )
+    async with asyncio.timeout(WAIT_S), Client(server) as client:
+        yield client
+
+
+async def said(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:
+    """What a tool answers."""
+    answer = await client.call_tool(tool, arguments)
+    assert not answer.is_error, answer.content
+    assert answer.structured_content is not None
+    return answer.structured_content
+
+
+async def refused(client: Client, tool: str, **arguments: Any) -> str:
+    """The words of a tool that refuses."""
+    answer = await client.call_tool(tool, arguments)
+    assert answer.is_error, answer.structured_content
+    return getattr(answer.content[0], "text", "")
+
+
+async def planned(client: Client, **arguments: Any) -> str:
+    """The token of a plan that can be run."""
+    plan = await said(client, "plan_grip", force_mN=FORCE_MN, **arguments)
+    assert (plan["feasible"], plan["violations"]) == (True, [])
+    return plan["token"]

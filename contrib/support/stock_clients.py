@@ -1,0 +1,38 @@
+"""Stock clients of adapters as programs of the documents, run on the host."""
+
+import re
+import subprocess
+import sys
+
+from tests.support.checkout import ROOT, environment
+from tests.support.documents import Block, typed_blocks
+
+HELD = r"held with 1[45]\.\d\d mN"
+
+
+def block(page: str, first: str) -> Block:
+    """The program of a page that has some words."""
+    (found,) = (one for one in typed_blocks(page) if first in one.text)
+    return found
+
+
+def on_the_host(block: Block) -> str:
+    """What a program of a page says, run on the host with the stock client."""
+    done = subprocess.run(
+        [sys.executable, "-c", block.text],
+        cwd=ROOT,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=90.0,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def grip_by_sila() -> None:
+    """The stock client of SiLA grips and releases; raises AssertionError."""
+    said = on_the_host(block("docs/how-to/sila.md", "from sila2.client import"))
+    assert re.search(HELD, said), said
+    assert said.endswith("released\n")

@@ -1,0 +1,5 @@
+"""Tests in containers that drive adapters by their stock clients: `make engine` runs them."""
+
+from tests.engine.conftest import an_engine, pytest_collection_modifyitems, stalls
+
+__all__ = ["an_engine", "pytest_collection_modifyitems", "stalls"]

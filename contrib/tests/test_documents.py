@@ -1,0 +1,21 @@
+"""What the pages about packages of contrib show is typed, as a reader would."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from contrib.support.document_register import SITTINGS
+from tests.support.documents import Sitting
+from tests.support.typed_pages import cases, reader_checkout, type_page
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]:
+    with reader_checkout(tmp_path, monkeypatch) as place:
+        yield place
+
+
+@pytest.mark.parametrize(("page", "sitting"), cases(SITTINGS))
+def test_what_a_page_shows_is_typed(page: str, sitting: Sitting, checkout: Path) -> None:
+    type_page(page, sitting, checkout)

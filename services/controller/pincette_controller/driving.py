@@ -1,0 +1,109 @@
+"""From the references of a player to voltages: by the law of its segment, or without one."""
+
+from typing import Any
+
+from msgspec.structs import replace
+
+from pincette.control.planning.segments import Press, Seek
+from pincette.control.response.identified_response import IdentifiedResponse
+from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
+from pincette.core.messages import Estimate
+from pincette_controller.arm_memory import ArmMemory
+from pincette_controller.control_laws import ArmView, ControlLaw, Handover, Setpoint, Wanted
+from pincette_controller.player_state import Player
+
+RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
+"""Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
+
+
+def arm_view(estimate: Estimate, memory: ArmMemory) -> ArmView:
+    """Return one arm as a law sees it."""
+    bits, limited, response = estimate.limits_active, 0, memory.response
+    if bits:
+        limited = 1 if bits & RAISING else -1 if bits & LOWERING else 0
+    known = response.memory if isinstance(response, IdentifiedResponse) else None
+    return ArmView(estimate.x_um, estimate.force_mN, estimate.applied_V, limited, response, known)
+
+
+def at_measured(player: Player, x_um: float, force_mN: float, opening_um: float = 0.0) -> Player:
+    """Return the player with references where the arms are, as a segment without a law has them.
+
+    ``force_mN`` counts only where a part is held.
+    """
+    ref = player.ref._replace(
+        x_um=x_um,
+        speed_um_per_s=0.0,
+        force_mN=force_mN if player.held else 0.0,
+        opening_um=opening_um,
+    )
+    return replace(player, ref=ref)
+
+
+def drive(
+    laws: tuple[ControlLaw, ...],
+    state: Any,
+    before: Player,
+    player: Player,
+    arms: tuple[ArmView, ...],
+    correction_um: float = 0.0,
+) -> tuple[Any, Wanted]:
+    """Return the next state of the law and the voltages of the coming sample.
+
+    Parameters
+    ----------
+    state
+        State of the law of ``before``; None where none has driven the arms yet.
+    before
+        Player that has set the references of the newest sample.
+    player
+        Player that has set those of the coming sample.
+    correction_um
+        Learned correction of x_r.
+    """
+    law, law_before = laws[player.segment.law], laws[before.segment.law]
+    if state is None:
+        state = law_before.start(arms)
+    handover = _handover(before, player, law_before)
+    if handover is not None:
+        state = law.rebase(state, arms, handover)
+    after, wanted = law.step(state, arms, _setpoint(player, correction_um))
+    if player.segment.open_loop:
+        wanted = replace(wanted, voltages_V=player.ref.voltages_V)
+    return after, wanted
+
+
+def _handover(before: Player, player: Player, law_before: ControlLaw) -> Handover | None:
+    """Return how the law must be rebased before this step; None: it goes on as it is."""
+    segment = player.segment
+    restarts = player.bump or segment.open_loop
+    if restarts or player.segment.presses != before.segment.presses:
+        ref = player.ref
+        if player.bump and isinstance(segment, Press) and segment.follows:
+            # References that begin in motion: those of the newest sample, where it was touched.
+            ref = player.entry.ref
+        return Handover(ref, player.segment.presses, restarts, law_before)
+    if segment.law != before.segment.law:
+        # Only the law changes: the references go on, the newest sample belongs to those before.
+        return Handover(before.ref, player.segment.presses, restarts, law_before)
+    return None
+
+
+def _setpoint(player: Player, correction_um: float) -> Setpoint:
+    """Return what the law is to reach; in a pause, at the end and in open loop nothing moves."""
+    ref, segment, pressed = player.ref, player.segment, player.segment.presses
+    rests = player.pause.active or player.ended
+    if rests or segment.open_loop:
+        ref = ref._replace(
+            speed_um_per_s=0.0,
+            acceleration_um_per_s2=0.0,
+            force_rate_mN_per_s=0.0,
+            opening_speed_um_per_s=0.0,
+        )
+    return Setpoint(
+        ref,
+        pressed,
+        segment.open_loop,
+        seeks=isinstance(segment, Seek) and not rests,
+        line=player.entry.line if pressed else None,
+        correction_um=correction_um,
+    )

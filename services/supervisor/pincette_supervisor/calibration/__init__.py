@@ -1,1 +1,0 @@
-"""From the samples of a calibration to what they say."""

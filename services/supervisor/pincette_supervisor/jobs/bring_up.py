@@ -1,0 +1,412 @@
+"""The calibrations in the order to make them, and how far a rig has come."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from functools import cache
+from typing import Any, Literal, cast
+
+from pincette.api.calibrations import CalibrationResult, Proposal, ProposalState, ProposedValue
+from pincette.api.checklist import (
+    BenchNeed,
+    Checklist,
+    ChecklistStep,
+    NeedCode,
+    StepReason,
+    StepState,
+)
+from pincette.api.job_kinds import Variant
+from pincette.api.models import ModelQuantity, ModelVersion, ModelView
+from pincette.config import ConfigError, RigFile
+from pincette_supervisor import problems
+from pincette_supervisor.journal.job_filter import JobFilter
+from pincette_supervisor.journal.store import JobRow, Store, utc_now
+from pincette_supervisor.kinds.calibrate import KIND
+from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, functions_of
+from pincette_supervisor.model.rig_model import RigModel, basis, changes, doubtful, overdue, words
+from pincette_supervisor.plugin import (
+    ASSUMED,
+    UNITS,
+    ModelInUse,
+    Present,
+    UnsupportedError,
+    value_of,
+)
+from pincette_supervisor.plugin.quantities import values_of
+from pincette_supervisor.problems import ProblemError, not_found
+
+# Proposals of calibrations: what they say, and what becomes of them.
+
+BASE = "/api/v1"
+LONGEST = 500
+"""Proposals that are looked at to see which one supersedes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Outcome of a proposal, and the value that was in use before."""
+
+    state: ProposalState
+    at: str
+    version: int | None = None
+    in_use: dict[str, Any] = field(default_factory=dict[str, Any])
+    sources: dict[str, str] = field(default_factory=dict[str, str])
+
+
+class Calibrations:
+    """The proposals of one rig."""
+
+    def __init__(self, store: Store, model: RigModel) -> None:
+        self._store, self._model = store, model
+        self._rig = model.file.rig.name
+
+    def newest(self, limit: int, before: int | None = None) -> list[tuple[int, Proposal]]:
+        """Return proposals with the numbers of their jobs, the newest first."""
+        return [(row.number or 0, self._view(row)) for row in self._rows(limit, before)]
+
+    def one(self, name: str) -> Proposal:
+        """One proposal; raises ProblemError where there is none of this name."""
+        return self._view(self._row(name))
+
+    def _rows(self, limit: int, before: int | None = None) -> list[JobRow]:
+        wanted = JobFilter(kind=KIND.name, state="succeeded", rig=self._rig, before_number=before)
+        return self._store.newest(limit, wanted)
+
+    def _row(self, name: str) -> JobRow:
+        row = self._store.get(name)
+        if row is None or (row.kind, row.state, row.rig) != (KIND.name, "succeeded", self._rig):
+            raise problems.not_found("proposal of a calibration", name)
+        return row
+
+    def _decision(self, name: str) -> Decision | None:
+        noted = self._store.get_note(_note(name))
+        return None if noted is None else Decision(**json.loads(noted))
+
+    def _decide(self, name: str, decision: Decision) -> None:
+        self._store.set_note(_note(name), json.dumps(asdict(decision)))
+
+    def act(self, name: str, action: Literal["accept", "discard"]) -> Proposal:
+        """Accept or discard a proposal.
+
+        Raises
+        ------
+        ProblemError
+            Where there is none, it is decided about, or its values make an impossible rig.
+        """
+        row = self._row(name)
+        decided = self._decision(name)
+        if decided is not None:
+            raise ProblemError(
+                409,
+                "invalid-transition",
+                "The proposal is decided about",
+                f"calibration {name} is {decided.state} since {decided.at}",
+                state=decided.state,
+                allowed_actions=[],
+            )
+        before = self._model.in_use
+        in_use, sources = values_of(before.rig), dict(before.calibration.sources)
+        version: int | None = None
+        if action == "accept":
+            version = self._accept(row)
+        proposed = [value.quantity for value in _result(row).values]
+        decision = Decision(
+            "accepted" if action == "accept" else "discarded",
+            utc_now(),
+            version,
+            {quantity: in_use[quantity] for quantity in proposed},
+            {quantity: sources.get(quantity, ASSUMED) for quantity in proposed},
+        )
+        self._decide(name, decision)
+        if action == "accept":
+            self._supersede(row)
+        return self._view(row)
+
+    def _accept(self, row: JobRow) -> int:
+        found = _result(row).values
+        try:
+            used = self._model.add(
+                {value.quantity: value.value for value in found},
+                {value.quantity: value.uncertainty for value in found},
+                row.id,
+                row.ended_at or row.created_at,
+            )
+        except ConfigError as error:
+            raise ProblemError(
+                422, "impossible-model", "The values make an impossible rig", str(error)
+            ) from error
+        except OSError as error:
+            raise ProblemError(
+                503, "model-not-kept", "The model cannot be written", str(error)
+            ) from error
+        return used.version
+
+    def _supersede(self, accepted: JobRow) -> None:
+        """What was accepted before of the same kind, or waits since before, is superseded."""
+        kind = _result(accepted).calibration
+        for row in self._rows(LONGEST):
+            if row.id == accepted.id or _result(row).calibration != kind:
+                continue
+            decision = self._decision(row.id)
+            if decision is None and row.created_at <= accepted.created_at:
+                self._decide(row.id, Decision("superseded", utc_now()))
+            elif decision is not None and decision.state == "accepted":
+                self._decide(row.id, replace(decision, state="superseded"))
+
+    def _view(self, row: JobRow) -> Proposal:
+        result, decision, model = _result(row), self._decision(row.id), self._model.in_use
+        in_use: dict[str, Any] = values_of(model.rig)
+        sources = dict(model.calibration.sources)
+        if decision is not None:
+            in_use, sources = {**in_use, **decision.in_use}, {**sources, **decision.sources}
+        return Proposal(
+            id=row.id,
+            calibration=result.calibration,
+            rig=row.rig,
+            state="proposed" if decision is None else decision.state,
+            made_at=row.ended_at or row.created_at,
+            decided_at=None if decision is None else decision.at,
+            model_version=None if decision is None else decision.version,
+            values=[_beside(value.model_dump(), in_use, sources) for value in result.values],
+            figures=result.figures,
+            residuals=result.residuals,
+            statement=result.statement,
+            warnings=result.warnings,
+            assumptions=result.assumptions,
+            made_with=cast("dict[str, Any]", row.plan.get("values", {}).get("model", {})),
+            job=f"{BASE}/jobs/{row.id}",
+            plot=f"{BASE}/jobs/{row.id}/artifacts/{KIND.plot}",
+            allowed_actions=["accept", "discard"] if decision is None else [],
+        )
+
+
+def _note(name: str) -> str:
+    return f"calibration {name}"
+
+
+def _result(row: JobRow) -> CalibrationResult:
+    return CalibrationResult.model_validate(row.result)
+
+
+def _beside(
+    value: dict[str, Any], in_use: dict[str, Any], sources: dict[str, str]
+) -> ProposedValue:
+    """A proposed value with the one in use, and the difference where both are numbers."""
+    quantity, found = value["quantity"], value["value"]
+    present = in_use[quantity]
+    numbers = isinstance(found, int | float) and isinstance(present, int | float)
+    difference = found - present if numbers else None
+    return ProposedValue(
+        **value,
+        in_use=present,
+        source_in_use=sources.get(quantity, ASSUMED),
+        difference=difference,
+        difference_percent=None if difference is None else _percent(difference, present),
+    )
+
+
+def _percent(difference: float, of: float) -> float | None:
+    return 100.0 * difference / of if of else None
+
+
+LOOKED_AT = 500
+"""Proposals among which the newest of each calibration is found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A calibration with its functions, and what those before it find."""
+
+    variant: Variant
+    functions: CalibrationFunctions
+    found_before: frozenset[str]
+
+
+@cache
+def ordered() -> tuple[Step, ...]:
+    """Every calibration after those that find what it assumes; else by its place."""
+    found = {name: functions_of(name) for name in KIND.variants}
+    waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
+    steps: list[Step] = []
+    while waiting:
+        name = _first(waiting)
+        before = frozenset(quantity for step in steps for quantity in step.functions.finds)
+        steps.append(Step(KIND.variants[name], waiting.pop(name), before))
+    return tuple(steps)
+
+
+def _first(waiting: dict[str, CalibrationFunctions]) -> str:
+    """The first that assumes nothing which another finds; where each does, the first."""
+    for name, functions in waiting.items():
+        others = (other for other in waiting.values() if other is not functions)
+        if not any(set(functions.assumes) & set(other.finds) for other in others):
+            return name
+    return next(iter(waiting))
+
+
+def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
+    """The checklist of a rig, by the model in use and the proposals."""
+    proposals = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
+    steps: list[ChecklistStep] = []
+    next_step: str | None = None
+    for step in ordered():
+        made = _step(step, model, [p for p in proposals if p.calibration == step.variant.name])
+        if made.state == "later" and next_step is None:
+            next_step = made.calibration
+            made = made.model_copy(update={"state": "next"})
+        steps.append(made)
+    return Checklist(rig=model.file.rig.name, next=next_step, steps=steps)
+
+
+def _step(step: Step, model: RigModel, proposals: Sequence[Proposal]) -> ChecklistStep:
+    """One step; one that is still to be made is ``later``."""
+    used, variant = model.in_use, step.variant
+    accepted = next((p for p in proposals if p.id in used.calibration.sources.values()), None)
+    newest = next((p for p in proposals if p.state == "proposed"), None)
+    reasons = list(_reasons(step, model, accepted, newest))
+    state: StepState = "done"
+    if reasons:
+        state = "later" if step.functions.needed(used.rig) else "optional"
+    request: dict[str, Any] = {
+        "kind": KIND.name,
+        KIND.variant_field: variant.name,
+        "rig": used.rig.rig.name,
+        "autostart": True,
+    }
+    if state != "done" and (fault := _fault(step, request, used)):
+        reasons.append(fault)
+        state = "unsupported" if fault.code == "unsupported" else state
+    in_use = used.calibration.sources
+    return ChecklistStep(
+        calibration=variant.name,
+        label=variant.label,
+        summary=variant.summary,
+        state=state,
+        request=request,
+        needs=[_need(code, used.rig) for code in step.functions.needs],
+        reasons=reasons,
+        proposal=None if newest is None else newest.id,
+        accepted=None if accepted is None else accepted.id,
+        accepted_at=None if accepted is None else accepted.decided_at,
+        gained=[]
+        if accepted is None
+        else [v for v in accepted.values if in_use.get(v.quantity) == accepted.id],
+        statement="" if accepted is None else accepted.statement,
+    )
+
+
+def _reasons(
+    step: Step, model: RigModel, accepted: Proposal | None, newest: Proposal | None
+) -> Iterator[StepReason]:
+    """Why a calibration is to be made or decided about; nothing where it is done."""
+    if newest is not None:
+        yield StepReason(
+            code="proposed", text=f"{newest.id} proposes values: accept or discard them"
+        )
+    if accepted is None:
+        yield StepReason(code="not_calibrated", text="not calibrated yet")
+        return
+    for due in model.due(accepted.id, datetime.now(UTC)):
+        yield StepReason(code=due.code, text=due.text)
+    aside = [one.key for one in model.set_aside if one.key in step.functions.finds]
+    if aside:
+        text = f"the rig file has another {', '.join(aside)} since"
+        yield StepReason(code="rig_file_changed", text=text)
+    changed = [
+        item.quantity
+        for item in accepted.assumptions
+        if item.quantity in step.found_before and value_of(model.rig, item.quantity) != item.value
+    ]
+    if changed:
+        yield StepReason(code="assumption_changed", text=f"made with another {', '.join(changed)}")
+
+
+def _fault(step: Step, request: dict[str, Any], used: ModelInUse) -> StepReason | None:
+    """Why the calibration would be refused as things are; None where it would not."""
+    try:
+        step.functions.program(step.variant.request.model_validate(request), used, Present())
+    except UnsupportedError as error:
+        return StepReason(code="unsupported", text=str(error))
+    except ValueError as error:
+        return StepReason(code="refused", text=str(error))
+    return None
+
+
+def _need(code: NeedCode, rig: RigFile) -> BenchNeed:
+    part = rig.part
+    texts: dict[NeedCode, str] = {
+        "part_removed": "take the part away; nothing may touch the arm",
+        "part_in_place": f"put the part in place; the arm is expected to touch it at "
+        f"{part.contact_um:g} µm ± {part.contact_tolerance_um:g} µm",
+        "weights": "have weights at hand; the job asks for each, to be hung on the tip",
+    }
+    return BenchNeed(code=code, text=texts[code], when="during" if code == "weights" else "before")
+
+
+# The model in use, put together for REST.
+
+
+def model_view(model: RigModel) -> ModelView:
+    """What is in use, quantity by quantity, and the versions there are."""
+    used, now = model.in_use, datetime.now(UTC)
+    return ModelView(
+        rig=model.file.rig.name,
+        version=used.version,
+        digest=used.digest,
+        rig_file_digest=model.digest,
+        trouble=model.trouble,
+        changed=model.changed,
+        set_aside=model.set_aside,
+        quantities=[
+            _quantity(used, quantity, value, now) for quantity, value in values_of(used.rig).items()
+        ],
+        versions=[_version(model, number) for number in model.files.numbers()],
+    )
+
+
+def _quantity(used: ModelInUse, quantity: str, value: Any, now: datetime) -> ModelQuantity:
+    accepted = used.acceptances.get(quantity)
+    return ModelQuantity(
+        quantity=quantity,
+        value=value,
+        unit=UNITS[quantity],
+        source=used.calibration.sources.get(quantity, ASSUMED),
+        uncertainty=used.uncertainties.get(quantity),
+        accepted_at=None if accepted is None else accepted.accepted_at,
+        due_at=None if accepted is None else accepted.due_at,
+        overdue=accepted is not None and overdue(accepted, now),
+        serial_numbers={} if accepted is None else accepted.serial_numbers,
+    )
+
+
+def _version(model: RigModel, number: int) -> ModelVersion:
+    try:
+        stored = model.files.read(number)
+    except ConfigError as error:
+        return ModelVersion(
+            version=number, digest="", made_at="", quantities=[], previous="", trouble=str(error)
+        )
+    other = doubtful(changes(stored.basis, basis(model.file)))
+    return ModelVersion(
+        version=number,
+        digest=stored.digest,
+        made_at=stored.made_at,
+        quantities=sorted(stored.values),
+        previous=stored.previous,
+        trouble=words(other, number) if other else "",
+    )
+
+
+def use_model(model: RigModel, version: int) -> ModelView:
+    """Go over to a version; raises ProblemError where it cannot be used."""
+    there = model.files.numbers()
+    if version and version not in there:
+        raise not_found("version of the model", str(version), [str(one) for one in (0, *there)])
+    try:
+        model.use(version)
+    except ConfigError as error:
+        raise ProblemError(
+            422, "impossible-model", "The model cannot be used", str(error)
+        ) from error
+    return model_view(model)

@@ -1,0 +1,172 @@
+"""Result and plot of a job of both arms: place, force, and how far both forces differ; pure."""
+
+from math import hypot
+from typing import Any
+
+import numpy as np
+
+from pincette.api.pairs import PairErrors, PairResult
+from pincette.control.planning.paths import Path
+from pincette.control.planning.segments import Track
+from pincette.records.columns import Columns
+from pincette_supervisor.plugin import Evaluation, Run, drawing, figures
+from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, SECOND, TRUE, Picture, Sheet
+from pincette_supervisor.plugin.figures import (
+    Mask,
+    Series,
+    course,
+    series,
+    stroke_of,
+    table_of_arm,
+    within,
+    zero_unconfirmed,
+)
+
+
+def evaluate(run: Run) -> Evaluation:
+    """Work out the figures of a job of both arms."""
+    table = run.table
+    chosen = evaluated(run)
+    zeroed = ~np.isnan(series(table, "zero_age_s")) & ~np.isnan(series(table, "second_zero_age_s"))
+    known = chosen & zeroed
+    force_r, place_r = series(table, "force_r_mN"), series(table, "place_r_um")
+    first, second = series(table, "force_mN"), series(table, "second_force_mN")
+    true_force = 0.5 * (series(table, "true_force_mN") + series(table, "true_second_force_mN"))
+    true_place = 0.5 * (series(table, "true_x_um") - series(table, "true_second_x_um"))
+    place, force = series(table, "place_um"), 0.5 * (first + second)
+    # What rests has no height.
+    place_pp, force_pp = (
+        figures.peak_to_peak(each, chosen) if path is not None else None
+        for each, path in zip((place_r, force_r), _paths(run), strict=True)
+    )
+    spreads = [
+        figures.mean(series(table, name), known)
+        for name in ("force_uncertainty_mN", "second_force_uncertainty_mN")
+    ]
+    apart_mN = None if None in spreads else hypot(spreads[0] or 0.0, spreads[1] or 0.0)
+    difference_mN = figures.mean(first - second, known)
+    agree = None
+    if difference_mN is not None and apart_mN is not None:
+        agree = abs(difference_mN) <= apart_mN
+    peaks = [figures.largest(each, zeroed) for each in (first, second)]
+    held = [item for item in table["held"] if item is not None]
+    strokes = [stroke_of(table_of_arm(table, number)) for number in (1, 2)]
+    result = PairResult(
+        **course(table, period_s=run.period_s, dropped=run.dropped),
+        met_place_um=figures.last(table["contact_x_um"]),
+        held_place_um=figures.mean(place, chosen),
+        force_held_mN=figures.mean(force, known),
+        force_uncertainty_mN=None if apart_mN is None else 0.5 * apart_mN,
+        place_um=_errors(place - place_r, chosen, place_pp),
+        force_mN=_errors(force - force_r, known, force_pp),
+        true_place_um=_errors(true_place - place_r, chosen, place_pp),
+        true_force_mN=_errors(true_force - force_r, known, force_pp),
+        difference_mN=difference_mN,
+        difference_uncertainty_mN=apart_mN,
+        forces_agree=agree,
+        peak_force_mN=max((peak for peak in peaks if peak is not None), default=None),
+        held_at_end=bool(held[-1]) if held else False,
+        stroke_change_percent=strokes[0].change_percent,
+        stroke_limit_percent=strokes[0].limit_percent,
+        second_stroke_change_percent=strokes[1].change_percent,
+        second_stroke_limit_percent=strokes[1].limit_percent,
+        model_mismatch=any(stroke.mismatch for stroke in strokes),
+        zero_unconfirmed=any(zero_unconfirmed(table_of_arm(table, number)) for number in (1, 2)),
+    )
+    return Evaluation(result)
+
+
+def evaluated(run: Run) -> Mask:
+    """Samples that the errors are of: the path at full amplitude, else the hold or the rest."""
+    table, period_s = run.table, run.period_s
+    known: list[Path] = [path for path in _paths(run) if path is not None]
+    if not known:
+        hold = within(table, ["hold"]) if "hold" in table["phase"] else within(table, ["rest"])
+        return figures.settled(hold, period_s)
+    from_s = max(path.full_from_s for path in known)
+    to_s = min(path.full_to_s for path in known)
+    # The references of a sample are those of the tick before it.
+    t_s = (series(table, "segment_tick") - 1.0) * period_s
+    slack_s = 1e-6 * period_s
+    full = (t_s >= 0.0) & (t_s > from_s - slack_s) & (t_s < to_s - slack_s)
+    return within(table, ["track"]) & full
+
+
+def _paths(run: Run) -> tuple[Path | None, Path | None]:
+    """Of place and of force; None where there is none."""
+    tracks = (one for one in run.planned.program.segments if isinstance(one, Track))
+    track = next(tracks, None)
+    return (None, None) if track is None else (track.place, track.force)
+
+
+def _errors(error: Series, mask: Mask, pp: float | None) -> PairErrors | None:
+    rmse, most = figures.rms(error, mask), figures.largest(np.abs(error), mask)
+    if rmse is None or most is None:
+        return None
+    return PairErrors(rmse=rmse, rmse_percent=100.0 * rmse / pp if pp else None, maximum=most)
+
+
+def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
+    """Draw place, both forces and both voltages over one time."""
+    table, result = run.table, evaluation.result
+    assert isinstance(result, PairResult)
+    sheet = Sheet()
+    place, force, voltage = axes = drawing.grid(sheet, 3)
+    t_s = series(table, "t_s")
+    labels = "place $q$ (µm)", "force $F$ (mN)", "voltage (V)"
+    for axis, label in zip(axes, labels, strict=True):
+        drawing.prepare(axis, label, "time (s)" if axis is voltage else "")
+        drawing.shade(axis, result)
+    _place(place, t_s, table)
+    _forces(force, t_s, table)
+    drawing.line(voltage, t_s, series(table, "voltage_V"), MEASURED, "$u_1$")
+    drawing.line(voltage, t_s, series(table, "second_voltage_V"), SECOND, "$u_2$", dashed=True)
+    drawing.legend(voltage, columns=2)
+    end_s = drawing.end_of(table, run.period_s)
+    drawing.name_phases(place, result, 0.0, end_s)
+    for axis in axes:
+        drawing.make_room(axis)
+        axis.set_xlim(0.0, end_s)
+    sheet.head(drawing.LEFT, _title(result), _subtitle(result), name)
+    return sheet.picture()
+
+
+def _place(axis: Any, t_s: Series, table: Columns) -> None:
+    drawing.line(axis, t_s, series(table, "place_um"), MEASURED, "$q$ measured")
+    drawing.line(axis, t_s, series(table, "place_r_um"), REFERENCE, "$q_r$ reference", dashed=True)
+    drawing.legend(axis, columns=2)
+
+
+def _forces(axis: Any, t_s: Series, table: Columns) -> None:
+    for name, color, label in (
+        ("force_mN", MEASURED, "$F_1$ estimated"),
+        ("second_force_mN", SECOND, "$F_2$ estimated"),
+    ):
+        zeroed = ~np.isnan(series(table, name.replace("force_mN", "zero_age_s")))
+        drawing.line(axis, t_s, np.where(zeroed, series(table, name), np.nan), color, label)
+    drawing.line(axis, t_s, series(table, "force_r_mN"), REFERENCE, "$F_r$ reference", dashed=True)
+    if drawing.knows_truth(table):
+        true = 0.5 * (series(table, "true_force_mN") + series(table, "true_second_force_mN"))
+        drawing.line(axis, t_s, true, TRUE, "$F$ true (simulation)", dotted=True)
+    drawing.legend(axis, columns=2)
+
+
+def _title(result: PairResult) -> str:
+    outcome = result.outcome.replace("_", " ")
+    if result.force_held_mN is None or result.held_place_um is None:
+        return f"{outcome}: no part was held"
+    return f"{outcome}: {result.force_held_mN:.2f} mN at {result.held_place_um:.2f} µm"
+
+
+def _subtitle(result: PairResult) -> str:
+    words: list[str] = []
+    if result.place_um is not None:
+        words.append(f"place off by {result.place_um.rmse:.3f} µm r.m.s.")
+    if result.force_mN is not None:
+        words.append(f"force off by {result.force_mN.rmse:.2f} mN r.m.s.")
+    if result.difference_mN is not None:
+        said = ", more than is stated" if result.forces_agree is False else ""
+        words.append(f"forces differ by {result.difference_mN:.2f} mN{said}")
+    if result.true_force_mN is not None:
+        words.append(f"true force off by {result.true_force_mN.rmse:.2f} mN r.m.s.")
+    return "   ·   ".join(words)

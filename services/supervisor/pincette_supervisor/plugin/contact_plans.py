@@ -1,0 +1,230 @@
+"""What plans of jobs that meet a part have in common: values of the contact, law, steady errors."""
+
+from dataclasses import asdict
+from typing import Any
+
+from msgspec.structs import replace
+from pydantic import BaseModel
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.plans import Plan, PlannedPhase, SteadyErrors
+from pincette.api.predictions import Violation
+from pincette.api.requests import ContactJobRequest
+from pincette.config import RigFile, derived
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.steady import steady_error_ranges
+from pincette.control.planning.conditioning import PHASE
+from pincette.control.planning.contact_plan import ContactPlan
+from pincette.control.planning.feasibility import Violation as Broken
+from pincette.control.planning.prediction import PlannedPhase as CoursePhase
+from pincette.control.planning.sampling import unsampled
+from pincette.control.planning.touch_force import SafeTouch
+from pincette.core.wording import fault_text
+from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin.goal import goal_warnings, planned_goal, tolerances
+from pincette_supervisor.plugin.laws import choose_law
+from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.planned import Planned, decimated
+from pincette_supervisor.plugin.present import Present
+from pincette_supervisor.plugin.ring_term import ring_term, ring_violation, ring_warning
+from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
+
+CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
+
+
+def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
+    """Members of a request by their names, those left out as the rig file's grip has them."""
+    return {
+        name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
+        for name in names
+    }
+
+
+def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict[str, Any]:
+    """Return values whose speeds are safe at the touch where the request states none.
+
+    A speed that the request states is kept; the plan refuses it where it is too high.
+    """
+    safe = {
+        name: min(values[name], touch.limit(name))
+        for name in ("approach_um_per_s", "seek_um_per_s")
+        if getattr(request, name) is None
+    }
+    return {**values, **safe}
+
+
+def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTouch:
+    """Return what bounds the speeds of a plan of one arm with this highest force."""
+    part = rig.part
+    return SafeTouch(
+        force_mN,
+        contact_force_mN,
+        part.stiffness_mN_per_um * (1.0 + part.stiffness_tolerance),
+        rig.model.compliance_um_per_mN,
+        rig.rig.period_s,
+    )
+
+
+def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
+    """Return the lowest voltage of the conditioning strokes of a plan; None: it has none.
+
+    ``auto`` makes strokes before each approach, not only after an unknown past. A known past is
+    followed by the model, which errs by more after other motion than after the grips that it was
+    rehearsed with. The strokes also compare the stroke of the arm with that of its calibration.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the request asks for strokes that the model in use does not allow.
+    """
+    low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
+    if condition == "always" and low_V is None:
+        raise FaultyRequestError(
+            "/condition",
+            'condition = "always" needs a free response that was identified down to a voltage '
+            "below 0 V, and the model in use is not: calibrate free_response with voltage_min_V "
+            'below 0, or ask for condition = "never"',
+        )
+    return None if condition == "never" else low_V
+
+
+def usual_conditioning_V(rig: RigFile) -> float | None:
+    """Return that voltage for a plan whose request has no ``condition``: by the rig file's grip."""
+    return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
+
+
+def unconditioned(strokes: bool, rig: RigFile, present: Present) -> list[str]:
+    """Return what the strokes of an arm assume, or a warning where it needs them and has none."""
+    if strokes:
+        return [
+            "the conditioning strokes assume that the voltage has stayed within the limits and has "
+            "been at the highest one of the calibration since; after a first installation, or "
+            "where another program has driven the arm, make a full stroke without the part first"
+        ]
+    if present.memory_known is not False:
+        return []
+    if rig.limits.voltage_min_V >= 0.0:
+        return [
+            f"the arm's past is not known, and limits.voltage_min_V = {rig.limits.voltage_min_V:g} "
+            "V leaves no room for conditioning strokes below 0 V: the force may be off by what the "
+            "uncertainty says, some mN at the most"
+        ]
+    return [
+        "the arm's past is not known and no conditioning strokes come first: the force may be "
+        "off by what the uncertainty says, some mN at the most"
+    ]
+
+
+def part_values(rig: RigFile) -> dict[str, Any]:
+    """What the rig file says of the contact."""
+    part = rig.part
+    return {
+        "zero_s": rig.grip.zero_s,
+        "contact_um": part.contact_um,
+        "contact_tolerance_um": part.contact_tolerance_um,
+        "stiffness_mN_per_um": part.stiffness_mN_per_um,
+        "stiffness_tolerance": part.stiffness_tolerance,
+    }
+
+
+def violation_view(found: Broken) -> Violation:
+    """A broken limit as REST has it."""
+    return Violation.model_validate({**asdict(found), "side": found.side})
+
+
+def contact_job(
+    request: ContactJobRequest,
+    model: ModelInUse,
+    made: ContactPlan,
+    forces_mN: tuple[float, float],
+    values: dict[str, Any],
+    present: Present | None = None,
+    pointer: str = "/force_mN",
+) -> Planned:
+    """Add the law to a plan; one whose loop is not stable enough is one more violation.
+
+    Parameters
+    ----------
+    forces_mN
+        Lowest and highest force of the plan.
+    pointer
+        Member of the request that the highest force comes from.
+    """
+    rig = model.rig
+    law = choose_law(request, rig)
+    conditioned = made.program.segments[0].phase == PHASE
+    unsure = uncertain_forces(
+        rig, values["contact_force_mN"], forces_mN[1], pointer, conditioned=conditioned
+    )
+    violations = [violation_view(found) for found in (*unsure, *made.violations)]
+    if not law.assessment.stable:
+        violations.append(law.violation())
+    strokes = made.program.segments[0].phase == PHASE
+    phase, wanted = job_kinds()[request.kind].goal_phase, tolerances(request)
+    ring = ring_term(made, rig, phase, wanted.get("settling_s", 0.0))
+    violations += ring_violation(ring, rig, request.force_tolerance_mN)
+    plan = Plan(
+        kind=request.kind,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=made.duration_s,
+        phases=[planned_phase(phase) for phase in made.phases],
+        violations=violations,
+        curves=decimated(made.course),
+        steady_errors=_steady_errors(rig, law.settings, forces_mN),
+        law=law.view(),
+        warnings=[
+            *unidentified(rig),
+            *unconditioned(strokes, rig, present or Present()),
+            *([] if present is None or present.stroke is None else [fault_text(present.stroke)]),
+            *unsampled(made.program.segments, rig.rig.period_s),
+            *ring_warning(ring, rig),
+            *goal_warnings(wanted, made.program, phase, rig),
+        ],
+        goal=planned_goal(wanted, made.program, phase),
+    )
+    program = replace(made.program, laws=(law.settings.spec(),), slip_retries=request.retries)
+    values = {**values, **wanted, "law": plan.law.model_dump()}
+    return Planned(plan, program, values, model)
+
+
+def unidentified(rig: RigFile) -> list[str]:
+    """Say how far the force may be off where no calibration has found the free response."""
+    arm = rig.model
+    if arm.free_response is not None or arm.recorded_response is not None:
+        return []
+    error_mN = arm.hysteresis_fraction * abs(rig.part.contact_um) / arm.compliance_um_per_mN
+    return [
+        "no free response has been identified, a straight line is assumed: at first touch the "
+        f"force may be off by {error_mN:.1f} mN (one standard uncertainty) and more, and the part "
+        "seem softer or harder than it is; calibrate free_response first"
+    ]
+
+
+def contact_pointer(quantity: str, phase: str) -> str:
+    """Member of a request that leads beyond a limit on the way to the part; empty: none does."""
+    if phase == "contact" and quantity == "force":
+        return "/contact_force_mN"
+    if phase in ("open", "approach", "retreat") and quantity == "slew":
+        return "/approach_um_per_s"
+    return ""
+
+
+def _steady_errors(rig: RigFile, law: LawSettings, forces_mN: tuple[float, float]) -> SteadyErrors:
+    """Where the impedance would rest if the part differed within its tolerances."""
+    part, impedance = rig.part, law.definition.impedance(law.gains)
+    found = steady_error_ranges(
+        forces_r_mN=forces_mN,
+        x_e_um=part.contact_um,
+        x_e_tolerance_um=part.contact_tolerance_um,
+        K_e=part.stiffness_mN_per_um,
+        K_e_tolerance=part.stiffness_tolerance,
+        K=impedance.K,
+        K_f=impedance.K_f,
+    )
+    return SteadyErrors(**asdict(found))
+
+
+def planned_phase(phase: CoursePhase) -> PlannedPhase:
+    """Return a phase of a plan as it is sent."""
+    return PlannedPhase(**asdict(phase))

@@ -1,0 +1,129 @@
+"""Which law a job runs with: scheme, parameter set and gains, and whether it may run at all."""
+
+from dataclasses import replace
+from math import inf
+from typing import NamedTuple
+
+from pincette.api.plans import GainsFrom, Law
+from pincette.api.predictions import Quantity, Violation
+from pincette.api.requests import ContactJobRequest, Gains
+from pincette.config import ConfigError, RigFile
+from pincette.config.gains import judged, tuned
+from pincette.config.laws import law_definition
+from pincette.control.laws.definition import LawSettings
+from pincette.control.stability.assessment import Assessment
+from pincette_supervisor.plugin.errors import FaultyRequestError
+
+SPECTRAL_RADIUS: Quantity = "spectral_radius"
+SENSITIVITY_PEAK: Quantity = "sensitivity_peak"
+"""Quantities of the violation that a loop which is not stable enough makes."""
+
+
+class ChosenLaw(NamedTuple):
+    """A law, where its gains come from, and how stable its loop is at the worst."""
+
+    settings: LawSettings
+    gains_from: GainsFrom
+    assessment: Assessment
+
+    def view(self) -> Law:
+        """As it is stored with the job and sent."""
+        return Law(
+            scheme=self.settings.scheme,
+            set=self.settings.set,
+            gains=self.settings.gains,
+            force_age=self.settings.force_age,
+            gains_from=self.gains_from,
+            spectral_radius=self.assessment.radius,
+            spectral_radius_limit=self.assessment.limit_radius,
+            sensitivity_peak=_finite(self.assessment.sensitivity_peak),
+            sensitivity_peak_limit=_finite(self.assessment.limit_peak),
+        )
+
+    def violation(self) -> Violation:
+        """The loop's spectral radius or M_s as a limit that a plan breaks before it begins."""
+        judged = self.assessment
+        by_radius = judged.radius >= judged.limit_radius
+        return Violation(
+            pointer="/gains",
+            quantity=SPECTRAL_RADIUS if by_radius else SENSITIVITY_PEAK,
+            side="above",
+            value=judged.radius if by_radius else judged.sensitivity_peak,
+            limit=judged.limit_radius if by_radius else judged.limit_peak,
+            unit="",
+            at_s=0.0,
+            message=judged.reason,
+        )
+
+
+def _finite(value: float) -> float | None:
+    return value if value < inf else None
+
+
+def rig_law(rig: RigFile) -> ChosenLaw:
+    """The rig file's law with its gains, judged."""
+    settings = rig.law_settings
+    return ChosenLaw(settings, "rig", judged(rig, settings))
+
+
+def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
+    """Complete what a request says of its law by the rig file, and judge the loop.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the law is not installed or has no such gain, the identified set is wanted without an
+        identified response, gains are to be tuned for the printed set, none are stable, or the
+        loop of those given is beyond what can be computed.
+    """
+    scheme = request.scheme or rig.law.scheme
+    parameter_set = request.set or rig.law_set
+    if parameter_set == "identified" and rig.model.free_response is None:
+        raise FaultyRequestError(
+            "/set" if request.set else "",
+            'set = "identified": the model in use has no identified free response; calibrate '
+            'free_response, or take set = "consistent"',
+        )
+    settings = rig.law_settings
+    origin: GainsFrom = "rig"
+    if (scheme, parameter_set) != (settings.scheme, settings.set):
+        try:
+            settings = law_definition(scheme).settings(parameter_set)
+        except ValueError as error:
+            raise FaultyRequestError("/scheme", f"scheme = {scheme!r}: {error}") from error
+        origin = "paper" if parameter_set == "printed" else "default"
+    if request.gains == "tuned":
+        if parameter_set == "printed":
+            raise FaultyRequestError(
+                "/gains",
+                'gains = "tuned" with set = "printed": gains are tuned for the consistent set '
+                "and for the identified one",
+            )
+        try:
+            settings, origin = tuned(rig, scheme, parameter_set).chosen.settings, "tuned"
+        except ValueError as error:
+            raise FaultyRequestError("/gains", str(error)) from error
+    elif isinstance(request.gains, Gains):
+        settings, origin = _with_gains(settings, request.gains), "request"
+    try:
+        assessment = judged(rig, settings)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise FaultyRequestError(
+            "/gains", f"no spectral radius can be found for these gains: {error}"
+        ) from error
+    return ChosenLaw(settings, origin, assessment)
+
+
+def _with_gains(settings: LawSettings, gains: Gains) -> LawSettings:
+    """The requested gains in place of those of the settings; raises FaultyRequestError."""
+    if gains.force_age is not None:
+        settings = replace(settings, force_age=gains.force_age)
+    for name, value in gains.by_name.items():
+        try:
+            settings = settings.with_gains(**{name: value})
+        except ValueError as error:
+            place = name.replace("~", "~0").replace("/", "~1")
+            raise FaultyRequestError(f"/gains/{place}", str(error)) from error
+    return settings

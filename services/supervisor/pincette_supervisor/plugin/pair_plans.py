@@ -1,0 +1,316 @@
+"""What plans of two arms have in common: values of the contact, law and its judgement, curves."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from math import ceil, inf
+from typing import Any
+
+from msgspec.structs import replace
+
+from pincette.api.pairs import PairCurves, PairJobRequest, PairPlan
+from pincette.api.plans import Law
+from pincette.api.predictions import Violation
+from pincette.api.requests import JobRequest
+from pincette.config import RigFile, derived
+from pincette.config.derived import X_START_UM
+from pincette.control.laws.parameters import Gain, LawSpec
+from pincette.control.laws.two_arm_law import LAW
+from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.contact_plan import PlannedRig, voltage_range
+from pincette.control.planning.contact_request import MARGIN_UM
+from pincette.control.planning.feasibility import Violation as Broken
+from pincette.control.planning.feasibility import named_violation
+from pincette.control.planning.home import home_um
+from pincette.control.planning.pair_conditioning import pair_conditioning
+from pincette.control.planning.pair_plan import PairRequest
+from pincette.control.planning.pair_prediction import (
+    PairCourse,
+    after_strokes,
+    broken_limits,
+    predict_pair,
+)
+from pincette.control.planning.planned_arm import PlannedArm
+from pincette.control.planning.program import PlannedRange, Program
+from pincette.control.planning.sampling import unsampled
+from pincette.control.planning.touch_force import SafeTouch, weak_force
+from pincette.control.stability.two_arms import TwoArmAssessment, TwoArmLoop, assess_two_arms
+from pincette.core.wording import fault_text
+from pincette_supervisor.plugin.contact_plans import (
+    planned_phase,
+    unconditioned,
+    unidentified,
+    usual_conditioning_V,
+    violation_view,
+)
+from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
+from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.planned import CURVE_POINTS, Planned
+from pincette_supervisor.plugin.present import Present
+from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
+
+FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
+STARTS_UM: Pair = (X_START_UM, X_START_UM)
+assessed = lru_cache(maxsize=16)(assess_two_arms)
+
+
+def contacts_um(rig: RigFile) -> Pair:
+    """Tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
+    if rig.second is None:
+        raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
+    return rig.part.contact_um, rig.second.contact_um
+
+
+def pair_values(request: PairJobRequest, rig: RigFile) -> dict[str, Any]:
+    """Members of a request by their names, those left out as the rig file's grip has them."""
+    return {
+        name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
+        for name in FIELDS
+    }
+
+
+def pair_request(
+    values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
+) -> PairRequest:
+    """How the part is met; raises ValueError for an impossible number."""
+    first, second = rig.arms
+    return PairRequest(
+        **{name: values[name] for name in FIELDS},
+        force_mN=force_mN,
+        zero_s=rig.grip.zero_s,
+        contacts_um=contacts_um(rig),
+        contact_tolerance_um=rig.part.contact_tolerance_um,
+        stiffness_mN_per_um=rig.part.stiffness_mN_per_um,
+        centred=centred,
+        compliances_um_per_mN=(
+            first.model.compliance_um_per_mN,
+            second.model.compliance_um_per_mN,
+        ),
+    )
+
+
+def pair_hasty(
+    values: dict[str, Any], rig: RigFile, force_mN: float, pointer: str
+) -> tuple[Broken, ...]:
+    """Return the violations of a touch that is too fast, and of forces that noise would cover.
+
+    The speed of the seek is that of the sum of both arms; an approach is that of one arm.
+    """
+    part, arms = rig.part, rig.arms
+    compliances = [arm.model.compliance_um_per_mN for arm in arms]
+    found: list[Broken] = []
+    for name, s_p in (
+        ("seek_um_per_s", sum(compliances)),
+        ("approach_um_per_s", min(compliances)),
+    ):
+        touch = SafeTouch(
+            force_mN,
+            values["contact_force_mN"],
+            part.stiffness_mN_per_um * (1.0 + part.stiffness_tolerance),
+            s_p,
+            rig.rig.period_s,
+        )
+        found += touch.violations({name: values[name]})
+    for arm in arms:
+        found += uncertain_forces(arm, values["contact_force_mN"], force_mN, pointer)
+    return tuple(found)
+
+
+def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
+    """Return the positions to which both arms go back from a force; see ``home_um``."""
+    first, second = (
+        home_um(
+            PlannedArm(
+                X_START_UM,
+                arm.model.piezo_um_per_V,
+                arm.model.compliance_um_per_mN,
+                contact_um=furthest_um,
+                stiffness_mN_per_um=request.stiffness_mN_per_um,
+                free_response=derived.identified_hysteresis(arm.model),
+                memory=derived.begin_memory(arm.model),
+            ),
+            furthest_um + highest_mN / request.stiffness_mN_per_um,
+            highest_mN,
+            stand_off_um=stand_off_um,
+            voltage_min_V=arm.limits.voltage_min_V,
+        )
+        for arm, furthest_um, stand_off_um in zip(
+            rig.arms, request.furthest_um, request.stand_offs_um, strict=True
+        )
+    )
+    return first, second
+
+
+def most_mN(rig: RigFile) -> float:
+    """Force that no arm may have."""
+    return min(arm.limits.force_max_mN for arm in rig.arms)
+
+
+def pair_job(
+    request: PairJobRequest,
+    model: ModelInUse,
+    program: Program,
+    values: dict[str, Any],
+    pointers: dict[str, str],
+    present: Present,
+    held_um: Pair | None = None,
+) -> Planned:
+    """Add the law to a program; limits that the course of either arm breaks are violations.
+
+    Arms that are free as the program begins make conditioning strokes first, where the rig file's
+    grip asks for them.
+
+    Parameters
+    ----------
+    held_um
+        Tips of arms that hold the part as it begins; None: they rest without one.
+    """
+    rig = model.rig
+    first, second = rig.arms
+    depths_V = [None if held_um else usual_conditioning_V(arm) for arm in rig.arms]
+    rigs = (
+        derived.planned_rig(first, present.x_um, depths_V[0]),
+        derived.planned_rig(second, present.second_um, depths_V[1]),
+    )
+    # What the voltages alone do comes after the plan's end, for who lets the part go.
+    led = replace(program, segments=tuple(s for s in program.segments if not s.open_loop))
+    course = predict_pair(led, rigs, held_um or STARTS_UM, held_um or contacts_um(rig))
+    strokes = pair_conditioning(rigs)
+    if strokes is not None:
+        course = after_strokes(course, strokes)
+        program = replace(program, segments=(*strokes.segments, *program.segments))
+    spec, loop = chosen_law(request, rig)
+    assessment = assessed(loop)
+    violations = [
+        violation_view(named_violation(found, pointers.get(found.phase, ""))).model_copy(
+            update={"message": f"arm {arm}: {named_violation(found, '').message}"}
+        )
+        for arm, found in broken_limits(course, rigs)
+    ]
+    if held_um is None:
+        force_mN = max(course.arms[0].force_r_mN)
+        load_at_s = next(phase.start_s for phase in course.phases if phase.phase == "load")
+        weak = weak_force(
+            force_mN,
+            program.guards.contact_force_mN,
+            pointers.get("load", ""),
+            load_at_s,
+        )
+        early = pair_hasty(values, rig, force_mN, pointers.get("load", ""))
+        violations = [*map(violation_view, (*weak, *early)), *violations]
+    if assessment.reason:
+        violations.append(_unstable(assessment))
+    plan = PairPlan(
+        kind=request.kind,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=course.duration_s,
+        phases=[planned_phase(phase) for phase in course.phases],
+        violations=violations,
+        curves=_curves(course),
+        law=_law_view(loop, assessment, request),
+        warnings=list(
+            dict.fromkeys(
+                [
+                    *unidentified(first),
+                    *unidentified(second),
+                    *(() if held_um else _past_warnings(depths_V, rig, present)),
+                    *unsampled(program.segments, rig.rig.period_s),
+                ]
+            )
+        ),
+    )
+    values = {**values, "law": plan.law.model_dump()}
+    planned_range = None if held_um is not None else pair_range(course, rigs, rig)
+    return Planned(plan, replace(program, laws=(spec,), planned_range=planned_range), values, model)
+
+
+def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Present) -> list[str]:
+    """Return what is assumed or not known of the past and the stroke of both arms."""
+    found = [
+        words
+        for arm, depth_V in zip(rig.arms, depths_V, strict=True)
+        for words in unconditioned(depth_V is not None, arm, present)
+    ]
+    return found if present.stroke is None else [*found, fault_text(present.stroke)]
+
+
+def pair_range(
+    course: PairCourse, rigs: tuple[PlannedRig, PlannedRig], rig: RigFile
+) -> PlannedRange:
+    """Return the voltages of both arms, for a part anywhere within its tolerances.
+
+    Arms that hold a part already have none: nobody knows by which force their voltages differ from
+    those of free arms.
+    """
+    part, force_mN = rig.part, max(course.arms[0].force_r_mN)
+    deeper_um = force_mN / part.stiffness_mN_per_um * part.stiffness_tolerance
+    on_um = part.contact_tolerance_um + MARGIN_UM + deeper_um
+    first, second = (
+        voltage_range([*arm.voltage_V, max(arm.voltage_V) + on_um / of.piezo_um_per_V], of)
+        for arm, of in zip(course.arms, rigs, strict=True)
+    )
+    return PlannedRange(voltage=first, second_voltage=second, force_max_mN=force_mN)
+
+
+def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
+    """The law of both arms with its gains; raises FaultyRequestError for a gain that is none."""
+    asked = getattr(request, "gains", None)
+    named = () if asked is None else tuple(Gain(n, v) for n, v in asked.by_name.items())
+    first, second = (arm.model.arm() for arm in rig.arms)
+    period_s = rig.rig.period_s
+    try:
+        gains = LAW.gains(LawSpec(LAW.name, gains=named), (first, second), period_s)
+    except ValueError as error:
+        raise FaultyRequestError("/gains", str(error)) from error
+    c = 1.0 / rig.part.stiffness_mN_per_um
+    output = rig.model.output(period_s)
+    loop = TwoArmLoop((first, second), tuple(gains.items()), period_s, c, output)
+    return LAW.spec(gains), loop
+
+
+def _law_view(loop: TwoArmLoop, judged: TwoArmAssessment, request: PairJobRequest) -> Law:
+    return Law(
+        scheme=LAW.name,
+        set="identified",
+        gains=dict(loop.gains),
+        force_age="newest",
+        gains_from="default" if request.gains is None else "request",
+        spectral_radius=judged.radius,
+        spectral_radius_limit=judged.limit_radius,
+        sensitivity_peak=judged.sensitivity_peak if judged.sensitivity_peak < inf else None,
+        sensitivity_peak_limit=judged.limit_peak if judged.limit_peak < inf else None,
+    )
+
+
+def _unstable(judged: TwoArmAssessment) -> Violation:
+    by_peak = judged.radius < judged.limit_radius and (judged.sensitivity_peak > judged.limit_peak)
+    value, limit = judged.radius, judged.limit_radius
+    if by_peak:
+        value, limit = judged.sensitivity_peak, judged.limit_peak
+    elif judged.radius < judged.limit_radius:
+        value, limit = judged.untold_radius, judged.limit_untold_radius
+    return Violation(
+        pointer="/gains",
+        quantity=SENSITIVITY_PEAK if by_peak else SPECTRAL_RADIUS,
+        side="above",
+        value=value,
+        limit=limit,
+        unit="",
+        at_s=0.0,
+        message=judged.reason,
+    )
+
+
+def _curves(course: PairCourse) -> PairCurves:
+    first, second = course.arms
+    stride = max(1, ceil((len(first.t_s) - 1) / CURVE_POINTS))
+    return PairCurves(
+        t_s=first.t_s[::stride],
+        x_r_um=first.x_r_um[::stride],
+        force_r_mN=first.force_r_mN[::stride],
+        voltage_V=first.voltage_V[::stride],
+        place_r_um=course.place_um[::stride],
+        second_x_r_um=second.x_r_um[::stride],
+        second_voltage_V=second.voltage_V[::stride],
+    )

@@ -1,0 +1,47 @@
+"""Where a rig stands as a job is planned."""
+
+from dataclasses import dataclass
+
+from pincette.config import RigFile
+from pincette.config.derived import X_START_UM
+from pincette.control.planning.recorded_motion import RecordedMotion
+from pincette.core.faults import Fault
+
+RESTS_V = 0.01
+"""Voltage up to which an arm that is free counts as at rest at 0 V."""
+
+
+@dataclass(frozen=True, slots=True)
+class Present:
+    """Voltage applied, position measured, whether a part is held; None: nobody has told."""
+
+    voltage_V: float | None = None
+    x_um: float | None = None
+    held: bool | None = None
+    recorded: RecordedMotion | None = None
+    """Motion of the job that the request plays again; None: it names none."""
+    second_V: float | None = None
+    second_um: float | None = None
+    """Of the second arm, where there is one."""
+    memory_known: bool | None = None
+    """Whether the estimator knows the past of the arm's hysteresis well enough for a force."""
+    stroke: Fault | None = None
+    """The estimator's finding that the stroke of an arm has changed; None: it has none."""
+    pose_um: float | None = None
+    """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
+
+    def stand_V(self, rig: RigFile) -> float:
+        """The voltage applied, or where that is not known the rig file's safe voltage."""
+        return rig.safety.safe_V if self.voltage_V is None else self.voltage_V
+
+    def stand_um(self, rig: RigFile) -> float:
+        """The position, or where that is not known the one that the voltage stands for."""
+        if self.x_um is not None:
+            return self.x_um
+        return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)
+
+    def rest_um(self) -> float | None:
+        """Return the position of an arm that rests at 0 V and holds no part; None: not known."""
+        if self.voltage_V is None or abs(self.voltage_V) > RESTS_V or self.held:
+            return None
+        return self.x_um

@@ -1,5 +1,0 @@
-"""A rig as a device of bluesky: ``Gripper(url)``, an ophyd-async device over the client of REST."""
-
-from pincette.bluesky.gripper import Gripper
-
-__all__ = ["Gripper"]

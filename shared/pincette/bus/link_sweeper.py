@@ -1,0 +1,270 @@
+"""Ends connections that never become a link, while Zenoh itself listens at a program's ports.
+
+Zenoh accepts connections in one thread, and closes those that fail in the same thread. Two of its
+habits let clients that fail keep others out. It gives each accepted socket a linger time of 10 s
+(``SO_LINGER``), so that closing one whose other end does not answer blocks the thread for 10 s
+(zenoh issue 2350). And a connection that says nothing stays until ``accept_timeout``.
+
+A `LinkSweeper` therefore looks at the sockets that the program has accepted and that are no link
+yet. It sets their linger time to zero, resets those that stay silent, and resets the oldest where
+there are too many. No message passes through it.
+"""
+
+import ctypes
+import os
+import resource
+import select
+import socket
+import stat
+import struct
+import threading
+from collections.abc import Collection, Iterable
+from contextlib import closing
+from dataclasses import dataclass
+from time import monotonic, sleep
+
+from pincette.bus.own_sockets import let_go, own_sockets
+from pincette.bus.protocol import BusError
+from pincette.bus.refused_connections import RefusedConnections
+
+MOST_PENDING = 128
+"""Connections that may be on their way to become a link."""
+SILENT_S = 1.0
+"""Time after which a connection without a byte is reset."""
+BRIEF_S = 0.5
+"""Longest life of a connection that is not counted as refused when it ends by itself: it may have
+been a link that was closed before its socket was noted."""
+IDLE_S, LOOK_S = 0.2, 0.01
+"""Interval between two looks without pending connections, and the shortest pause with some."""
+PAUSE_LOOKS = 1.0
+"""Shortest pause after a look, in durations of that look; a flood costs half a processor."""
+LISTENS_S, LISTENS_LOOK_S = 2.0, 0.01
+"""Time within which Zenoh listens once its session is open, and interval of the looks for it."""
+MOST_DESCRIPTORS = 65_536
+"""Descriptors that are tried where the list of open ones cannot be read."""
+ESTABLISHED = 1
+"""State of a TCP connection that neither side has ended; see ``tcp_states.h`` of Linux."""
+BYTES_RECEIVED = 128
+"""Offset of ``tcpi_bytes_received`` in ``struct tcp_info`` of ``linux/tcp.h``."""
+UNCONNECTED = struct.pack("=H14x", socket.AF_UNSPEC)
+"""Address with which ``connect`` dissolves a connection; see connect(2)."""
+FAMILIES = (socket.AF_INET, socket.AF_INET6)
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(slots=True)
+class _Pending:
+    """An accepted connection that is no link yet."""
+
+    descriptor: int
+    address: str
+    """Address of its other end."""
+    seen_s: float
+    """Time of the first look that found it."""
+
+
+class LinkSweeper:
+    """A thread that looks after the connections which some listeners of this process accept."""
+
+    def __init__(self, ports: Collection[int]) -> None:
+        """``ports``: local ports at which Zenoh listens or will listen."""
+        self._ports = frozenset(ports)
+        self.refused = RefusedConnections()
+        self._lock = threading.Lock()
+        self._links: set[int] = set()
+        """Inodes of the sockets that have become links."""
+        self._pending: dict[int, _Pending] = {}
+        """By inode, in the order of arrival."""
+        self._others: set[int] = set()
+        """Inodes of open sockets that were not accepted at these ports."""
+        self._queue = select.epoll()
+        """The listeners; one is ready while connections wait to be accepted."""
+        self._closing = threading.Event()
+        self._wake = os.eventfd(0, os.EFD_CLOEXEC)
+        self._queue.register(self._wake, select.EPOLLIN)
+        self._thread = threading.Thread(target=self._run, name="link sweeper", daemon=True)
+
+    def start(self) -> None:
+        """Start once Zenoh listens at every port; raises BusError if it does not in time."""
+        until_s, left = monotonic() + LISTENS_S, set(self._ports)
+        while left:
+            with closing(own_sockets()) as sockets:
+                for line in sockets:
+                    port = _listens_at(line)
+                    if port in left:
+                        left.discard(port)
+                        self._queue.register(line.fileno(), select.EPOLLIN)
+            if left:
+                if monotonic() > until_s:
+                    raise BusError(f"no listener of this program at port {min(left)}")
+                sleep(LISTENS_LOOK_S)
+        self._thread.start()
+
+    def note_links(self, inodes: Iterable[int]) -> None:
+        """Note the sockets of a link that has come up: they are left alone from now on."""
+        with self._lock:
+            self._links.update(inodes)
+
+    def close(self) -> None:
+        """End the thread; nothing happens the second time."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        os.eventfd_write(self._wake, 1)
+        if self._thread.is_alive():
+            self._thread.join()
+        self._queue.close()
+        os.close(self._wake)
+
+    def _run(self) -> None:
+        while True:
+            # Zenoh may accept a connection before this thread sees that it waits, hence the limit.
+            busy = bool(self._pending or self._queue.poll(IDLE_S))
+            if self._closing.is_set():
+                return
+            begun_s = monotonic()
+            self.look()
+            if busy:
+                self._closing.wait(max(LOOK_S, PAUSE_LOOKS * (monotonic() - begun_s)))
+
+    def look(self) -> None:
+        """Look once at every socket of this process."""
+        with self._lock:
+            now_s = monotonic()
+            open_now = self._find(now_s)
+            for inode in self._pending.keys() - open_now:
+                gone = self._pending.pop(inode)
+                if inode not in self._links and now_s - gone.seen_s > BRIEF_S:
+                    self.refused.note(gone.address, "it ended before it was a link")
+            self._links &= open_now
+            self._others &= open_now
+            for inode in self._pending.keys() & self._links:
+                del self._pending[inode]
+            self._end_silent(now_s)
+            self._make_room()
+
+    def _find(self, now_s: float) -> set[int]:
+        """Note new connections as pending; return the inodes of all open sockets."""
+        found = set[int]()
+        for descriptor in _descriptors():
+            try:
+                status = os.fstat(descriptor)
+            except OSError:  # closed meanwhile
+                continue
+            if not stat.S_ISSOCK(status.st_mode):
+                continue
+            inode = status.st_ino
+            found.add(inode)
+            if inode in self._pending or inode in self._links or inode in self._others:
+                continue
+            one = self._accepted(descriptor, now_s)
+            if one is None:
+                self._others.add(inode)
+            else:
+                self._pending[inode] = one
+        return found
+
+    def _accepted(self, descriptor: int, now_s: float) -> _Pending | None:
+        """Set the linger time of an accepted connection to zero; None for any other socket."""
+        try:
+            # With the family and the type, Python does not ask for them; another one is harmless.
+            line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, descriptor)
+        except OSError:
+            return None
+        try:
+            name: object = line.getsockname()
+            if not isinstance(name, tuple) or name[1] not in self._ports:
+                return None
+            if line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                return None
+            let_go(line)
+            return _Pending(descriptor, _address_of(line), now_s)
+        except OSError:
+            return None
+        finally:
+            line.detach()
+
+    def _end_silent(self, now_s: float) -> None:
+        for inode, one in list(self._pending.items()):
+            if now_s - one.seen_s < SILENT_S:
+                return  # the rest is younger
+            if _is_silent(one):
+                self._reset(inode, f"nothing came within {SILENT_S:g} s")
+
+    def _make_room(self) -> None:
+        """Reset the oldest of the address with most; those that said nothing go first."""
+        surplus = len(self._pending) - MOST_PENDING
+        if surplus <= 0:
+            return
+        crowds: dict[str, list[int]] = {}
+        for inode, one in self._pending.items():
+            crowds.setdefault(one.address, []).append(inode)
+        for crowd in crowds.values():
+            # Victims are taken from the end; the sort keeps the order of arrival.
+            crowd.reverse()
+            crowd.sort(key=lambda inode: _is_silent(self._pending[inode]))
+        for _ in range(surplus):
+            crowd = max(crowds.values(), key=len)
+            self._reset(crowd.pop(), f"more than {MOST_PENDING} were no links yet")
+
+    def _reset(self, inode: int, reason: str) -> None:
+        one = self._pending.pop(inode)
+        self._others.add(inode)
+        self.refused.note(one.address, reason)
+        reset_connection(one.descriptor, inode)
+
+
+def reset_connection(descriptor: int, inode: int) -> bool:
+    """Reset a TCP connection without closing its descriptor; false if it was closed already.
+
+    The other end is told at once, nothing lingers in the kernel, and whoever reads or writes here
+    gets ECONNRESET.
+    """
+    try:
+        if os.fstat(descriptor).st_ino != inode:
+            return False
+    except OSError:
+        return False
+    return int(_LIBC.connect(descriptor, UNCONNECTED, len(UNCONNECTED))) == 0
+
+
+def _descriptors() -> Iterable[int]:
+    try:
+        return [int(one.name) for one in os.scandir("/proc/self/fd")]
+    except OSError:  # no descriptor is left to open the folder with
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        return range(MOST_DESCRIPTORS if limit < 0 else min(limit, MOST_DESCRIPTORS))
+
+
+def _listens_at(line: socket.socket) -> int | None:
+    """Return the port at which a TCP socket listens; None if it does not listen."""
+    if line.family not in FAMILIES:
+        return None
+    try:
+        if not line.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+            return None
+        return int(line.getsockname()[1])
+    except OSError:  # Zenoh has closed it meanwhile
+        return None
+
+
+def _address_of(line: socket.socket) -> str:
+    try:
+        return str(line.getpeername()[0])
+    except OSError:  # reset before it was accepted
+        return "unknown"
+
+
+def _is_silent(one: _Pending) -> bool:
+    """Return whether nothing has come over a connection, or nothing more will."""
+    try:
+        line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, one.descriptor)
+    except OSError:
+        return True
+    try:
+        info = line.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, BYTES_RECEIVED + 8)
+    except OSError:
+        return True
+    finally:
+        line.detach()
+    return info[0] != ESTABLISHED or info[BYTES_RECEIVED:] == bytes(8)

@@ -1,0 +1,67 @@
+"""Text and tables on a terminal of any width: lines are broken between words only."""
+
+from collections.abc import Collection, Sequence
+from typing import IO, Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.table import Table
+from rich.text import Text
+
+UNLIMITED = 10_000
+"""Width of what is no terminal, in characters."""
+
+
+def broken_between_words(text: Text, console: Console, width: int) -> Text:
+    """Return a text with a line break wherever a line is full; a longer word stays whole."""
+    text.overflow = "ignore"
+    return Text("\n").join(text.wrap(console, width))
+
+
+class Screen(Console):
+    """Console that breaks lines between words, and only in a terminal."""
+
+    def __init__(self, file: IO[str]) -> None:
+        """``file``: where it writes to."""
+        super().__init__(highlight=False, file=file, width=None if file.isatty() else UNLIMITED)
+
+    def print(self, *objects: Any, **settings: Any) -> None:
+        """Print as Rich does, but leave a word whole that is longer than a line."""
+        shown: list[Any] = []
+        for one in objects:
+            text = (
+                self.render_str(one, markup=settings.get("markup")) if isinstance(one, str) else one
+            )
+            is_text = isinstance(text, Text)
+            shown.append(broken_between_words(text, self, self.width) if is_text else text)
+        wanted: dict[str, Any] = {"overflow": "ignore", "crop": False, **settings}
+        super().print(*shown, **wanted)
+
+
+class Rows(Table):
+    """Table without frame; where a line is too narrow for it, each row is printed as lines."""
+
+    def __init__(self, names: Sequence[str], right: Collection[str]) -> None:
+        """``right``: names of the columns that are flush right."""
+        super().__init__(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+        self._names, self._cells = tuple(names), list[tuple[str, ...]]()
+        for name in names:
+            self.add_column(name, justify="right" if name in right else "left")
+
+    def add_row(self, *cells: str) -> None:  # type: ignore[override]
+        """Add a row of cells, which may contain markup."""
+        self._cells.append(cells)
+        super().add_row(*cells)
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Render the table, or a line for each cell that is not empty."""
+        if self.__rich_measure__(console, options).minimum <= options.max_width:
+            yield from super().__rich_console__(console, options)
+            return
+        for place, row in enumerate(self._cells):
+            if place:
+                yield Text()
+            for name, cell in zip(self._names, row, strict=True):
+                if cell:
+                    text = Text.from_markup(f"{name}: {cell}" if name else cell)
+                    yield broken_between_words(text, console, options.max_width)

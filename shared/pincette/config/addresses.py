@@ -1,0 +1,48 @@
+"""Addresses that follow from the tables ``[bus]`` and ``[supervisor]`` of a rig file."""
+
+from typing import TYPE_CHECKING, Literal
+
+
+class BusAddresses:
+    """Addresses of the routers of a rig."""
+
+    if TYPE_CHECKING:
+        host: str
+        port: int
+        router: str | None
+        upstream: str | None
+        served_at: Literal["upstream", "rig"]
+
+    __slots__ = ()
+
+    @property
+    def router_at(self) -> tuple[str, int]:
+        """Host and port of the router, whosever it is."""
+        return (self.host, self.port) if self.router is None else _address(self.router)
+
+    @property
+    def upstream_at(self) -> tuple[str, int] | None:
+        """Host and port of the laboratory server's router; None where there is none."""
+        return None if self.upstream is None else _address(self.upstream)
+
+    @property
+    def apart(self) -> bool:
+        """True where supervisor and recorder use another router than the loop."""
+        return self.upstream is not None and self.served_at == "upstream"
+
+    @property
+    def served_by(self) -> tuple[str, int]:
+        """Host and port of the router that supervisor, recorder and tools are beside."""
+        above = self.upstream_at
+        return self.router_at if above is None or not self.apart else above
+
+
+def _address(place: str) -> tuple[str, int]:
+    host, _, port = place.rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def supervisor_url(host: str, port: int, *, tls: bool) -> str:
+    """Return the address of REST and the page."""
+    shown = f"[{host}]" if ":" in host else host
+    return f"{'https' if tls else 'http'}://{shown}:{port}"

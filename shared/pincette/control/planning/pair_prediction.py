@@ -1,0 +1,158 @@
+"""The predicted course of two arms: tips, force and both voltages in time, and limits broken.
+
+With c the compliance of part and faces, and g the sum of both tips at first touch,
+
+    x_1 + x_2 = g + c·F,   x_1 - x_2 = 2q,   X_i = x_i + s_i·F
+
+where a part is held; each voltage is that which brings X_i by the arm's own free response.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.contact_plan import PlannedRig
+from pincette.control.planning.feasibility import Excursion, excursions
+from pincette.control.planning.pair_conditioning import PairStrokes
+from pincette.control.planning.planned_arm import PlannedArm
+from pincette.control.planning.prediction import (
+    Course,
+    PlannedPhase,
+    near_end,
+    planned_phases,
+    predict,
+    require_bounded,
+    sample,
+)
+from pincette.control.planning.profiles import SHORTEST_MOVE_S
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Entry, Reference, Seek, Segment
+
+
+@dataclass(frozen=True, slots=True)
+class PairCourse:
+    """Predicted course of both arms on the grid of the period."""
+
+    phases: tuple[PlannedPhase, ...]
+    """Phases with position and voltage of the first arm."""
+    place_um: list[float]
+    arms: tuple[Course, Course]
+
+    @property
+    def duration_s(self) -> float:
+        """Time at which the last phase ends."""
+        return self.phases[-1].end_s
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPair:
+    """Both arms and the part between them, as a plan assumes them."""
+
+    contacts_um: Pair
+    """Both tips at first touch."""
+    joint_um_per_mN: float
+    """Compliance c of part and faces."""
+
+    def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
+        """Complete the references of a sample by the opening of arms that press the part."""
+        _ = entry
+        if not segment.presses:
+            return ref
+        opening_um = sum(self.contacts_um) + self.joint_um_per_mN * ref.force_mN
+        return ref._replace(opening_um=opening_um)
+
+    def touch(self, seek: Seek, entry: Entry) -> tuple[float, Entry]:
+        """Return when the last side that is looked for has touched, and the state then."""
+        duration_s = SHORTEST_MOVE_S if seek.duration_s is None else seek.duration_s
+        begin_um, end_um = tips(entry.ref), tips(seek.reference(duration_s, entry))
+        until_s, found_um = 0.0, list(entry.found_um)
+        for arm, must_touch in enumerate(seek.sides):
+            if not must_touch:
+                continue
+            found_um[arm] = self.contacts_um[arm]
+            speed = (end_um[arm] - begin_um[arm]) / duration_s
+            if speed > 0.0:
+                until_s = max(until_s, (self.contacts_um[arm] - begin_um[arm]) / speed)
+        until_s = min(duration_s, until_s)
+        ref = seek.reference(until_s, entry)._replace(
+            speed_um_per_s=0.0, opening_speed_um_per_s=0.0
+        )
+        return until_s, entry._replace(ref=ref, found_um=tuple(found_um))
+
+
+def tips(ref: Reference) -> Pair:
+    """Return both tips of references: x_1 = d/2 + q, x_2 = d/2 - q."""
+    half_um = 0.5 * ref.opening_um
+    return half_um + ref.x_um, half_um - ref.x_um
+
+
+def predict_pair(
+    program: Program, rigs: tuple[PlannedRig, PlannedRig], starts_um: Pair, contacts_um: Pair
+) -> PairCourse:
+    """Predict a program whose part is where it is expected; raises ValueError for a long one."""
+    period_s = rigs[0].period_s
+    pair = PlannedPair(contacts_um, 1.0 / program.contact_stiffness_mN_per_um)
+    first_um, second_um = starts_um
+    begin = Reference(
+        0.5 * (first_um - second_um), voltages_V=(0.0, 0.0), opening_um=first_um + second_um
+    )
+    entry = Entry(begin, period_s, found_um=(None, None))
+    pieces = predict(program.segments, entry, pair.follow, pair.touch)
+    require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
+    t_s: list[float] = []
+    names: list[str] = []
+    refs: list[Reference] = []
+    for at_s, segment, ref in sample(pieces, period_s):
+        t_s.append(at_s)
+        names.append(segment.phase)
+        refs.append(ref)
+    force_mN = [ref.force_mN for ref in refs]
+    first, second = (
+        _course(rig, t_s, names, [tips(ref)[arm] for ref in refs], force_mN)
+        for arm, rig in enumerate(rigs)
+    )
+    ends = [piece._replace(end=piece.end._replace(x_um=tips(piece.end)[0])) for piece in pieces]
+    phases = planned_phases(ends, near_end(pieces, first.voltage_V, period_s))
+    return PairCourse(phases, [ref.x_um for ref in refs], (first, second))
+
+
+def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:
+    """Return the course with conditioning strokes before it."""
+    begin_s = strokes.duration_s
+    first, second = (
+        _joined(before, arm, begin_s)
+        for before, arm in zip(strokes.courses, course.arms, strict=True)
+    )
+    later = [replace(phase, start_s=begin_s + phase.start_s) for phase in course.phases]
+    places_um = [0.5 * (x - y) for x, y in zip(first.x_r_um, second.x_r_um, strict=True)]
+    return PairCourse((*strokes.phases, *later), places_um, (first, second))
+
+
+def _joined(before: Course, after: Course, begin_s: float) -> Course:
+    """Return both courses; the last sample of the first is the first one of the other."""
+    return Course(
+        before.t_s[:-1] + [begin_s + t_s for t_s in after.t_s],
+        before.phase[:-1] + after.phase,
+        before.x_r_um[:-1] + after.x_r_um,
+        before.force_r_mN[:-1] + after.force_r_mN,
+        before.voltage_V[:-1] + after.voltage_V,
+    )
+
+
+def broken_limits(
+    course: PairCourse, rigs: tuple[PlannedRig, PlannedRig]
+) -> Iterator[tuple[int, Excursion]]:
+    """Return each limit that an arm breaks, with the number of the arm."""
+    for number, (arm, rig) in enumerate(zip(course.arms, rigs, strict=True), start=1):
+        for found in excursions(arm, rig.limits):
+            yield number, found
+
+
+def _course(
+    rig: PlannedRig, t_s: list[float], names: list[str], x_um: list[float], force_mN: list[float]
+) -> Course:
+    """Return the course of one arm with the voltages of its free response."""
+    free = PlannedArm(
+        rig.x_start_um, rig.piezo_um_per_V, rig.compliance_um_per_mN, 0.0, 1.0, rig.free_response
+    )
+    return Course(t_s, names, x_um, force_mN, free.voltages_V(x_um, force_mN, rig.period_s))

@@ -1,0 +1,172 @@
+"""One arm and the part that it meets, as a plan assumes them.
+
+The voltage is that which brings the free displacement x - x_start + s_p·F: by the identified free
+response where there is one, else
+
+    u = (x - x_start + s_p·F)/d_p,  in contact F = K_e·(x - x_e)
+
+At ``x_start_um`` the voltage is 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pincette.control.planning.contact_line import LoadLine
+from pincette.control.planning.prediction import Course, Piece, nominal, sample_course
+from pincette.control.planning.segments import Entry, Reference, Seek, Segment
+from pincette.control.response.hysteresis import (
+    HysteresisModel,
+    HysteresisState,
+    displacement_um,
+    start,
+)
+from pincette.control.response.hysteresis import step as state_after
+from pincette.control.response.inverse import free_voltages
+
+LED_STEPS, LED_STEP_S = 50, 0.04
+"""Steps, and the time of each, in which a model is moved to a position, or back to a voltage."""
+SHAKEN_V, SHAKES = 0.02, 25
+"""Small swings, peak to peak, and their number: the law makes them of noise as the arm presses."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedArm:
+    """The arm and what it meets, as a plan assumes them."""
+
+    x_start_um: float
+    """Position at which the arm rests at zero voltage, in µm."""
+    piezo_um_per_V: float
+    """Piezoelectric constant d_p."""
+    compliance_um_per_mN: float
+    """Compliance s_p of the arm."""
+    contact_um: float
+    """Position x_e of first touch, in µm."""
+    stiffness_mN_per_um: float
+    """Contact stiffness K_e."""
+    free_response: HysteresisModel | None = None
+    """Identified free response; None: a straight line of slope d_p."""
+    memory: HysteresisState | None = None
+    """Memory of the free response as the law begins; None: the arm is unpoled."""
+
+    def pressed_um(self, force_mN: float) -> float:
+        """Return the position x = x_e + F/K_e at which the contact bears a force."""
+        return self.contact_um + force_mN / self.stiffness_mN_per_um
+
+    def voltages_V(
+        self, x_um: Sequence[float], force_mN: Sequence[float], period_s: float
+    ) -> list[float]:
+        """Return the voltages that drive the arm along positions against forces, one a period."""
+        free_um = [
+            x - self.x_start_um + self.compliance_um_per_mN * force
+            for x, force in zip(x_um, force_mN, strict=True)
+        ]
+        if self.free_response is None:
+            return [displacement / self.piezo_um_per_V for displacement in free_um]
+        return free_voltages(self.free_response, free_um, period_s, self.memory)
+
+    def way_back_um(self, x_um: float, force_mN: float, voltages_V: Sequence[float]) -> list[float]:
+        """Return where the free arm is at voltages that fall, after a position against a force.
+
+        Remanence keeps an arm with an identified free response above the place where it was before.
+        """
+        model = self.free_response
+        if model is None:
+            return [self.x_start_um + self.piezo_um_per_V * to_V for to_V in voltages_V]
+        begins, memory = self._moved(model, x_um, force_mN)
+        start_um, places_um = displacement_um(model, begins), list[float]()
+        for to_V in voltages_V:
+            memory = _swept(model, memory, to_V)[-1]
+            places_um.append(self.x_start_um + displacement_um(model, memory) - start_um)
+        return places_um
+
+    def swing_um(self, x_um: float, force_mN: float, swing_V: float, cycles: int) -> float:
+        """Return how far the free arm comes back in swings of the voltage.
+
+        Before them the law turns the sensor's noise into small reversals of the voltage. An arm
+        that forgets by the length of the way comes back further after those.
+
+        Parameters
+        ----------
+        x_um, force_mN
+            Position against a force from which the swings begin. The voltage there is their crest.
+        swing_V
+            Peak-to-peak voltage of the swings.
+        cycles
+            Number of swings. Many actuators settle to another loop only after some of them.
+        """
+        model = self.free_response
+        if model is None:
+            return self.piezo_um_per_V * swing_V
+        _, memory = self._moved(model, x_um, force_mN)
+        memory = _shaken(model, memory)
+        crest_V, lowest_um = memory.voltage_V, displacement_um(model, memory)
+        crest_um = lowest_um
+        for _ in range(cycles):
+            for to_V in (crest_V - swing_V, crest_V):
+                states = _swept(model, memory, to_V)
+                memory = states[-1]
+                lowest_um = min(lowest_um, *(displacement_um(model, one) for one in states))
+        return crest_um - lowest_um
+
+    def _moved(
+        self, model: HysteresisModel, x_um: float, force_mN: float
+    ) -> tuple[HysteresisState, HysteresisState]:
+        """Return the memory as the plan begins, and that at a position against a force."""
+        begins = start(model) if self.memory is None else self.memory
+        way_um = x_um - self.x_start_um + self.compliance_um_per_mN * force_mN
+        ways_um = [way_um * step / LED_STEPS for step in range(1, LED_STEPS + 1)]
+        memory = begins
+        for voltage_V in free_voltages(model, ways_um, LED_STEP_S, begins):
+            memory = state_after(model, memory, voltage_V, LED_STEP_S)
+        return begins, memory
+
+    def entry(self, x_um: float, period_s: float) -> Entry:
+        """Return the state in which a plan begins with the arm at rest at a position."""
+        begin_V = (x_um - self.x_start_um) / self.piezo_um_per_V
+        return Entry(Reference(x_um, voltages_V=(begin_V,)), period_s)
+
+    def touched(self, entry: Entry, force_mN: float, rate_mN_per_s: float = 0.0) -> Entry:
+        """Return the state in which a seek ends that has met the part with a force."""
+        ref = entry.ref._replace(
+            x_um=self.pressed_um(force_mN), force_mN=force_mN, force_rate_mN_per_s=rate_mN_per_s
+        )
+        return entry._replace(ref=ref, line=LoadLine(self.contact_um, self.stiffness_mN_per_um))
+
+    def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
+        """Complete the references of a sample: force of a seek, position without a law."""
+        if isinstance(segment, Seek):
+            pressed_um = ref.x_um - self.contact_um
+            return ref._replace(force_mN=max(0.0, self.stiffness_mN_per_um * pressed_um))
+        return nominal(self.piezo_um_per_V, segment, entry, ref) if segment.open_loop else ref
+
+    def course(self, pieces: Sequence[Piece], period_s: float) -> Course:
+        """Return the course of a plan; raises ValueError where the period is not positive.
+
+        Where a law drives the arm, its voltages are those of the free response.
+        """
+        course = sample_course(pieces, period_s)
+        law_s = next(piece.start_s for piece in pieces if not piece.segment.open_loop)
+        first = sum(t_s < law_s for t_s in course.t_s)
+        course.voltage_V[first:] = self.voltages_V(
+            course.x_r_um[first:], course.force_r_mN[first:], period_s
+        )
+        return course
+
+
+def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
+    """Return the memory after small swings of the voltage about where it is."""
+    about_V = memory.voltage_V
+    for _ in range(SHAKES):
+        for off_V in (-0.5 * SHAKEN_V, 0.5 * SHAKEN_V):
+            memory = state_after(model, memory, about_V + off_V, 0.0)
+    return state_after(model, memory, about_V, 0.0)
+
+
+def _swept(model: HysteresisModel, memory: HysteresisState, to_V: float) -> list[HysteresisState]:
+    """Return the memories on the way to a voltage."""
+    from_V, states = memory.voltage_V, list[HysteresisState]()
+    for step in range(1, LED_STEPS + 1):
+        voltage_V = from_V + (to_V - from_V) * step / LED_STEPS
+        memory = state_after(model, memory, voltage_V, LED_STEP_S)
+        states.append(memory)
+    return states

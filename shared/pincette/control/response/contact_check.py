@@ -1,0 +1,62 @@
+"""Check of a residual table against a pressed part, which the table was not made of.
+
+Where a part is pressed, its force is a smooth function of the position. The estimate of the force
+scatters about that function by what the free response misses, so a table that holds makes the
+scatter smaller. An error in proportion to the position cannot be seen so: it looks like another
+stiffness.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+DEGREE = 2
+"""Degree of the polynomial for the force over the position: a round face becomes stiffer."""
+LEAST_SAMPLES = 40
+"""Fewer samples judge nothing."""
+LEAST_SWING_MN = 2.0
+"""Least swing of the force, in mN: a part that is only held shows no function."""
+CHANCE = 2.0
+"""Standard deviations by which a mean square may be larger by chance."""
+
+
+class ContactScatter(NamedTuple):
+    """R.m.s. of the force about a smooth function of the position, in mN."""
+
+    without_mN: float
+    """As it was estimated without the table."""
+    with_mN: float
+    """As the table corrects it."""
+    samples: int
+
+    @property
+    def worse(self) -> bool:
+        """True if the table increases the scatter by more than chance explains."""
+        allowed = 1.0 + CHANCE * sqrt(2.0 / self.samples)
+        return self.with_mN**2 > allowed * self.without_mN**2
+
+
+def contact_scatter(
+    x_um: ArrayLike, force_mN: ArrayLike, correction_mN: ArrayLike
+) -> ContactScatter | None:
+    """Return the scatter of pressed samples; None where they are too few or hardly move.
+
+    Parameters
+    ----------
+    correction_mN
+        What the table adds to the force of each sample.
+    """
+    x, force = np.asarray(x_um, np.float64), np.asarray(force_mN, np.float64)
+    if len(x) < LEAST_SAMPLES or float(np.ptp(force)) < LEAST_SWING_MN:
+        return None
+    corrected = force + np.asarray(correction_mN, np.float64)
+    return ContactScatter(_scatter_mN(x, force), _scatter_mN(x, corrected), len(x))
+
+
+def _scatter_mN(x_um: np.ndarray, force_mN: np.ndarray) -> float:
+    terms = np.vander((x_um - x_um.mean()) / np.ptp(x_um), DEGREE + 1)
+    fitted, *_ = np.linalg.lstsq(terms, force_mN, rcond=None)
+    squares = np.sum((force_mN - terms @ fitted) ** 2)
+    return float(np.sqrt(squares / (len(x_um) - DEGREE - 1)))

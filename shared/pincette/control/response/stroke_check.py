@@ -1,0 +1,194 @@
+"""The way of a conditioned arm as a fingerprint of its stroke.
+
+Two ways are compared with the calibration. That from the bottom of the last conditioning stroke to
+the rest after the strokes is short, and creep of the past counts most in it: it shows large changes
+alone. That from this rest on to the place of the next zero repeats to 0.13 % on an arm whose stroke
+has not changed. A factor of sensor, amplifier or temperature changes both, and position and voltage
+alone do not tell which. A change is explained up to
+
+    3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
+
+with the noise sigma of a sample, n samples of the shorter rest, the way L in um, the standard
+uncertainty c of creep from before the strokes, and the most that the sensor may have drifted
+meanwhile. An arm of an unknown past may creep otherwise than the model; p is the most of that, and
+counts for the way from the bottom. Where the limit is above ``LARGEST_CHANGE``, nothing is
+compared.
+"""
+
+from math import hypot, sqrt
+from typing import NamedTuple
+
+from pincette.control.record import FrozenRecord
+from pincette.control.response.free_response import FreeSample
+from pincette.control.response.identified_response import IdentifiedResponse
+
+REPEATS = 0.0013
+"""Least standard deviation of the ratio of two conditioned ways, noise taken off."""
+SIGMAS = 3.0
+SETTLE_SAMPLES = 3
+"""Samples at the bottom that are left out, in which the arm still moves."""
+LEAST_WAY_UM = 2.0
+"""Shortest way from the bottom that is compared."""
+LEAST_RISE_UM = 10.0
+"""Shortest way from the rest after the strokes that is compared."""
+LARGEST_CHANGE = 0.05
+"""Change of the stroke beyond which no force is zeroed."""
+
+
+REST_V = 0.1
+"""Furthest from 0 V of the rest to which the way from the bottom was calibrated."""
+
+
+class Base(FrozenRecord, frozen=True):
+    """Place of a conditioned arm at which a way begins: means over a rest."""
+
+    x_um: float
+    calibrated_um: float
+    """Displacement with the stroke of the calibration."""
+    samples: int
+    since_s: float
+    """Time from the bottom of the last stroke to this rest."""
+    rested: bool = True
+    """False for the bottom of the last stroke; True for the rest after the strokes."""
+
+
+class Bottom(FrozenRecord, frozen=True):
+    """Means over the rest at the bottom of the last conditioning stroke."""
+
+    seen: int = 0
+    """Samples there, those left out included."""
+    voltage_V: float = 0.0
+    x_um: float = 0.0
+    calibrated_um: float = 0.0
+    """Displacement with the stroke of the calibration."""
+    apart_um: tuple[float, float] = (0.0, 0.0)
+    """Displacements of the outermost unknown pasts less the model's, at the newest sample."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that the means are of."""
+        return max(0, self.seen - SETTLE_SAMPLES)
+
+    @property
+    def base(self) -> Base:
+        """Return the bottom as the place where a way begins."""
+        return Base(self.x_um, self.calibrated_um, self.samples, 0.0, rested=False)
+
+    def follow(
+        self,
+        response: IdentifiedResponse,
+        x_um: float,
+        apart_um: tuple[float, float] = (0.0, 0.0),
+    ) -> "Bottom":
+        """Take in a sample of the free arm."""
+        strokes = response.strokes
+        if not strokes.conditioned:
+            return self if self.seen == 0 else Bottom()
+        if not strokes.bottom:
+            return self
+        if not self.seen or response.voltage_V < self.voltage_V:
+            return Bottom(1, response.voltage_V)
+        if response.voltage_V > self.voltage_V:  # on its way up again
+            return self
+        seen = self.seen + 1
+        count = seen - SETTLE_SAMPLES
+        if count <= 0:
+            return Bottom(seen, self.voltage_V)
+        share = 1.0 / count
+        return Bottom(
+            seen,
+            self.voltage_V,
+            self.x_um + share * (x_um - self.x_um),
+            self.calibrated_um + share * (response.calibrated_um() - self.calibrated_um),
+            apart_um,
+        )
+
+
+class Doubt(NamedTuple):
+    """What may move the reading on a way, besides the stroke."""
+
+    noise_um: float
+    """Standard deviation of one sample."""
+    drift_um_per_s: float = 0.0
+    """Largest drift of the sensor."""
+    past_um: float = 0.0
+    """Standard uncertainty of creep from before the strokes."""
+    unknown_um: float = 0.0
+    """Most by which an unknown past may have crept otherwise than the model since the bottom."""
+
+
+class StrokeChange(FrozenRecord, frozen=True):
+    """Change of the stroke since the calibration, as a conditioned way showed it."""
+
+    change: float
+    """Factor of the stroke less 1."""
+    limit: float
+    """Change up to which noise and repetition explain it."""
+    way_um: float = 0.0
+    """Way that it was found over, as the calibration has it."""
+
+    @property
+    def significant(self) -> bool:
+        """True where noise and repetition do not explain the change."""
+        return abs(self.change) > self.limit
+
+    @property
+    def refused(self) -> bool:
+        """True where the change is too large for a force to be stated."""
+        return self.significant and abs(self.change) > LARGEST_CHANGE
+
+
+def rest_base(response: IdentifiedResponse, rest: FreeSample, samples: int) -> Base | None:
+    """Return a rest as the place where a way begins; None where the arm is not on its branch."""
+    if response.branch is None or not response.strokes.fresh:
+        return None
+    calibrated_um = rest.displacement_um / response.factor
+    return Base(rest.x_um, calibrated_um, samples, response.strokes.since_s)
+
+
+def stroke_change(
+    response: IdentifiedResponse, base: Base, rest: FreeSample, samples: int, doubt: Doubt
+) -> StrokeChange | None:
+    """Compare the way from a base to a rest with that of the calibration.
+
+    Returns None where the arm is not on the rising branch after strokes, the way is too short, or
+    more than ``LARGEST_CHANGE`` would be explained.
+
+    Parameters
+    ----------
+    rest
+        Mean of the rest, by this response.
+    samples
+        Number of samples of that mean.
+    """
+    branch = response.branch
+    if branch is None or not response.strokes.fresh or not base.samples:
+        return None
+    ratio, spread = branch.rest_ratio, branch.rest_spread
+    if base.rested:
+        ratio, spread = branch.way_at(rest.voltage_V)
+    elif abs(rest.voltage_V) > REST_V:
+        return None
+    way_um = ratio * (rest.displacement_um / response.factor - base.calibrated_um)
+    length_um = abs(way_um)
+    if length_um < (LEAST_RISE_UM if base.rested else LEAST_WAY_UM):
+        return None
+    noise_um = 2.0 * doubt.noise_um / sqrt(min(samples, base.samples))
+    random = hypot(max(REPEATS, spread), noise_um / length_um, doubt.past_um / length_um)
+    bias_um = doubt.drift_um_per_s * max(0.0, response.strokes.since_s - base.since_s)
+    if not base.rested:
+        bias_um += doubt.unknown_um
+    limit = SIGMAS * random + bias_um / length_um
+    if limit > LARGEST_CHANGE:
+        return None
+    return StrokeChange((rest.x_um - base.x_um) / way_um - 1.0, limit, length_um)
+
+
+def corrected(response: IdentifiedResponse, found: StrokeChange) -> IdentifiedResponse:
+    """Return the response with the stroke that a conditioned way showed.
+
+    A stroke that was found before stays where the new finding agrees with it.
+    """
+    if abs(found.change - (response.factor - 1.0)) <= found.limit:
+        return response
+    return response.with_factor(1.0 + found.change if found.significant else 1.0)

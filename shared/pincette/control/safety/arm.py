@@ -1,0 +1,54 @@
+"""Facts about one arm for the safety rules: its limits, its voltage and its samples.
+
+All arms of a rig share one latch, one mode and one cause: what trips one arm trips all, a freeze
+keeps all voltages, and a ramp releases all arms in the same time. No part is released on one side
+alone, so no output is written while the voltage of any output is unknown.
+"""
+
+from dataclasses import dataclass
+
+from pincette.control.faults import Fault
+from pincette.control.record import FrozenRecord
+from pincette.control.safety.monitors import UNSEEN, MonitorLimits, Watches
+from pincette.control.safety.voltage import VoltageLimits
+from pincette.control.voltage_range import VoltageRange
+
+
+@dataclass(frozen=True, slots=True)
+class ArmLimits:
+    """Limits of one arm."""
+
+    voltage: VoltageLimits
+    monitors: MonitorLimits
+
+
+class ArmOutput(FrozenRecord, frozen=True):
+    """Voltage of one arm, and what the rules remember of the arm from one event to the next."""
+
+    voltage_V: float = 0.0
+    ramp_from_V: float = 0.0
+    """Voltage at the begin of the ramp."""
+    limits_active: int = 0
+    """Bits of the voltage limits that acted on the newest command."""
+    watches: Watches = UNSEEN
+    planned: VoltageRange | None = None
+    """Voltages that the plan of this arming has stated; None: the limits of the rig."""
+
+
+class ArmFacts(FrozenRecord, frozen=True):
+    """Facts about one arm's part of a command, for the safety rules."""
+
+    voltage_V: float
+    force_mN: float | None = None
+    x_d_um: float | None = None
+
+
+def with_arm(found: Fault, arm: int) -> Fault:
+    """Return the fault with the number of its arm, where that is not the first.
+
+    Parameters
+    ----------
+    arm
+        Index of the arm, from 0.
+    """
+    return found if arm == 0 else found.with_values(arm=arm + 1)

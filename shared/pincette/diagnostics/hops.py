@@ -1,0 +1,53 @@
+"""What the arrival of answers says of a device server between a program and its instrument."""
+
+from collections.abc import Iterator
+
+from pincette.diagnostics import Finding, noted
+
+DEFAULT_HELD_S, NEXT_HELD_S = 0.003, 0.004
+"""Time for which ser2net 4 holds answers back by default at any baud rate, two characters at 9600
+baud rounded up to whole milliseconds; what is measured is a little longer."""
+
+
+def not_asked_for(name: str, count: int) -> Iterator[Finding]:
+    """Name what may have sent answers to nobody's request, where there were any."""
+    if count:
+        yield noted(
+            f"{name}: {count} answers that were not asked for",
+            "does the device server admit a second client (ser2net: max-connections, socat: fork "
+            "without max-children=1), or does an adapter repeat lines?",
+        )
+
+
+def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
+    """Name a server that holds answers back, and a line that is slower than the rig file states.
+
+    Parameters
+    ----------
+    name
+        Instrument and url, or program.
+    held_s, line_baud
+        As in ``ExchangeTimes``.
+    """
+    if held_s:
+        is_default = DEFAULT_HELD_S <= held_s < NEXT_HELD_S
+        cause = (
+            "that is ser2net's `chardelay` at its default, 3 ms at any baud rate"
+            if is_default
+            else "a device server collects their bytes, as ser2net does with `chardelay-scale`, "
+            "`chardelay-min` and `chardelay-max`"
+        )
+        yield noted(
+            f"{name}: answers arrive whole, {1e3 * held_s:.1f} ms after the line has carried them: "
+            f"{cause}",
+            "in ser2net.yaml, under `options:` of this connection, write `chardelay: false`; at "
+            "another server set packing or inter-character time to nothing. If that is so already, "
+            "the instrument takes this time itself, or the line is slower than options.baud states",
+        )
+    if line_baud:
+        yield noted(
+            f"{name}: answers arrive as from a line at about {line_baud} baud, slower than the rig "
+            "file states",
+            "over TCP the rig file's baud does not reach the server: set instrument and server to "
+            "options.baud",
+        )

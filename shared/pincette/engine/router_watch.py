@@ -1,0 +1,92 @@
+"""Ends a router that does not route any more, so that a new one can take its place.
+
+A thread of Zenoh may wait for ever for a lock of the routing tables that it holds itself (Zenoh
+1.10.2, https://github.com/eclipse-zenoh/zenoh/pull/2619). Such a router still accepts links and
+carries nothing over them, and nothing within the process helps. A router keeps no state, the links
+of the loop do not lead through it, and its clients connect again by themselves. So it ends, and
+whatever started it (``pincette up``, systemd, a container engine) starts another one.
+"""
+
+import logging
+import os
+from collections.abc import Callable
+from time import monotonic
+
+from pincette.engine.threads import RepeatedAction
+
+log = logging.getLogger("pincette")
+CODE = "router.locked"
+"""Code of the log line, also as its member ``code``."""
+ENDED_STATUS = 75
+"""Exit status of a router that has ended itself: EX_TEMPFAIL, a failure that a new start cures."""
+ASK_S, LOOK_S = 1.0, 0.5
+LEASES = 10
+"""Longest time without an answer of the own router, in leases of a link: 5 s in real time. With it,
+a router is back before the supervisor's lease on a job ends, which is 10 s by default."""
+
+
+class RouterWatch:
+    """Watches whether a router answers itself, and calls ``end`` once it has not for too long.
+
+    Parameters
+    ----------
+    ask
+        Asks the router and returns with its answer; may never return.
+    limit_s
+        Longest time without an answer, in s.
+    end
+        Called with the time without an answer, in s.
+    """
+
+    def __init__(
+        self,
+        ask: Callable[[], None],
+        limit_s: float,
+        end: Callable[[float], None],
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._ask, self._limit_s, self._end, self._clock = ask, limit_s, end, clock
+        self._silent_s = 0.0
+        self._looked_s = clock()
+        self._asking = RepeatedAction("router-asks", ASK_S, self.ask)
+        self._looking = RepeatedAction("router-watch", LOOK_S, self.look)
+
+    def start(self) -> None:
+        """Watch from here on."""
+        self._looked_s = self._clock()
+        self._asking.start()
+        self._looking.start()
+
+    def ask(self) -> None:
+        """Ask the router once."""
+        self._ask()
+        self._silent_s = 0.0
+
+    def look(self) -> None:
+        """Call ``end`` if the router has not answered for too long."""
+        now_s = self._clock()
+        # Time in which this process did not run says nothing about the router.
+        self._silent_s += min(now_s - self._looked_s, 2.0 * LOOK_S)
+        self._looked_s = now_s
+        if self._silent_s > self._limit_s:
+            self._end(self._silent_s)
+
+    def close(self) -> None:
+        """Watch no longer; waits for no question that is under way."""
+        self._looking.close(0.0)
+        self._asking.close(0.0)
+
+
+def end_process(silent_s: float) -> None:
+    """End this process at once, without leaving the bus, after a log line that says why."""
+    log.critical(
+        "%s: the router has not answered itself for %.1f s, so this process ends with status %d, "
+        "to be started again; the loop and a held part go on",
+        CODE,
+        silent_s,
+        ENDED_STATUS,
+        extra={"code": CODE},
+    )
+    for handler in logging.getLogger().handlers:
+        handler.flush()
+    os._exit(ENDED_STATUS)

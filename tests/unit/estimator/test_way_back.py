@@ -1,0 +1,39 @@
+"""U on the way back from a press covers the error that rehearsals found there."""
+
+import pytest
+
+from pincette.control.force.estimation import COVERAGE
+from pincette_estimator.config import configure
+
+from .bench import TAUGHT, Bench, a_rig
+
+RETURN_UM = 0.8
+ZERO_V, TOP_V, STEP_V = 1.0, 2.0, 0.02
+
+
+def stated_mN(return_error_um: float | None) -> dict[str, float]:
+    """Return U at the top of a press, a small step below it, and back at the place of the zero."""
+    taught = TAUGHT.model_copy(update={"return_error_um": return_error_um})
+    bench = Bench(configure(a_rig(taught)))
+
+    def at(voltage_V: float, *, zero: bool = False) -> float:
+        x_um = bench.state.response.position_um()
+        return bench.feed(x_um, voltage_V, zero=zero).force_uncertainty_mN
+
+    for _ in range(40):
+        at(ZERO_V)
+    at(ZERO_V, zero=True)
+    steps = round((TOP_V - ZERO_V) / STEP_V)
+    rising = [at(ZERO_V + STEP_V * step) for step in range(1, steps + 1)]
+    falling = [at(TOP_V - STEP_V * step) for step in range(1, steps + 1)]
+    return {"top": rising[-1], "below": falling[1], "back": falling[-1]}
+
+
+def test_U_on_the_way_back_is_at_least_the_error_of_rehearsed_ways_back() -> None:
+    without, stated = stated_mN(None), stated_mN(RETURN_UM)
+    assert stated["top"] == pytest.approx(without["top"])
+    assert stated["below"] == pytest.approx(without["below"])
+    # What the unfollowed past may do is in both; without the error x_1 is sure where it was zeroed.
+    by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN
+    more_mN2 = stated["back"] ** 2 - without["back"] ** 2
+    assert more_mN2 == pytest.approx((by_um * RETURN_UM) ** 2, rel=1e-6)

@@ -1,0 +1,168 @@
+"""The rules for a running job, checked with every combination of facts in every state."""
+
+from itertools import product
+
+import pytest
+
+from pincette.api.endings import Ending
+from pincette.api.states import GOOD_OUTCOMES, STATES, JobState
+from pincette.core.faults import ActionCode, Cause, Outcome
+from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.jobs.decide import (
+    PLAYED,
+    STOPPABLE,
+    TERMINAL,
+    TRIPPABLE,
+    Ask,
+    Asked,
+    AskTrip,
+    Close,
+    Command,
+    Complete,
+    Facts,
+    Interrupt,
+    Move,
+    Why,
+    decide,
+)
+
+BOTH = (False, True)
+LATE: Why = ("late", Ending(code="silent"))
+LEASE: Why = ("lease", Ending(code="lease_ended"))
+LACK: Why = ("lack", Ending(code="samples_missing"))
+TRIPS = (None, TripReason(Cause.ABORT), TripReason(Cause.COMMAND_AGE))
+OUTCOMES = (Outcome.NONE, Outcome.GRIPPED, Outcome.STOPPED, Outcome.LOST)
+ASKED: tuple[Asked, ...] = ("no", "refused", "accepted", "effective")
+LATENESS = ((None, False), (LATE, False), (LATE, True))
+STOPS = (ActionCode.STOP, ActionCode.RETRACT)
+
+
+def wrong(facts: Facts, command: Command | None) -> str:
+    """Return what is wrong with a command; empty where nothing is."""
+    events = STATES[facts.state].events
+    if facts.state in TERMINAL:
+        expected = Complete if facts.over or facts.late else Interrupt
+        if facts.over or facts.late or facts.interrupted:
+            return "" if isinstance(command, expected) else "the record is not completed"
+        return "" if command is None else "a job that has ended does something"
+    if facts.trip and facts.state in TRIPPABLE:
+        return "" if command == Move("trip") else "the trip does not come first"
+    match command:
+        case Move(event=event) | Close(event=event) if event not in events:
+            return "the state does not know the event"
+        case Move(event="trip" | "overdue") | AskTrip() if (
+            facts.cut_off and facts.state in TRIPPABLE
+        ):
+            return "a trip of a loop that its lease ends"
+        case Ask() if facts.asked != "no" or facts.over or facts.interrupted or facts.late:
+            return "an order out of turn"
+        case Ask(action=action):
+            of_state = {
+                "stopping": facts.on_stop,
+                "pausing": ActionCode.PAUSE,
+                "resuming": ActionCode.RESUME,
+            }
+            return "" if of_state.get(facts.state) == action else "an order of another state"
+        case AskTrip() if facts.state != "aborting" or facts.trip_asked:
+            return "a trip out of turn"
+        case Close(event="done") if not facts.over or facts.outcome not in GOOD_OUTCOMES:
+            return "a success that was none"
+        case Close(over=False) if not (facts.held and facts.stop_acts):
+            return "an end with nothing to record"
+        case Complete():
+            return "a record is completed before the end"
+        case _ if facts.over and not isinstance(command, Close | Move):
+            return "a job goes on after its last sample"
+        case None if facts.interrupted or facts.late:
+            return "nothing is done"
+        case _:
+            return ""
+
+
+@pytest.mark.parametrize("state", sorted(PLAYED | TERMINAL))
+def test_every_combination_of_facts_gives_a_command_that_fits(state: JobState) -> None:
+    flags = product(BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH, BOTH)
+    reasons = product(LATENESS, (None, LEASE), (None, LACK))
+    stops = STOPS if state == "stopping" else STOPS[:1]  # no other state gives that order
+    others = product(TRIPS, OUTCOMES, ASKED, stops)
+    found: dict[str, Facts] = {}
+    for flag, reason, other in product(flags, reasons, others):
+        over, held, paused, interrupted, stop_acts, pause_asked, trip_asked, given_up = flag
+        (late, cut_off), lease, lack = reason
+        trip, outcome, asked, on_stop = other
+        facts = Facts(
+            state=state,
+            over=over,
+            trip=trip,
+            outcome=outcome,
+            held=held,
+            paused=paused,
+            interrupted=interrupted,
+            late=late,
+            cut_off=cut_off,
+            lease=lease,
+            lack=lack,
+            asked=asked,
+            stop_acts=stop_acts,
+            pause_asked=pause_asked,
+            trip_asked=trip_asked,
+            given_up=given_up,
+            on_stop=on_stop,
+        )
+        words = wrong(facts, decide(facts))
+        if words:
+            found.setdefault(words, facts)
+    assert not found
+
+
+def test_the_states_of_the_table_follow_from_the_states_of_a_job() -> None:
+    assert {"running", "pausing", "paused", "resuming", "stopping"} == TRIPPABLE
+    assert {"running", "pausing", "paused", "resuming"} == STOPPABLE
+
+
+@pytest.mark.parametrize(
+    ("facts", "command"),
+    [
+        (Facts(state="running"), None),
+        (Facts(state="running", lease=LEASE), Move("stop", LEASE)),
+        (Facts(state="running", lack=LACK), Move("stop", LACK)),
+        (Facts(state="running", late=LATE), Move("overdue", LATE)),
+        (Facts(state="paused", late=LATE, paused=True), Move("trip", LATE)),
+        (Facts(state="running", over=True, outcome=Outcome.GRIPPED), Close("done")),
+        (Facts(state="running", over=True, outcome=Outcome.LOST), Close("fail")),
+        (Facts(state="running", over=True, outcome=Outcome.STOPPED), Move("stop")),
+        (Facts(state="stopping", over=True), Close("confirm")),
+        (Facts(state="stopping", over=True, given_up=True), Close("fail")),
+        (Facts(state="stopping", asked="effective", held=True, stop_acts=True),
+         Close("confirm", over=False)),
+        (Facts(state="running", late=LATE, lack=LACK), Move("overdue", LATE)),
+        (Facts(state="running", trip=TRIPS[2], lease=LEASE, over=True), Move("trip")),
+        (Facts(state="running", late=LATE, cut_off=True), Close("fail", LATE)),
+        (Facts(state="paused", late=LATE, cut_off=True, paused=True), Close("fail", LATE)),
+        (Facts(state="aborting", late=LATE, cut_off=True), AskTrip()),
+        (Facts(state="stopping"), Ask(ActionCode.STOP)),
+        (Facts(state="stopping", on_stop=ActionCode.RETRACT), Ask(ActionCode.RETRACT)),
+        (Facts(state="stopping", asked="effective", stop_acts=True), None),
+        (Facts(state="stopped", held=True), None),
+        (Facts(state="stopped", over=True), Complete()),
+        (Facts(state="stopped", interrupted=True), Interrupt()),
+        (Facts(state="aborting"), AskTrip()),
+        (Facts(state="aborting", late=LATE), AskTrip()),
+        (Facts(state="aborting", interrupted=True), Interrupt()),
+        (Facts(state="aborting", trip_asked=True), None),
+        (Facts(state="aborting", over=True, trip=TRIPS[1]), Close("confirm")),
+        (Facts(state="aborting", over=True, trip=TRIPS[2]), Close("fail")),
+        (Facts(state="aborting", trip_asked=True, late=LATE), Close("fail", LATE)),
+        (Facts(state="pausing"), Ask(ActionCode.PAUSE)),
+        (Facts(state="pausing", asked="effective", paused=True), Move("rest")),
+        (Facts(state="pausing", asked="refused"), None),
+        (Facts(state="resuming"), Move("go_on")),
+        (Facts(state="resuming", pause_asked=True), Ask(ActionCode.RESUME)),
+        (Facts(state="resuming", pause_asked=True, asked="accepted"), None),
+        (Facts(state="resuming", pause_asked=True, asked="refused"), Move("go_on")),
+        (Facts(state="paused"), Move("go_on")),
+        (Facts(state="paused", paused=True), None),
+    ],
+)  # fmt: skip
+def test_a_look_gives_its_command(facts: Facts, command: Command | None) -> None:
+    assert decide(facts) == command
