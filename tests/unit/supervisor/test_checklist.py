@@ -1,6 +1,6 @@
 """The checklist of calibrations: order, what is next and why, and what was gained."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,7 +8,7 @@ import pytest
 
 from pincette.config import RigFile, read_rig
 from pincette_supervisor.jobs import bring_up
-from pincette_supervisor.jobs.bring_up import ordered
+from pincette_supervisor.jobs.bring_up import Step, ordered
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.kinds.calibrate.compliance.functions import weights_within
@@ -71,6 +71,51 @@ def test_a_rig_that_nobody_has_calibrated_begins_with_the_noise(harness: Harness
     assert codes(by_name["frequency_response"]) == ["not_calibrated", "unsupported"]
     assert "no buffered acquisition" in by_name["frequency_response"]["reasons"][1]["text"]
     assert codes(by_name["output_timing"]) == ["not_calibrated", "unsupported"]
+
+
+def test_each_step_is_planned_once_for_a_model_in_use(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned: list[str] = []
+
+    def counted(step: Step) -> Step:
+        def program(request: Any, *of: Any) -> Any:
+            planned.append(step.variant.name)
+            return step.functions.program(request, *of)
+
+        return replace(step, functions=replace(step.functions, program=program))
+
+    found = tuple(counted(step) for step in ordered())
+    monkeypatch.setattr(bring_up, "ordered", lambda: found)
+    name = proposal(harness)
+    planned.clear()
+    before = [harness.get("/rigs/demo/checklist") for _ in range(3)]
+    assert before[0] == before[1] == before[2]
+    assert sorted(planned) == sorted(step.variant.name for step in found)
+    planned.clear()
+    decide(harness, name, "accept")
+    after = [harness.get("/rigs/demo/checklist") for _ in range(3)]
+    assert after[0] == after[1] == after[2]
+    # The noise is done, and what is done is not planned.
+    assert sorted([*planned, "noise"]) == sorted(step.variant.name for step in found)
+
+
+def test_decisions_of_many_proposals_are_read_in_one_query(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [proposal(harness), proposal(harness)]
+    decide(harness, names[0], "discard")
+    read: list[int] = []
+    get_notes = harness.store.get_notes
+
+    def counted(wanted: Sequence[str]) -> dict[str, str]:
+        read.append(len(wanted))
+        return get_notes(wanted)
+
+    monkeypatch.setattr(harness.store, "get_notes", counted)
+    states = [one["state"] for one in harness.get("/calibrations")["calibrations"]]
+    assert states == ["proposed", "discarded"]
+    assert read == [2]
 
 
 def test_at_1_khz_bursts_take_the_place_of_the_sweep() -> None:

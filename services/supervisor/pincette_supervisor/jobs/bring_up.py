@@ -1,7 +1,7 @@
 """The calibrations in the order to make them, and how far a rig has come."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -60,14 +60,18 @@ class Calibrations:
     def __init__(self, store: Store, model: RigModel) -> None:
         self._store, self._model = store, model
         self._rig = model.file.rig.name
+        self._refusals: tuple[ModelInUse, dict[str, StepReason | None]] = model.in_use, {}
+        """Why calibrations would be refused with a model, by name; see ``refusal``."""
 
     def newest(self, limit: int, before: int | None = None) -> list[tuple[int, Proposal]]:
         """Return proposals with the numbers of their jobs, the newest first."""
-        return [(row.number or 0, self._view(row)) for row in self._rows(limit, before)]
+        rows = self._rows(limit, before)
+        decisions = self._decisions(rows)
+        return [(row.number or 0, self._view(row, decisions.get(row.id))) for row in rows]
 
     def one(self, name: str) -> Proposal:
         """One proposal; raises ProblemError where there is none of this name."""
-        return self._view(self._row(name))
+        return self._view(self._row(name), self._decision(name))
 
     def _rows(self, limit: int, before: int | None = None) -> list[JobRow]:
         wanted = JobFilter(kind=KIND.name, state="succeeded", rig=self._rig, before_number=before)
@@ -82,6 +86,29 @@ class Calibrations:
     def _decision(self, name: str) -> Decision | None:
         noted = self._store.get_note(_note(name))
         return None if noted is None else Decision(**json.loads(noted))
+
+    def _decisions(self, rows: Sequence[JobRow]) -> dict[str, Decision]:
+        """Return the decisions about proposals, by the name of the job; read in one query."""
+        noted = self._store.get_notes([_note(row.id) for row in rows])
+        found = ((row.id, noted.get(_note(row.id))) for row in rows)
+        return {name: Decision(**json.loads(text)) for name, text in found if text is not None}
+
+    def refusal(
+        self, step: "Step", request: Mapping[str, Any], used: ModelInUse
+    ) -> StepReason | None:
+        """Return why a calibration would be refused with a model; None where it would not.
+
+        A plan depends on the model, with its rig file, and on the request, which is always the
+        same. It is made once for each model in use, since a plan can take a quarter of a second.
+        """
+        model, known = self._refusals
+        if model is not used:
+            known = {}
+            self._refusals = used, known
+        name = step.variant.name
+        if name not in known:
+            known[name] = _refusal(step, request, used)
+        return known[name]
 
     def _decide(self, name: str, decision: Decision) -> None:
         self._store.set_note(_note(name), json.dumps(asdict(decision)))
@@ -121,7 +148,7 @@ class Calibrations:
         self._decide(name, decision)
         if action == "accept":
             self._supersede(row)
-        return self._view(row)
+        return self._view(row, decision)
 
     def _accept(self, row: JobRow) -> int:
         found = _result(row).values
@@ -145,17 +172,19 @@ class Calibrations:
     def _supersede(self, accepted: JobRow) -> None:
         """What was accepted before of the same kind, or waits since before, is superseded."""
         kind = _result(accepted).calibration
-        for row in self._rows(LONGEST):
+        rows = self._rows(LONGEST)
+        decisions = self._decisions(rows)
+        for row in rows:
             if row.id == accepted.id or _result(row).calibration != kind:
                 continue
-            decision = self._decision(row.id)
+            decision = decisions.get(row.id)
             if decision is None and row.created_at <= accepted.created_at:
                 self._decide(row.id, Decision("superseded", utc_now()))
             elif decision is not None and decision.state == "accepted":
                 self._decide(row.id, replace(decision, state="superseded"))
 
-    def _view(self, row: JobRow) -> Proposal:
-        result, decision, model = _result(row), self._decision(row.id), self._model.in_use
+    def _view(self, row: JobRow, decision: Decision | None) -> Proposal:
+        result, model = _result(row), self._model.in_use
         in_use: dict[str, Any] = values_of(model.rig)
         sources = dict(model.calibration.sources)
         if decision is not None:
@@ -251,7 +280,8 @@ def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
     steps: list[ChecklistStep] = []
     next_step: str | None = None
     for step in ordered():
-        made = _step(step, model, [p for p in proposals if p.calibration == step.variant.name])
+        of_step = [one for one in proposals if one.calibration == step.variant.name]
+        made = _step(step, model, calibrations, of_step)
         if made.state == "later" and next_step is None:
             next_step = made.calibration
             made = made.model_copy(update={"state": "next"})
@@ -259,7 +289,9 @@ def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
     return Checklist(rig=model.file.rig.name, next=next_step, steps=steps)
 
 
-def _step(step: Step, model: RigModel, proposals: Sequence[Proposal]) -> ChecklistStep:
+def _step(
+    step: Step, model: RigModel, calibrations: Calibrations, proposals: Sequence[Proposal]
+) -> ChecklistStep:
     """One step; one that is still to be made is ``later``."""
     used, variant = model.in_use, step.variant
     accepted = next((p for p in proposals if p.id in used.calibration.sources.values()), None)
@@ -274,9 +306,9 @@ def _step(step: Step, model: RigModel, proposals: Sequence[Proposal]) -> Checkli
         "rig": used.rig.rig.name,
         "autostart": True,
     }
-    if state != "done" and (fault := _fault(step, request, used)):
-        reasons.append(fault)
-        state = "unsupported" if fault.code == "unsupported" else state
+    if state != "done" and (refusal := calibrations.refusal(step, request, used)):
+        reasons.append(refusal)
+        state = "unsupported" if refusal.code == "unsupported" else state
     in_use = used.calibration.sources
     return ChecklistStep(
         calibration=variant.name,
@@ -322,8 +354,8 @@ def _reasons(
         yield StepReason(code="assumption_changed", text=f"made with another {', '.join(changed)}")
 
 
-def _fault(step: Step, request: dict[str, Any], used: ModelInUse) -> StepReason | None:
-    """Why the calibration would be refused as things are; None where it would not."""
+def _refusal(step: Step, request: Mapping[str, Any], used: ModelInUse) -> StepReason | None:
+    """Return why a calibration would be refused with a model; None where it would not."""
     try:
         step.functions.program(step.variant.request.model_validate(request), used, Present())
     except UnsupportedError as error:

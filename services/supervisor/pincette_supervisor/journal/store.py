@@ -207,8 +207,13 @@ class Store(Database):
 
     def get_note(self, name: str) -> str | None:
         """A fact kept under this name."""
+        return self.get_notes([name]).get(name)
+
+    def get_notes(self, names: Sequence[str]) -> dict[str, str]:
+        """Return the facts that are kept under these names, by name."""
+        query = select(NOTES.c.name, NOTES.c.value).where(NOTES.c.name.in_(names))
         with self.reading() as connection:
-            return connection.scalar(select(NOTES.c.value).where(NOTES.c.name == name))
+            return {name: value for name, value in connection.execute(query)}
 
 
 def _creation(connection: Connection, key: str) -> Creation | None:

@@ -1,5 +1,7 @@
 """What is installed, over REST: kinds of job and control laws."""
 
+from functools import cache
+
 from fastapi import APIRouter
 
 from pincette.api.job_kinds import job_kinds
@@ -12,10 +14,16 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 router = APIRouter(route_class=StrictRoute)
 
 
+@cache
+def _installed_kinds() -> KindList:
+    """Describe every installed kind; their schemas do not change while the program runs."""
+    return KindList(kinds=[described(kind) for kind in job_kinds().values()])
+
+
 @router.get("/kinds", tags=["jobs"], dependencies=[OBSERVE])
 def kinds() -> KindList:
     """Every kind of job that is installed: its request, form, actions and figures."""
-    return KindList(kinds=[described(kind) for kind in job_kinds().values()])
+    return _installed_kinds()
 
 
 @router.get("/laws", tags=["laws"], dependencies=[OBSERVE])

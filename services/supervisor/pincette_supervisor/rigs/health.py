@@ -80,6 +80,7 @@ class Health:
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._rig, self._bus, self._observer, self._store = rig, bus, observer, store
+        self._digest = rig.digest()
         self.clock = clock
         self._write_queue = WriteQueue()
         """Of notes, so that no reset waits for a disk."""
@@ -266,7 +267,7 @@ class Health:
     def troubles(self) -> dict[str, str]:
         """For each program that cannot take part, why."""
         found: dict[str, str] = {}
-        digest = self._rig.digest()
+        digest = self._digest
         for service, answer in self.statuses.items():
             if not isinstance(answer, Status):
                 found[service] = answer

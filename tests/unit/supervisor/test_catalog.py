@@ -1,0 +1,24 @@
+"""The catalogue of what is installed, over REST."""
+
+from typing import Any
+
+import pytest
+
+from pincette_supervisor.rest import routes_catalog
+
+from .harness import Harness
+
+
+def test_kinds_are_described_once(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+    described: list[str] = []
+    describe = routes_catalog.described
+
+    def counted(kind: Any) -> Any:
+        described.append(kind.name)
+        return describe(kind)
+
+    routes_catalog._installed_kinds.cache_clear()  # pyright: ignore[reportPrivateUsage]
+    monkeypatch.setattr(routes_catalog, "described", counted)
+    first, second = harness.get("/kinds"), harness.get("/kinds")
+    assert first == second
+    assert described == [kind["name"] for kind in first["kinds"]]
