@@ -213,7 +213,7 @@ class Store(Database):
         """Return the facts that are kept under these names, by name."""
         query = select(NOTES.c.name, NOTES.c.value).where(NOTES.c.name.in_(names))
         with self.reading() as connection:
-            return {name: value for name, value in connection.execute(query)}
+            return {row.name: row.value for row in connection.execute(query)}
 
 
 def _creation(connection: Connection, key: str) -> Creation | None:
