@@ -1,6 +1,6 @@
 """A rig in virtual real time whose instruments answer late, twice, in pieces or never."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -158,8 +158,12 @@ def grip(
     from_s: float = 0.5,
     split: bool = False,
     seed: int = 1,
+    loses: Callable[[Applied], bool] = lambda _echo: False,
 ) -> Grip:
-    """Play a short grip; from a time on, answers of the target come with these delays."""
+    """Play a short grip; from a time on, answers of the target come with these delays.
+
+    An answer is lost where ``loses`` says so of what the actuator has published last.
+    """
     changes: Tree = {"rig": {"composed": ["loop"]}} if composed else {}
     loop = DelayedLoop(demo_rig(laid_over(NEAR, changes)), seed)
     bench = loop.bench
@@ -168,10 +172,14 @@ def grip(
     loop.reset()
     loop.arm(PROGRAM)
     began_s, peak_mN = loop.now_s, 0.0
+
+    def chosen(number: int) -> list[float]:
+        return [] if loses(loop.newest) else delays(number)
+
     port = bench.laser_port if target == "sensor" else bench.module_port
     while loop.now_s < began_s + LONGEST_S:
         if loop.now_s >= began_s + from_s:
-            port.delays, port.split = delays, split
+            port.delays, port.split = chosen, split
         loop.run(loop.now_s + STEP_S)
         peak_mN = max(peak_mN, bench.rig.snapshot().force_mN)
         if loop.newest.final and loop.now_s > began_s + 0.2:

@@ -184,10 +184,15 @@ def await_zero(
     confirmed: bool,
     refused: bool,
 ) -> Player:
-    """Go on once each estimator has confirmed the zero, or end where it is refused or too late."""
+    """Go on once each estimator has confirmed the zero, or end where it is refused or too late.
+
+    The estimate of the sample after the command with the zero answers it. One that does not has
+    missed it: the reading, the voltage or the command was lost. The zero is then requested again,
+    in the same rest.
+    """
     waited, guards = player.watch.count + 1, program.guards
     if not confirmed and not refused and waited * period_s <= guards.zero_wait_s:
-        return with_watch(player, count=waited)
+        return replace(with_watch(player, count=waited), zero=True)
     player = with_watch(player, zeroing=False)
     if confirmed or not guards.zero_needed:
         return follow(program, player, x_um)

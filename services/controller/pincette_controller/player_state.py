@@ -173,7 +173,8 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         index=index,
         segment=_not_forward(segment, ref, player.pair),
         ticks=0,
-        watch=replace(player.watch, count=0),
+        # A zero that is not answered belongs to the rest that is left.
+        watch=replace(player.watch, count=0, zeroing=False),
         entry=player.entry._replace(ref=ref),
         ref=ref,
         # A step that was suspected in the segment before must not freeze this one.

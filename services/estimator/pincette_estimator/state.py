@@ -172,6 +172,8 @@ class State(FrozenRecord, frozen=True):
     person's word, or a part that was found at its planned place later. It outlives an arming that
     keeps the zero."""
     zero_refusal: Fault | None = None
+    zero_due_V: float | None = None
+    """Voltage of a zero whose sample was not measured; None: no zero is due."""
     x_2_um: float = 0.0
     x_3_um: float = 0.0
     reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))

@@ -17,6 +17,7 @@ from pincette.control.response.stroke_check import (
     rest_base,
     stroke_change,
 )
+from pincette.core.faults import TRIPPED
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
@@ -92,10 +93,28 @@ def _estimated(
             voltage_V, held = moving_V(config.moving, voltage_V, other_V), True
         stuck = state.stuck.follow(position.x_um, voltage_V, config.stuck_V, held=held)
         state = replace(state, stuck=stuck)
+    due_V = _zero_due_V(state, applied)
     if not measured or state.stuck.stuck:
+        state = replace(state, zero_due_V=due_V)
         return state, degraded(config, state, position, applied)
+    if due_V is not None:
+        applied = replace(applied, zero=True)
+    if state.zero_due_V is not None:
+        state = replace(state, zero_due_V=None)
     state, F_mN, p_mN = _take_sample(config, state, position, applied)
     return state, estimate(config, state, position, applied, F_mN, p_mN)
+
+
+def _zero_due_V(state: State, applied: Applied) -> float | None:
+    """Return the voltage of a zero that this sample has to take; None: there is none.
+
+    A zero whose sample was not measured stays due while the output keeps its voltage and no other
+    command has been put out: the arm is in the same rest.
+    """
+    if applied.zero:
+        return applied.voltage_V
+    moved = applied.answered or applied.voltage_V != state.zero_due_V
+    return None if moved or applied.state in TRIPPED else state.zero_due_V
 
 
 def _take_sample(

@@ -10,6 +10,7 @@ import logging
 import pytest
 
 from pincette.core.faults import Cause
+from pincette.core.messages import Applied
 from tests.support.delayed_answers import Delays, constant, drawn, single
 from tests.support.delayed_rig import AT_ONCE_S, Grip, grip
 
@@ -72,6 +73,24 @@ def test_single_answers_that_are_late_or_lost_are_bridged(every: int, composed: 
         assert came.trip is None
         check_right_or_tripped(came)
         assert came.counts.late + came.counts.lost >= 4
+
+
+@pytest.mark.parametrize("composed", [False, True])
+def test_a_zero_whose_reading_is_lost_is_taken_at_a_later_one(composed: bool) -> None:
+    zeroes: set[int] = set()
+
+    def is_first_after_zero(echo: Applied) -> bool:
+        if not echo.zero or echo.seq in zeroes:
+            return False
+        zeroes.add(echo.seq)
+        return True
+
+    came = grip(constant(AT_ONCE_S), composed=composed, from_s=0.1, loses=is_first_after_zero)
+    assert len(zeroes) == 2, "each of the program's two zeroes is requested once"
+    assert came.counts.lost == 2
+    assert came.trip is None
+    assert came.outcome == "gripped"
+    assert came.peak_mN >= 0.98 * FORCE_MN
 
 
 @pytest.mark.parametrize("composed", [False, True])

@@ -338,3 +338,18 @@ def test_a_number_of_the_second_arm_that_no_decoder_takes_is_a_fault(
     assert found is not None
     assert found.code is FaultCode.LAW_NUMBER
     assert [item.name for item in found.values] == [f"second.{number}"]
+
+
+def test_a_zero_that_one_arm_has_missed_is_requested_again_for_both() -> None:
+    pair = IdealPair(grip())
+    while pair.zeroed_at is None:
+        pair.tick()
+    seq = pair.zeroed_at
+    pair.change = lambda estimate: with_second(estimate, zero_age_s=None)
+    command, _ = pair.tick()
+    assert command.zero
+    pair.change = lambda estimate: estimate
+    command, view = pair.tick()
+    assert not command.zero
+    assert pair.zeroed_at == seq + 1
+    assert view.phase != "retreat"

@@ -156,6 +156,34 @@ def test_a_zero_that_nobody_confirms_ends_the_program() -> None:
     assert player.outcome == "zero_refused"
 
 
+def awaiting_zero() -> Arm:
+    arm = Arm()
+    while not arm.player.zero:
+        arm.tick()
+    return arm
+
+
+def test_a_zero_that_no_estimate_answers_is_requested_again_until_one_does() -> None:
+    arm = awaiting_zero()
+    waiting = advance(PROGRAM, arm.player, replace(arm.estimate(), zero_age_s=None), T)
+    assert (waiting.zero, waiting.segment.phase) == (True, "zero")
+    assert waiting.ref == arm.player.ref
+    after = advance(PROGRAM, waiting, arm.estimate(), T)
+    assert (after.zero, after.segment.phase) == (False, "approach")
+
+
+def test_no_zero_is_requested_on_the_way_back_from_too_much_force() -> None:
+    arm = awaiting_zero()
+    player = advance(PROGRAM, arm.player, replace(arm.estimate(), force_mN=40.1), T)
+    phases: set[str] = set()
+    while not player.ended:
+        assert not player.zero
+        phases.add(player.segment.phase)
+        player = advance(PROGRAM, player, BLANK, T)
+    assert phases == {"retreat"}
+    assert player.outcome == "overforce"
+
+
 @pytest.mark.parametrize("phase", ["load", "hold", "unload"])
 def test_stop_with_a_part_keeps_the_force_until_release(phase: str) -> None:
     arm = Arm()

@@ -44,7 +44,14 @@ class Bench:
         self.epoch, self.seq = epoch, 0
 
     def feed(
-        self, x_um: float, voltage_V: float | None, *, zero: bool = False, held: bool = False
+        self,
+        x_um: float,
+        voltage_V: float | None,
+        *,
+        zero: bool = False,
+        held: bool = False,
+        answered: bool = True,
+        state: Mode = Mode.ARMED,
     ) -> Estimate:
         applied = None
         if voltage_V is not None:
@@ -55,6 +62,8 @@ class Bench:
                 voltage_V=voltage_V,
                 zero=zero,
                 part_held=held,
+                answered=answered,
+                state=state,
             )
         position = replace(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
         self.state, outputs = step(self.config, self.state, Inputs(position, applied), 0.0)

@@ -3,6 +3,7 @@
 import pytest
 
 from pincette.config import IdentifiedFreeResponse
+from pincette.core.faults import Mode
 from pincette.core.messages import Estimate
 from pincette.core.wording import fault_text
 from pincette_estimator.config import configure
@@ -97,3 +98,66 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
     approach.bench.feed(15.0, approach.voltage_V)
     approach.voltage_V -= 0.5
     assert "the offset would change by -3.0" in short_of_the_model(3.0)
+
+
+LOST_UM = 1e6
+"""Reading that no arm can have, so that it counts as not measured."""
+
+
+def with_a_zero_due(lost: int = 1) -> Approach:
+    """Return a rest in which the sample of a zero, and those after it, were not measured."""
+    approach = Approach(None)
+    approach.close_to(10.0)
+    approach.zero()
+    approach.close_to(15.0)
+    for _ in range(12):
+        approach.feed(1e9)
+    for number in range(lost):
+        first = number == 0
+        found = approach.bench.feed(LOST_UM, approach.voltage_V, zero=first, answered=first)
+        assert not found.valid
+    return approach
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_zero_whose_sample_is_lost_is_taken_once_at_the_next_measured_one(lost: int) -> None:
+    approach = with_a_zero_due(lost)
+    place_um, voltage_V = approach.place(1e9), approach.voltage_V
+    taken = approach.bench.feed(place_um, voltage_V, answered=False)
+    assert (taken.valid, taken.zero_age_s) == (True, 0.0)
+    after = approach.bench.feed(place_um, voltage_V, answered=False)
+    assert after.zero_age_s == pytest.approx(0.02)
+
+
+def test_a_zero_whose_sample_is_lost_may_be_refused_at_the_next_measured_one() -> None:
+    approach = with_a_zero_due()
+    assert approach.bench.feed(0.0, approach.voltage_V, answered=False).zero_refusal is not None
+
+
+@pytest.mark.parametrize("rise_V", [0.0, 0.02])
+def test_a_zero_is_not_taken_after_another_command(rise_V: float) -> None:
+    approach = with_a_zero_due()
+    approach.voltage_V += rise_V
+    later = approach.feed(1e9)
+    assert later.valid
+    assert later.zero_age_s != 0.0
+    # Not even where the arm rests again.
+    again = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)
+    assert again.zero_age_s != 0.0
+
+
+@pytest.mark.parametrize("state", [Mode.RAMPING, Mode.FROZEN])
+def test_a_zero_is_not_taken_after_a_trip(state: Mode) -> None:
+    approach = with_a_zero_due()
+    later = approach.bench.feed(
+        approach.place(1e9), approach.voltage_V, answered=False, state=state
+    )
+    assert later.valid
+    assert later.zero_age_s != 0.0
+
+
+def test_a_zero_that_is_due_ends_with_its_epoch() -> None:
+    approach = with_a_zero_due()
+    approach.bench.arm(2)
+    later = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)
+    assert later.zero_age_s is None
