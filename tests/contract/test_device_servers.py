@@ -188,12 +188,20 @@ def test_a_banner_of_a_port_that_is_opened_again_costs_no_further_exchange(
             peer.close()
 
 
-def test_rfc2217_is_refused_with_what_to_use_instead() -> None:
-    url = "rfc2217://127.0.0.1:4000"
+@pytest.mark.parametrize("scheme", ["rfc2217", "RFC2217", "Rfc2217"])
+def test_rfc2217_is_refused_with_what_to_use_instead(scheme: str) -> None:
     with pytest.raises(ConfigError, match="socket://HOST:PORT"):
-        demo_rig({"sensor": {"url": url}})
+        demo_rig({"sensor": {"url": f"{scheme}://127.0.0.1:4000"}})
+
+
+def test_a_link_refuses_rfc2217_too() -> None:
+    url = "rfc2217://127.0.0.1:4000"
     with pytest.raises(InstrumentError, match="socket://HOST:PORT"):
         open_link(url, baud=9600, timeout_s=0.1)
+
+
+def test_the_scheme_of_a_url_may_have_capital_letters() -> None:
+    assert demo_rig({"sensor": {"url": "SOCKET://Laser:4000"}}).sensor.url == "socket://Laser:4000"
 
 
 READINGS = 50

@@ -144,6 +144,9 @@ def test_doctor_suspects_the_baud_rate_of_a_server_behind_which_nothing_answers(
         ("127.0.0.1:4001", "write socket://127.0.0.1:4001"),
         ("tcp://127.0.0.1:4001", "write socket://127.0.0.1:4001"),
         ("telnet://laser:4001", "write socket://laser:4001"),
+        ("socket:laser:4001", "write socket://laser:4001"),
+        ("socket:/laser:4001", "write socket://laser:4001"),
+        ("socket://[fe80::1]:4001", "network interface"),
     ],
 )
 def test_a_url_that_leads_nowhere_is_answered_by_what_to_write(url: str, remedy: str) -> None:

@@ -15,7 +15,9 @@ NO_RFC2217 = (
 
 
 def _reachable(url: str) -> str:
-    """A url that a link can open: a device, or a socket with host and port."""
+    """A url that a link can open, its scheme in small letters: a device, or a host and port."""
+    scheme, separator, rest = url.partition("://")
+    url = f"{scheme.lower()}{separator}{rest}" if separator else url
     if url.startswith("rfc2217://"):
         raise ValueError(NO_RFC2217)
     if not url.startswith("socket://"):

@@ -66,8 +66,10 @@ REMEDIES = {
 }
 """Why a port does not open, and what to do, by the system's number of the error."""
 
-NO_DEVICE = re.compile(r"(tcp://|telnet://|raw://)?[^/:]+:[0-9]+$")
+NO_DEVICE = re.compile(r"(?:(?:tcp|telnet|raw|tls|http)://|socket:/?)?([^/:]+:[0-9]+)$")
 """A TCP port that is written without its scheme, or with one that is not known."""
+LINK_LOCAL = "socket://[fe80:"
+"""Begin of the url of a link-local IPv6 address (RFC 4291)."""
 
 _log = logging.getLogger(__name__)
 
@@ -219,8 +221,12 @@ def _why_closed(url: str, error: Exception) -> str:
         return f"its host name does not resolve ({error.strerror}); check it, or write the address"
     if isinstance(error, TimeoutError):
         return "its host does not answer; is it switched on, and is the network connected?"
-    if NO_DEVICE.match(url):
-        return f"no device and no url; for a TCP port write socket://{url.rpartition('/')[2]}"
+    if found := NO_DEVICE.match(url):
+        return f"no device and no url; for a TCP port write socket://{found[1]}"
+    if isinstance(error, OSError) and error.errno == errno.EINVAL and url.startswith(LINK_LOCAL):
+        return (
+            "a link-local address needs its network interface, as in socket://[fe80::1%eth0]:4001"
+        )
     unknown = f"cannot be opened ({type(error).__name__}: {error}); check the url in the rig file"
     # The number is told by pyserial's own error, or for ``socket://`` by the one behind it.
     behind = (error, error.__context__)
