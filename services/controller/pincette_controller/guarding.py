@@ -49,6 +49,8 @@ STOP_S = 0.3
 """How long a stop takes to bring x_r to rest."""
 FREE = 2.0
 """Stated uncertainties within which the force of an arm that has lost its part lies."""
+BEND_FORCES = 5.0
+"""Contact forces above which a kink is no bend of the arm itself, however soft it is."""
 DRIFT_S = 0.2
 """Over which the force of a free approach is averaged."""
 UNGUARDED = (
@@ -293,7 +295,10 @@ def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: f
         # An arm at rest meets nothing behind it: what pushed it at the zero before is gone. While
         # the force has no zero, no pull is known either.
         touch_mN = max(touch_mN, 0.0)
-    if abs(touch_mN) < guards.contact_force_mN:
+    bend = is_own_bend(
+        guards, player.began.tips_um[0], estimate.x_um, estimate.touch_x_um, touch_mN
+    )
+    if bend or abs(touch_mN) < guards.contact_force_mN:
         if player.watch.clear and not player.watch.touching:
             return player
         return with_watch(player, clear=True, touching=0)
@@ -302,6 +307,20 @@ def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: f
     if player.watch.touching + 1 < guards.contact_samples:
         return with_watch(player, touching=player.watch.touching + 1)
     return _turn_back(program, player, estimate, estimate.touch_x_um, touch_mN)
+
+
+def is_own_bend(
+    guards: Guards, began_um: float, x_um: float, touch_x_um: float | None, touch_mN: float
+) -> bool:
+    """Return whether what looks like a touch is a bend of the free arm, as the guards admit.
+
+    Free arms bend where they come near saturation, and softly. No arm does before the place where
+    it began to move.
+    """
+    if not guards.bend_mN_per_um or touch_x_um is None or touch_x_um <= began_um:
+        return False
+    softest_mN = guards.bend_mN_per_um * (x_um - touch_x_um)
+    return 0.0 < touch_mN < min(softest_mN, BEND_FORCES * guards.contact_force_mN)
 
 
 def watches_at_rest(player: Player) -> bool:

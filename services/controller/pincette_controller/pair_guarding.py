@@ -15,6 +15,7 @@ from pincette_controller.guarding import (
     WATCHED,
     await_zero,
     give_up,
+    is_own_bend,
     least_place_um,
     too_much,
     watch_part,
@@ -147,6 +148,12 @@ def _watch_way(program: Program, player: Player, now: Seen) -> Player:
             mN if age_s is not None else max(mN, 0.0)
             for mN, age_s in zip(touches, now.zero_ages_s, strict=True)
         ]
+    touches = [
+        0.0 if is_own_bend(guards, began_um, tip_um, at_um, mN) else mN
+        for began_um, tip_um, (at_um, _), mN in zip(
+            player.began.tips_um, now.tips_um, now.touches, touches, strict=True
+        )
+    ]
     side = 0 if abs(touches[0]) >= abs(touches[1]) else 1
     if abs(touches[side]) < guards.contact_force_mN:
         if player.watch.clear and not player.watch.touching:

@@ -1,5 +1,7 @@
 """The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
 
+from math import inf
+
 from msgspec import UNSET
 from msgspec.structs import replace
 
@@ -183,6 +185,19 @@ def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied)
     return replace(state, response=response, unknown=state.unknown.rezero(response))
 
 
+def _begun_detector(
+    state: State, x_um: float, nominal_um: float, applied: Applied
+) -> ContactDetector:
+    """Begin the search for a touch at the first sample of an epoch.
+
+    The ground up to there counts as free, so that a kink on it is one of the arm's own. Not so of
+    an arm that holds a part or may do so: where no response is identified, nothing shows that no
+    part presses the arm as it is found. Such an arm meets the part again once it has been lower.
+    """
+    known = state.response.remembers and not applied.part_held
+    return ContactDetector(nominal_um, x_um, free_to_um=x_um if known else -inf)
+
+
 def _follow_free_motion(
     config: EstimatorConfig, state: State, x_um: float, applied: Applied
 ) -> State:
@@ -195,7 +210,7 @@ def _follow_free_motion(
     nominal_um = response.nominal_um_per_V * applied.voltage_V
     detector = state.contact_detector
     if first:
-        detector = ContactDetector(nominal_um, x_um, free_to_um=x_um)
+        detector = _begun_detector(state, x_um, nominal_um, applied)
     state = state.caught_up()
     bottom, way_base = state.bottom, state.way_base
     if isinstance(response, IdentifiedResponse) and response.strokes.bottom:

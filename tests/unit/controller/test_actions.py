@@ -228,3 +228,32 @@ def test_a_touch_below_the_contact_force_is_none() -> None:
         light = replace(arm.estimate(), touch_x_um=3.0, touch_mN=1.9)
         arm.player = advance(MOVES, arm.player, light, T)
     assert arm.player.outcome != "contact"
+
+
+@pytest.mark.parametrize(
+    ("x_um", "touch_mN", "outcome"),
+    [(15.0, 6.0, ""), (12.0, 6.0, "contact"), (40.0, 11.0, "contact"), (15.0, -6.0, "contact")],
+    ids=["soft", "as hard as a part", "beyond five contact forces", "pulled"],
+)
+def test_a_soft_kink_is_a_bend_where_the_guards_admit_bends(
+    x_um: float, touch_mN: float, outcome: str
+) -> None:
+    bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))
+    arm = Arm(contact_um=99.0, program=bends)
+    arm.until("move")
+    arm.tick()
+    for _ in range(GUARDS.contact_samples + 1):
+        met = replace(arm.estimate(), x_um=x_um, touch_x_um=8.0, touch_mN=touch_mN)
+        arm.player = advance(bends, arm.player, met, T)
+    assert arm.player.outcome == outcome
+
+
+def test_no_kink_before_the_place_where_a_program_began_is_a_bend() -> None:
+    bends = replace(MOVES, guards=replace(MOVES.guards, bend_mN_per_um=1.0))
+    arm = Arm(contact_um=99.0, program=bends)
+    arm.until("move")
+    arm.tick()
+    for _ in range(GUARDS.contact_samples + 1):
+        met = replace(arm.estimate(), x_um=15.0, touch_x_um=-4.0, touch_mN=6.0)
+        arm.player = advance(bends, arm.player, met, T)
+    assert arm.player.outcome == "contact"

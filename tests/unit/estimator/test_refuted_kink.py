@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pincette_estimator.config import configure
+from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.step import State
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 
-CONFIG = configure(a_rig(TAUGHT))
+CONFIG, LINEAR = configure(a_rig(TAUGHT)), configure(a_rig(None))
 S_P, K_E = CONFIG.compliance_um_per_mN, 2.17
 TOUCH_MN, SAMPLES = 2.0, 3
 STEP_V, HIGHEST_V, NOISE_UM = 0.004, 4.0, 0.03
@@ -67,3 +67,22 @@ def test_a_part_is_felt_by_its_kink_as_ever(seed: int, K_e: float, gain: float) 
     print(seed, K_e, gain, felt_mN)
     assert felt_mN is not None
     assert 0.5 < felt_mN < 5.0
+
+
+@pytest.mark.parametrize(("config", "held"), [(LINEAR, False), (LINEAR, True), (CONFIG, True)])
+def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
+    config: EstimatorConfig, held: bool
+) -> None:
+    """The place where the arm was found is no ground that is known to be free."""
+    bench, contact_um, kappa = Bench(config), -8.0, S_P * K_E
+    voltages_V = (*np.arange(0.0, -1.0, -0.01), *np.arange(-1.0, 2.0, 0.01))
+    for tick, voltage_V in enumerate(voltages_V):
+        response = bench.state.response.follow(float(voltage_V), 0.02)
+        free_um = response.displacement_um() if response.remembers else 19.0 * float(voltage_V)
+        pressed_um = max(0.0, free_um - contact_um) * kappa / (1.0 + kappa)
+        estimate = bench.feed(free_um - pressed_um, float(voltage_V), held=held and tick < 5)
+        if tick > 100 and (estimate.touch_mN or 0.0) >= TOUCH_MN:
+            assert 1.0 < pressed_um / S_P < 6.0
+            assert estimate.touch_x_um == pytest.approx(contact_um, abs=1.5)
+            return
+    pytest.fail("no touch is seen")

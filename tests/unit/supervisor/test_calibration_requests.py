@@ -6,6 +6,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from pincette.config import RigFile, read_rig
+from pincette.control.planning.program import Guards
 from pincette.control.planning.segments import Seek
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
@@ -145,16 +146,21 @@ def test_the_loop_of_an_unknown_arm_is_not_taken_for_too_much_force() -> None:
 def test_a_person_who_has_seen_no_part_lets_a_free_arm_bend() -> None:
     """A free arm of wide relays read 3 mN of its own bend and could not be brought up.
 
-    Without that confirmation the touch limit is the contact force; with it the force limit holds.
+    Without that confirmation every kink above the contact force is a touch; with it, one that is
+    softer than the softest part admitted is a bend of the arm.
     """
 
-    def touch_mN(**more: bool) -> float:
+    def guards(**more: bool) -> Guards:
         request = REQUEST.validate_python({**body("free_response"), **more})
-        return plan_job(request, rig).program.guards.contact_force_mN
+        return plan_job(request, rig).program.guards
 
     rig = read_rig(DEMO.with_name("bring-up.toml"))
-    assert touch_mN() == rig.grip.contact_force_mN
-    assert touch_mN(no_part=True) == rig.limits.force_max_mN
+    contact_mN, part = rig.grip.contact_force_mN, rig.part
+    softest = part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
+    assert (guards().contact_force_mN, guards().bend_mN_per_um) == (contact_mN, 0.0)
+    confirmed = guards(no_part=True)
+    assert confirmed.contact_force_mN == 2.0 * contact_mN
+    assert 0.5 * softest < confirmed.bend_mN_per_um < softest
 
 
 def test_a_part_is_sought_as_far_as_the_sensor_may_have_drifted() -> None:

@@ -49,6 +49,9 @@ class Guards(FrozenRecord, frozen=True):
     """Least place of contact that the plan admits, one for each arm. A search that finds the part
     before it goes back where the zero of the force is not confirmed; empty: any place is
     admitted."""
+    bend_mN_per_um: MillinewtonPerMicrometre = 0.0
+    """Stiffness below which a kink beyond the place where the program began counts as a bend of the
+    free arm itself, up to five times the contact force; 0: each kink counts as a touch."""
 
 
 class PlannedRange(FrozenRecord, frozen=True):

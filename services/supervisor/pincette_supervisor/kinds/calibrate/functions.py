@@ -44,6 +44,11 @@ SOFTER = 1.5
 """Compliance of an arm by which weights hang, over that of the model in use, at most."""
 WIDEST_LOOP = 0.5
 """Width of the hysteresis loop of an arm that no model knows, as a share of its stroke."""
+CONFIRMED_FORCES = 2.0
+"""Touch limit where a person has confirmed that no part is there, over the contact force."""
+BEND_SHARE = 0.7
+"""Stiffness below which a kink is then a bend of the arm, over that of the softest part. It allows
+for a loop that makes the arm move more as it goes on, by which a part seems softer."""
 WIDEST = 150
 """Letters of a statement that have room."""
 BY_HAND = "a person begins it again from its start, since it presses a part"
@@ -110,17 +115,23 @@ def _guarded(
     an arm that is softer than the model in use makes more of them. As long as no free response is
     known, a straight line stands in for it, and a wide loop reads as a force.
 
-    Some free arms bend as if they touched a part. Where a person has confirmed ``no_part``, only a
-    touch with the largest force that the rig allows ends the motion.
+    Some free arms bend as if they touched a soft part, and the force that is read from it grows
+    with the way. Where a person has confirmed ``no_part``, a kink softer than the softest part is
+    taken for such a bend. People err, so that what is as hard as a part still ends the motion.
     """
-    limits, guards = rig.limits, program.guards
+    limits, guards, part = rig.limits, program.guards, rig.part
+    contact_mN, bend = rig.grip.contact_force_mN, 0.0
+    if no_part:
+        contact_mN = min(CONFIRMED_FORCES * contact_mN, limits.force_max_mN)
+        bend = BEND_SHARE * part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
     if not any(isinstance(segment, Seek) for segment in program.segments):
         guards = replace(
             guards,
             force_max_mN=limits.force_max_mN * (SOFTER if weights else 1.0)
             + _unknown_loop_mN(rig, range_V),
-            contact_force_mN=limits.force_max_mN if no_part else rig.grip.contact_force_mN,
+            contact_force_mN=contact_mN,
             contact_samples=CONTACT_SAMPLES,
+            bend_mN_per_um=bend,
         )
     guards = replace(
         guards, position_min_um=limits.position_min_um, position_max_um=limits.position_max_um

@@ -33,7 +33,8 @@ class FreeResponseRequest(CalibrationRequest, frozen=True):
     """Peak rate of the fastest moves."""
     no_part: bool = False
     """A person has seen that no part is in the gripper. A motion that breaks at one position, as
-    with a part in the way, then gives a warning and is not refused: some free arms show that."""
+    with a part in the way, then gives a warning and is not refused: some free arms show that. What
+    is as hard as a part still ends the motion as ``contact``, at twice the contact force."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "FreeResponseRequest":
