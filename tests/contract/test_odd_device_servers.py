@@ -5,6 +5,7 @@ What is wrong is named by a code and a remedy, no wrong value is taken, and the 
 
 import os
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -153,6 +154,50 @@ def test_a_url_that_leads_nowhere_is_answered_by_what_to_write(url: str, remedy:
     with pytest.raises(InstrumentError, match=remedy) as caught:
         open_link(url, baud=9600, timeout_s=0.2)
     assert caught.value.code == "cannot_open"
+
+
+@contextmanager
+def answering(*, banner: bytes = b"", before: bytes = b"", resets: bool = False) -> Generator[str]:
+    """Serve one client of a simulated laser; ``before``: what precedes each of its answers."""
+    instrument = SimulatedKeyence(lambda: X_UM)
+
+    def serve_one() -> None:
+        peer, _ = listener.accept()
+        with peer, suppress(OSError):
+            if resets:
+                peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                return
+            peer.sendall(banner)
+            while request := peer.recv(64):
+                answer = instrument.answer(request.rstrip(b"\r")) or b""
+                peer.sendall(before + answer + b"\r")
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = Thread(target=serve_one, daemon=True)
+        thread.start()
+        yield f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def test_a_banner_in_utf_16_is_no_telnet_command() -> None:
+    with (
+        answering(banner="Gerät läuft\r\n".encode("utf-16")) as url,
+        closing(open_sensor(url)) as sensor,
+    ):
+        assert sensor.read_um() == pytest.approx(X_UM)
+
+
+def test_telnet_commands_between_answers_are_named() -> None:
+    with answering(before=b"\xff\xf1") as url:
+        assert "telnet port" in str(refusal(url))
+
+
+def test_a_connection_that_is_reset_at_once_is_named() -> None:
+    with answering(resets=True) as url:
+        error = refusal(url)
+    assert error.code == "cannot_open"
+    assert "has another client taken the port" in str(error)
 
 
 def test_a_name_server_that_is_away_does_not_delay_a_line_that_is_opened_again(

@@ -53,6 +53,11 @@ REMEDIES = {
         "TCP port, or is `pincette run rig` started?"
     ),
     **dict.fromkeys(
+        (errno.ECONNRESET, errno.ECONNABORTED, errno.ENOTCONN, errno.EPIPE),
+        "the other end has closed the connection at once; does the device server run, and has "
+        "another client taken the port?",
+    ),
+    **dict.fromkeys(
         (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN),
         "its host cannot be reached; is it switched on, and is the network connected?",
     ),

@@ -43,8 +43,11 @@ LINE_END = b"\r\n"
 """Characters at the end of a banner, of which one may be left before the first answer."""
 OFTEN, OFTEN_WITHIN_S = 4, 60.0
 """A port that was opened again so many times within so many seconds may have a second client."""
-TELNET = re.compile(rb"\xff[\xfb-\xfe]")
-"""Begin of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT."""
+TELNET = re.compile(rb"\xff(?:[\xfb-\xfd]|\xfe(?!.\x00))", re.DOTALL)
+"""Begin of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT. A text in
+UTF-16 begins with IAC DONT, too, but every second byte of it is 0."""
+TELNET_COMMAND = re.compile(rb"\xff[\xf0-\xfe]")
+"""IAC and any command; a wrong baud rate may look like this, too."""
 SAID = (
     (
         re.compile(rb"in use|busy", re.IGNORECASE),
@@ -526,7 +529,10 @@ class Line:
         if self._late_run:
             return InstrumentError(f"{text}{self._late_words()}", "late")
         self._garbled = self._garbled or bool(self._pending)
-        return InstrumentError(f"{text}; check power, address and baud rate", self._code())
+        remedy = "check power, address and baud rate"
+        if TELNET_COMMAND.search(other):
+            remedy += ", and whether the device server has a telnet port here in place of a raw one"
+        return InstrumentError(f"{text}; {remedy}", self._code())
 
     def _doubled(self, wait_s: float) -> InstrumentError:
         text = (
