@@ -1,7 +1,7 @@
 """A whole rig as processes, for the tests that need the real thing."""
 
 import ssl
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +10,16 @@ from typing import Any, cast
 
 import httpx
 
+from pincette.api.states import STATES
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
 from pincette.engine.fleet import Fleet
 from tests.support.rigs import rig_toml
 
 Json = dict[str, Any]
+
+RECORD_WRITTEN_S = 60.0
+"""Time that a record has to be written after the end of its job, in s."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +50,22 @@ class RunningRig:
         return self.get(f"/jobs/{name}")
 
     def ended(self, name: str, timeout_s: float = 60.0) -> Json:
-        """A job once it has ended, and its record is written."""
+        """Return a job that ended within ``timeout_s``, once its record is written.
+
+        The record has a time of its own, since drawing its pictures takes long on a busy machine.
+        """
+        self._until(name, timeout_s, _terminal, "end")
+        return self._until(name, RECORD_WRITTEN_S, _recorded, "write its record")
+
+    def _until(
+        self, name: str, timeout_s: float, reached: Callable[[Json], bool], what: str
+    ) -> Json:
         deadline = monotonic() + timeout_s
         while monotonic() < deadline:
-            job = self.get(f"/jobs/{name}", wait="recorded", timeout_s=5.0)
-            ended = job["state"] in ("succeeded", "stopped", "aborted", "failed", "interrupted")
-            if ended and job["artifacts"] != "being_written":
+            job = self.get(f"/jobs/{name}", wait="recorded", timeout_s=1.0)
+            if reached(job):
                 return job
-        raise TimeoutError(f"job {name} did not end within {timeout_s:g} s: {self.job(name)}")
+        raise TimeoutError(f"job {name} did not {what} within {timeout_s:g} s: {self.job(name)}")
 
     def until_phase(self, name: str, phase: str, timeout_s: float = 40.0) -> None:
         """Wait until a job is in a phase."""
@@ -69,6 +81,14 @@ class RunningRig:
     def view(self) -> Json:
         """The rig over REST."""
         return self.get(f"/rigs/{self.rig.rig.name}")
+
+
+def _terminal(job: Json) -> bool:
+    return STATES[job["state"]].terminal
+
+
+def _recorded(job: Json) -> bool:
+    return bool(job["artifacts"] != "being_written")
 
 
 @contextmanager
