@@ -1,5 +1,6 @@
 """What programs have learned is kept by program, listed over REST, and erased by one request."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,25 @@ def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) ->
     assert len(kept) == MOST
     assert repository.find("0") is None
     assert kept[0].program == f"{MOST}"
+
+
+def test_each_rig_has_its_own(tmp_path: Path) -> None:
+    store = Store(tmp_path / "journal.sqlite")
+    demo, other = LearnedRepository(store, "demo"), LearnedRepository(store, "other")
+    other.keep(row("a", "2026-01-01T12:00:00.000Z"))
+    for number in range(MOST + 1):
+        demo.keep(row("a" if number == MOST else f"{number}"))
+    assert [one.program for one in other.all()] == ["a"]
+    assert demo.erase() == MOST
+    assert [one.program for one in other.all()] == ["a"]
+    store.close()
+
+
+def test_a_program_that_learns_again_replaces_its_row(repository: LearnedRepository) -> None:
+    repository.keep(row("a"))
+    later = replace(row("a", "2026-03-02T12:00:00.000Z"), best_um=(0.5,), quiet=3)
+    repository.keep(later)
+    assert repository.all() == [later]
 
 
 def test_a_table_replaces_that_of_its_own_program_alone() -> None:

@@ -1,5 +1,6 @@
 """A new journal has the tables of the models; a journal of another schema is left as it is."""
 
+import json
 import sqlite3
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import create_engine, inspect
 
 from pincette_supervisor.journal.database import MIGRATIONS
+from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA
 
@@ -53,6 +55,35 @@ def test_a_journal_is_opened_again_as_it_was(tmp_path: Path) -> None:
     again = Store(path)
     assert again.get_note("actuator_met") == "17"
     again.close()
+
+
+def test_what_was_learned_moves_from_notes_into_its_table(tmp_path: Path) -> None:
+    path = tmp_path / "jobs.sqlite"
+    Store(path).close()
+    before = {
+        "program": "a", "job": "j", "learned_at": "2026-03-01T12:00:00.000Z", "motion": {"x": 1},
+        "values_um": [0.1], "errors_um": [0.3],
+    }  # fmt: skip
+    newer = {**before, "program": "b", "best_um": [0.2], "quiet": 2}
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("DROP TABLE learned")
+        base.execute("UPDATE alembic_version SET version_num = '0005'")
+        notes = [
+            ("learned: demo", json.dumps([before, newer])),
+            ("learned: other", "[]"),
+            ("learnedly", "kept"),
+        ]
+        base.executemany("INSERT INTO notes (name, value) VALUES (?, ?)", notes)
+        base.commit()
+    store = Store(path)
+    rest = ("j", before["learned_at"], {"x": 1}, (0.1,), (0.3,))
+    assert LearnedRepository(store, "demo").all() == [
+        LearnedRow("b", *rest, (0.2,), 2),
+        LearnedRow("a", *rest),
+    ]
+    assert LearnedRepository(store, "other").all() == []
+    assert store.get_notes([name for name, _ in notes]) == {"learnedly": "kept"}
+    store.close()
 
 
 @pytest.mark.parametrize("revision", ["9999", "0004"], ids=["newer", "unreleased"])

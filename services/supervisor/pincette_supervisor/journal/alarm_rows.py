@@ -5,7 +5,7 @@ from typing import Literal
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, or_, select, update
 
-from pincette_supervisor.journal.database import columns, matching, rows
+from pincette_supervisor.journal.database import columns, first, matching, rows
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import ALARMS
 
@@ -138,8 +138,8 @@ def _same(alarm: AlarmRow) -> ColumnElement[bool]:
 
 
 def _newest(connection: Connection, which: ColumnElement[bool]) -> AlarmRow | None:
-    query = select(ALARMS).where(which).order_by(ALARMS.c.number.desc()).limit(1)
-    return next(iter(rows(connection, AlarmRow, query)), None)
+    query = select(ALARMS).where(which).order_by(ALARMS.c.number.desc())
+    return first(connection, AlarmRow, query)
 
 
 def _one(connection: Connection, number: int) -> AlarmRow:

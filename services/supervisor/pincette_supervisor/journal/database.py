@@ -12,7 +12,7 @@ from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, Select, inspect
+from sqlalchemy import Column, Connection, Select, delete, inspect, select
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
 
 from pincette.core.files import make_folder
@@ -218,6 +218,28 @@ def _remedy_of(cause: BaseException | None) -> str:
 def rows(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> list[T]:
     """The rows of a query as objects of a kind whose fields are named as the columns."""
     return [kind(**row) for row in connection.execute(query).mappings()]
+
+
+def first(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> T | None:
+    """Return the first row of a query as ``rows`` does; None where there is none."""
+    return next(iter(rows(connection, kind, query.limit(1))), None)
+
+
+def keep_newest(
+    connection: Connection, key: Column[Any], kept: int, *newest_first: Any, **values: object
+) -> None:
+    """Delete all rows of a table but the newest, of those with these values in their columns.
+
+    Parameters
+    ----------
+    key
+        Column whose value differs for each of these rows.
+    newest_first
+        Order in which the newest row is the first.
+    """
+    query = matching(select(key), **values).order_by(*newest_first).offset(kept)
+    if gone := list(connection.scalars(query)):
+        connection.execute(delete(key.table).where(key.in_(gone)).filter_by(**values))
 
 
 def columns(row: Any, *without: str) -> dict[str, Any]:

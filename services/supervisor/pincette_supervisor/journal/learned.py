@@ -1,16 +1,17 @@
-"""What programs have learned across their cycles, by a digest of the program; kept in a note."""
+"""What programs have learned across their cycles, by a digest of the program."""
 
-import json
-import threading
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from sqlalchemy import Connection, Select, delete, insert, select
+
 from pincette.control.planning.repetition import Corrections
+from pincette_supervisor.journal.database import columns, first, keep_newest, matching
 from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import LEARNED
 
 MOST = 32
-"""Programs that are kept; beyond, the one that learned longest ago goes."""
+"""Programs that are kept for a rig; beyond, the one that learned longest ago goes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,50 +39,46 @@ class LearnedRow:
 class LearnedRepository:
     """What the programs of one rig have learned."""
 
-    _lock = threading.Lock()
-
     def __init__(self, store: Store, rig: str) -> None:
-        self._store, self._note = store, f"learned: {rig}"
+        self._store, self._rig = store, rig
 
     def all(self) -> list[LearnedRow]:
-        """Every program, the newest first."""
-        found = self._read().values()
-        return sorted(found, key=lambda row: row.learned_at, reverse=True)
+        """Return every program, the newest first."""
+        newest_first = LEARNED.c.learned_at.desc(), LEARNED.c.program.desc()
+        return self._store.rows(_row, self._rows().order_by(*newest_first))
 
     def find(self, program: str) -> LearnedRow | None:
-        """One program; None where it has learned nothing."""
-        return self._read().get(program)
+        """Return one program; None where it has learned nothing."""
+        with self._store.reading() as connection:
+            return first(connection, _row, self._rows(program=program))
 
     def keep(self, row: LearnedRow) -> None:
-        """Keep what a program has learned."""
-        with self._lock:
-            rows = {**self._read(), row.program: row}
-            newest = sorted(rows.values(), key=lambda one: one.learned_at)[-MOST:]
-            self._write({one.program: one for one in newest})
+        """Keep what a program has learned, in place of what it had learned before."""
+        with self._store.writing() as connection:
+            self._delete(connection, row.program)
+            connection.execute(insert(LEARNED).values(rig=self._rig, **columns(row)))
+            newest_first = LEARNED.c.learned_at.desc(), LEARNED.c.program.desc()
+            keep_newest(connection, LEARNED.c.program, MOST, *newest_first, rig=self._rig)
 
     def forget(self, program: str) -> None:
         """Erase what a program has learned, if it has learned anything."""
         self.erase(program)
 
     def erase(self, program: str | None = None) -> int:
-        """Forget one program, or all; returns how many are forgotten."""
-        with self._lock:
-            before = self._read()
-            kept = {} if program is None else {k: v for k, v in before.items() if k != program}
-            if len(kept) < len(before):
-                self._write(kept)
-            return len(before) - len(kept)
+        """Erase what one program has learned, or all; returns the number of programs."""
+        with self._store.writing() as connection:
+            return self._delete(connection, program)
 
-    def _read(self) -> dict[str, LearnedRow]:
-        noted = self._store.get_note(self._note)
-        kept: list[dict[str, Any]] = [] if noted is None else json.loads(noted)
-        found = [LearnedRow(**_tuples(row)) for row in kept]
-        return {row.program: row for row in found}
+    def _rows(self, **values: object) -> Select[Any]:
+        return matching(select(LEARNED), rig=self._rig, **values)
 
-    def _write(self, rows: Mapping[str, LearnedRow]) -> None:
-        self._store.set_note(self._note, json.dumps([asdict(row) for row in rows.values()]))
+    def _delete(self, connection: Connection, program: str | None) -> int:
+        gone = delete(LEARNED).where(LEARNED.c.rig == self._rig)
+        if program is not None:
+            gone = gone.where(LEARNED.c.program == program)
+        return connection.execute(gone).rowcount
 
 
-def _tuples(row: dict[str, Any]) -> dict[str, Any]:
-    lists = ("values_um", "errors_um", "best_um")
-    return {**row, **{name: tuple(row.get(name, ())) for name in lists}}
+def _row(*, rig: str, **values: Any) -> LearnedRow:  # noqa: ARG001 - a column of the key
+    lists = {name: tuple(values[name]) for name in ("values_um", "errors_um", "best_um")}
+    return LearnedRow(**{**values, **lists})

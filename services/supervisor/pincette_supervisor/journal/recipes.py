@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, func, insert, select
 
-from pincette_supervisor.journal.database import rows
+from pincette_supervisor.journal.database import first
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.journal.tables import RECIPES
 
@@ -74,7 +74,8 @@ class RecipeRepository:
     def version(self, name: str, version: int) -> RecipeRow | None:
         """One version of a recipe; None where there is none."""
         wanted = select(RECIPES).where(RECIPES.c.name == name, RECIPES.c.version == version)
-        return next(iter(self._store.rows(RecipeRow, wanted)), None)
+        with self._store.reading() as connection:
+            return first(connection, RecipeRow, wanted)
 
     def versions(self, name: str) -> list[RecipeRow]:
         """Every version of a recipe, the newest first."""
@@ -101,7 +102,7 @@ class RecipeRepository:
 
 def _newest(connection: Connection, name: str) -> RecipeRow | None:
     versions = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
-    return next(iter(rows(connection, RecipeRow, versions.limit(1))), None)
+    return first(connection, RecipeRow, versions)
 
 
 def _require_room(connection: Connection) -> None:

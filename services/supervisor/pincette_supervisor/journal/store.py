@@ -11,7 +11,14 @@ from sqlalchemy import Connection, Select, and_, delete, func, insert, select, u
 from pincette.api.endings import Ending
 from pincette.api.events import Event
 from pincette.api.states import STATES
-from pincette_supervisor.journal.database import Database, StoreError, columns, matching, rows
+from pincette_supervisor.journal.database import (
+    Database,
+    StoreError,
+    columns,
+    first,
+    matching,
+    rows,
+)
 from pincette_supervisor.journal.job_filter import EVERY_JOB, JobFilter
 from pincette_supervisor.journal.tables import (
     ACTIONS,
@@ -218,7 +225,7 @@ class Store(Database):
 
 def _creation(connection: Connection, key: str) -> Creation | None:
     query = select(CREATIONS).where(CREATIONS.c.key == key)
-    return next(iter(rows(connection, Creation, query)), None)
+    return first(connection, Creation, query)
 
 
 def _revise(connection: Connection, name: str, values: Mapping[str, object]) -> int:

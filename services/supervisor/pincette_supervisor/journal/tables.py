@@ -124,6 +124,20 @@ TRAJECTORIES = Table(
     Column("created_at", String, nullable=False),
 )
 
+LEARNED = Table(
+    "learned",
+    METADATA,
+    Column("rig", String, nullable=False),
+    Column("program", String, nullable=False),
+    Column("job", String, nullable=False),
+    Column("learned_at", String, nullable=False),
+    Column("motion", JSON, nullable=False),
+    *(Column(name, JSON, nullable=False) for name in ("values_um", "errors_um", "best_um")),
+    Column("quiet", Integer, nullable=False),
+    PrimaryKeyConstraint("rig", "program"),
+)
+"""What programs have learned across their cycles, by the digest of the program."""
+
 SESSIONS = Table(
     "sessions",
     METADATA,

@@ -5,9 +5,9 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy import Connection, and_, delete, func, insert, or_, select
+from sqlalchemy import Connection, and_, insert, or_, select
 
-from pincette_supervisor.journal.database import columns, rows
+from pincette_supervisor.journal.database import columns, first, keep_newest
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.journal.tables import TRAJECTORIES
 
@@ -50,7 +50,8 @@ class TrajectoryRepository:
             kept = {"digest": digest, "rig": row.rig, "created_at": made_at}
             tree = columns(row, "rig", "created_at")
             connection.execute(insert(TRAJECTORIES).values(**kept, request=tree))
-            _forget_oldest(connection)
+            oldest_last = TRAJECTORIES.c.created_at.desc(), TRAJECTORIES.c.digest.desc()
+            keep_newest(connection, TRAJECTORIES.c.digest, KEPT, *oldest_last)
         return replace(row, created_at=made_at), True
 
     def get(self, digest: str) -> TrajectoryRow | None:
@@ -75,14 +76,4 @@ def _row(*, rig: str, request: dict[str, Any], created_at: str, **_digest: str) 
 
 def _find(connection: Connection, digest: str) -> TrajectoryRow | None:
     wanted = select(TRAJECTORIES).where(TRAJECTORIES.c.digest == digest)
-    return next(iter(rows(connection, _row, wanted)), None)
-
-
-def _forget_oldest(connection: Connection) -> None:
-    table = TRAJECTORIES.c
-    count = connection.scalar(select(func.count()).select_from(TRAJECTORIES)) or 0
-    if count <= KEPT:
-        return
-    oldest = select(table.digest).order_by(table.created_at, table.digest)
-    gone = list(connection.scalars(oldest.limit(count - KEPT)))
-    connection.execute(delete(TRAJECTORIES).where(table.digest.in_(gone)))
+    return first(connection, _row, wanted)
