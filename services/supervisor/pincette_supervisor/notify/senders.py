@@ -6,22 +6,152 @@ import hashlib
 import hmac
 import json
 import os
+import re
 import smtplib
 import ssl
 import stat
 import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from email.message import EmailMessage
 from email.policy import SMTP
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
 from pincette.core.files import EncodingError, decoded
-from pincette_supervisor.notify.authorities import REMEDY, UNKNOWN_ISSUER, trusted
-from pincette_supervisor.notify.errors import NotWantedError, RefusedError
+from pincette_supervisor.access.origin_check import is_loopback
 from pincette_supervisor.notify.notices import Notice
-from pincette_supervisor.notify.proxies import proxy_of
+
+# Reasons for which a notice has not been accepted.
+
+
+class RefusedError(Exception):
+    """A receiver has not accepted a notice; the text states why. It is sent again later."""
+
+
+class NotWantedError(Exception):
+    """A receiver wants no more notices."""
+
+
+# The certificate authorities that receivers of notices are checked against.
+
+FILE, FOLDER = "SSL_CERT_FILE", "SSL_CERT_DIR"
+"""Variables of the environment that name a file, and folders, of authorities to trust."""
+HASHED = re.compile(r"[0-9a-f]{8}\.\d+")
+"""Names under which OpenSSL looks for certificates in a folder."""
+UNKNOWN_ISSUER = (18, 19, 20, 21)
+"""Codes by which OpenSSL says that no trusted authority has signed a certificate."""
+REMEDY = (
+    f"if its certificate comes from a private authority, set {FILE} in the supervisor's environment"
+)
+
+
+def trusted() -> ssl.SSLContext:
+    """Return settings that trust the named authorities, or without any those of the system.
+
+    Raises RefusedError if those that are named cannot be read.
+    """
+    context = ssl.create_default_context()
+    file, folders = os.environ.get(FILE), os.environ.get(FOLDER)
+    if file:
+        try:
+            context.load_verify_locations(cafile=file)
+        except OSError as error:
+            raise RefusedError(
+                f"{FILE}={file} has no certificate that can be read ({error.strerror or error}): "
+                "name a file in PEM format"
+            ) from error
+    for folder in (folders or "").split(os.pathsep):
+        if folder:
+            _check(Path(folder))
+    if not file and not folders:
+        import certifi
+
+        context.load_verify_locations(cafile=certifi.where())
+    return context
+
+
+def _check(folder: Path) -> None:
+    try:
+        hashed = any(HASHED.fullmatch(place.name) for place in folder.iterdir())
+    except OSError as error:
+        raise RefusedError(f"{FOLDER}={folder} cannot be read: {error.strerror}") from error
+    if not hashed:
+        raise RefusedError(
+            f"{FOLDER}={folder} has no certificate under a name that OpenSSL looks for: "
+            f"openssl rehash {folder}"
+        )
+
+
+# The forward proxy of an address, by the environment; pure.
+#
+# httpx reads the same variables, but takes a network in ``NO_PROXY`` (10.0.0.0/8) for its first
+# address, and refuses every request if one is written as fd00::/8.
+
+DEFAULT_PORTS = {"http": 80, "https": 443}
+
+
+@dataclass(frozen=True, slots=True)
+class Proxy:
+    """A forward proxy."""
+
+    url: str
+    """Address with a scheme; it may contain a name and a password."""
+    variable: str
+    """Name of the environment variable that sets it."""
+
+    @property
+    def over_tls(self) -> bool:
+        """Whether the connection to the proxy itself is secured."""
+        return self.url.lower().startswith("https:")
+
+    def __str__(self) -> str:
+        """Return where it is, without name and password."""
+        return f"the proxy {self.url.rpartition('@')[2].rpartition('//')[2]} ({self.variable})"
+
+
+def proxy_of(url: str, environment: Mapping[str, str]) -> Proxy | None:
+    """Return the proxy for an address, or None if it is reached directly; raises ValueError."""
+    place = urlsplit(url)
+    host = (place.hostname or "").rstrip(".")
+    # No proxy reaches a program of this machine by a loopback address.
+    if is_loopback(host):
+        return None
+    names = environment.get("no_proxy") or environment.get("NO_PROXY") or ""
+    port = place.port or DEFAULT_PORTS[place.scheme]
+    if any(_covers(entry.strip().lower(), host, port) for entry in names.split(",")):
+        return None
+    for scheme in (place.scheme, "all"):
+        for variable in (f"{scheme}_proxy", f"{scheme}_proxy".upper()):
+            if found := environment.get(variable, "").strip():
+                return Proxy(found if "://" in found else f"http://{found}", variable)
+    return None
+
+
+def _covers(entry: str, host: str, port: int) -> bool:
+    """Whether an entry of ``NO_PROXY`` (name, suffix, address, network, each with port) is meant.
+
+    An entry that cannot be understood covers nothing.
+    """
+    if entry in ("", "*"):
+        return entry == "*"
+    with suppress(ValueError):
+        return ip_address(host) in ip_network(entry.strip("[]"), strict=False)
+    name, colon, wanted = entry.rpartition(":")
+    if colon and wanted.isdecimal():
+        if int(wanted) != port:
+            return False
+        return _covers(name, host, port)
+    suffix = entry.removeprefix("*").lstrip(".")
+    return bool(suffix) and (host == suffix or host.endswith(f".{suffix}"))
+
+
+# Sends a notice: by a signed POST (Standard Webhooks 1.0), or by mail over SMTP.
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
