@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pincette.latency.histogram import BUCKETS, first_ns
-from pincette_supervisor.metrics.monotonic_counter import (
+from pincette_supervisor.metrics.counters import (
     BOUNDS_NS,
     BOUNDS_S,
     MonotonicCounter,
