@@ -11,7 +11,7 @@ from pincette.core.messages import Estimate, GroundTruth, Message, Reset, Teleme
 from pincette.core.topics import ESTIMATE, GROUND_TRUTH, RESET, TELEMETRY
 from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
-from pincette_supervisor.journal.recipes import RecipeRow
+from pincette_supervisor.journal.library import RecipeRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan, resolve
 from pincette_supervisor.plugin import Planned

@@ -29,7 +29,7 @@ from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.config import configure
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.journal.listeners import Listeners
+from pincette_supervisor.journal.events import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.notify.outbox import Outbox
 from pincette_supervisor.notify.senders import senders_of

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pincette.cli.main import main
-from pincette_supervisor.journal.recipes import RecipeRepository
+from pincette_supervisor.journal.library import RecipeRepository
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 
 

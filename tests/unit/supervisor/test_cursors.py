@@ -10,10 +10,14 @@ import pytest
 
 from pincette.api.access import AuditEntry, AuditList
 from pincette.client.supervisor import AsyncSupervisor
-from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
-from pincette_supervisor.journal.recipes import RecipeRepository
+from pincette_supervisor.journal.library import (
+    LearnedRepository,
+    LearnedRow,
+    RecipeRepository,
+    TrajectoryRepository,
+    TrajectoryRow,
+)
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
 from tests.support.apps import create_app
 
 from . import samples

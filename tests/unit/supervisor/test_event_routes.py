@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from pincette.config import RigFile
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.journal import listeners
+from pincette_supervisor.journal import events as event_log
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
@@ -130,7 +130,7 @@ def test_a_silent_stream_gives_a_sign_of_life(
 def test_streams_end_with_the_log_and_give_their_places_back(
     bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "LISTENERS_MAX", 2)
+    monkeypatch.setattr(event_log, "LISTENERS_MAX", 2)
     bench.job("a", "running")
 
     async def scene() -> None:
@@ -149,7 +149,7 @@ def test_streams_end_with_the_log_and_give_their_places_back(
 
 
 def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listeners, "LISTENERS_MAX", 0)
+    monkeypatch.setattr(event_log, "LISTENERS_MAX", 0)
     bench.job("a", "succeeded")
     for path in ("/events", "/rigs/demo/events", "/jobs/a/events"):
         refused = get(app, path)
@@ -193,7 +193,7 @@ def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
 def test_a_job_that_is_not_there_takes_no_place(
     app: FastAPI, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "LISTENERS_MAX", 1)
+    monkeypatch.setattr(event_log, "LISTENERS_MAX", 1)
     for _ in range(3):
         assert get(app, "/jobs/none/events").status_code == 404
 

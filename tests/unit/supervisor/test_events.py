@@ -9,10 +9,14 @@ from typing import Any, TypeVar
 import pytest
 
 from pincette.api.events import Event
-from pincette_supervisor.journal import events, listeners
+from pincette_supervisor.journal import events
 from pincette_supervisor.journal import store as store_module
-from pincette_supervisor.journal.events import EventLog, EventSubscription
-from pincette_supervisor.journal.listeners import Listeners, TooManyListenersError
+from pincette_supervisor.journal.events import (
+    EventLog,
+    EventSubscription,
+    Listeners,
+    TooManyListenersError,
+)
 from pincette_supervisor.journal.store import Store, StoreError
 
 T = TypeVar("T")
@@ -117,7 +121,7 @@ def test_nothing_is_missed_or_heard_twice_while_others_tell(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(events, "PAGE", 10)
-    monkeypatch.setattr(listeners, "CAPACITY", 15)
+    monkeypatch.setattr(events, "CAPACITY", 15)
     told(log, 20)
     count = 20 + 4 * 20
 
@@ -137,7 +141,7 @@ def test_nothing_is_missed_or_heard_twice_while_others_tell(
 def test_a_slow_listener_reads_the_journal_again(
     log: EventLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listeners, "CAPACITY", 10)
+    monkeypatch.setattr(events, "CAPACITY", 10)
 
     async def scene() -> list[Event]:
         listening = log.subscribe(0)
@@ -219,7 +223,7 @@ def test_a_number_of_another_journal_begins_anew(log: EventLog) -> None:
 
 def test_there_is_room_for_so_many(log: EventLog) -> None:
     async def scene() -> None:
-        places = [log.subscribe() for _ in range(listeners.LISTENERS_MAX)]
+        places = [log.subscribe() for _ in range(events.LISTENERS_MAX)]
         with pytest.raises(TooManyListenersError):
             log.subscribe()
         places.pop().close()

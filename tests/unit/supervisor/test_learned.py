@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pincette.control.planning.repetition import Corrections
-from pincette_supervisor.journal.learned import MOST, LearnedRepository, LearnedRow
+from pincette_supervisor.journal.library import LEARNED_MAX, LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.plugin import RESIDUALS
 from pincette_supervisor.plugin.residuals import merged
@@ -51,22 +51,22 @@ def test_a_program_that_did_not_help_is_forgotten(repository: LearnedRepository)
 
 
 def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) -> None:
-    for number in range(MOST + 1):
+    for number in range(LEARNED_MAX + 1):
         repository.keep(row(f"{number}", f"2026-03-01T12:{number:02d}:00.000Z"))
     kept = repository.all()
-    assert len(kept) == MOST
+    assert len(kept) == LEARNED_MAX
     assert repository.find("0") is None
-    assert kept[0].program == f"{MOST}"
+    assert kept[0].program == f"{LEARNED_MAX}"
 
 
 def test_each_rig_has_its_own(tmp_path: Path) -> None:
     store = Store(tmp_path / "journal.sqlite")
     demo, other = LearnedRepository(store, "demo"), LearnedRepository(store, "other")
     other.keep(row("a", "2026-01-01T12:00:00.000Z"))
-    for number in range(MOST + 1):
-        demo.keep(row("a" if number == MOST else f"{number}"))
+    for number in range(LEARNED_MAX + 1):
+        demo.keep(row("a" if number == LEARNED_MAX else f"{number}"))
     assert [one.program for one in other.all()] == ["a"]
-    assert demo.erase() == MOST
+    assert demo.erase() == LEARNED_MAX
     assert [one.program for one in other.all()] == ["a"]
     store.close()
 

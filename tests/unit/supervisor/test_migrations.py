@@ -13,7 +13,7 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import create_engine, inspect
 
 from pincette_supervisor.journal.database import MIGRATIONS
-from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.journal.recipes import RecipeRepository, RecipeRow
+from pincette_supervisor.journal.library import RecipeRepository, RecipeRow
 from pincette_supervisor.planning import job_plans
 from pincette_supervisor.rigs.health import Health
 

@@ -18,7 +18,7 @@ from pincette_supervisor.journal.access_rows import (
     SessionRow,
 )
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
-from pincette_supervisor.journal.recipes import RecipeRepository
+from pincette_supervisor.journal.library import RecipeRepository
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA, utc_now
 from tests.support.postgres import Server, server

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter
 
 from pincette.api.requests import JobRequest
 from pincette.config import Calibration, RigFile, calibrated
-from pincette_supervisor.journal import recipes as journal
-from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeRepository, RecipeRow
+from pincette_supervisor.journal import library as journal
+from pincette_supervisor.journal.library import RecipeLimitError, RecipeRepository, RecipeRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import ResolvedRequest, plan, resolve

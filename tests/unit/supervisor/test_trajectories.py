@@ -10,9 +10,9 @@ import pyarrow.parquet
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor.journal import trajectories
+from pincette_supervisor.journal import library
+from pincette_supervisor.journal.library import TrajectoryRepository, TrajectoryRow
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
 
 from .harness import Harness
 
@@ -220,8 +220,8 @@ def test_the_oldest_go_where_there_are_too_many(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times = iter(f"2026-03-01T12:00:0{second}.000Z" for second in range(9))
-    monkeypatch.setattr(trajectories, "utc_now", lambda: next(times))
-    monkeypatch.setattr(trajectories, "KEPT", 2)
+    monkeypatch.setattr(library, "utc_now", lambda: next(times))
+    monkeypatch.setattr(library, "TRAJECTORIES_MAX", 2)
     store = Store(tmp_path / "journal.sqlite")
     book = TrajectoryRepository(store)
     rows = [book.add(replace(ROW, request={"force_mN": force}))[0] for force in (1.0, 2.0, 3.0)]

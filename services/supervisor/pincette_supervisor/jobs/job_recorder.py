@@ -28,7 +28,7 @@ from pincette_supervisor.jobs.job_queue import CAPACITY
 from pincette_supervisor.jobs.lease import ended_text, interruption
 from pincette_supervisor.jobs.tracker import Tracker
 from pincette_supervisor.journal.job_filter import JobFilter
-from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import JobRow, StoreError, utc_now
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.plugin import Planned, Run, learning_digest

@@ -8,8 +8,7 @@ from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette_supervisor import problems
 from pincette_supervisor.journal.job_filter import JobFilter
-from pincette_supervisor.journal.learned import LearnedRepository
-from pincette_supervisor.journal.recipes import RecipeRepository
+from pincette_supervisor.journal.library import LearnedRepository, RecipeRepository
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
 from pincette_supervisor.planning import job_plans

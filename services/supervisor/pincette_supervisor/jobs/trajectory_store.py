@@ -8,8 +8,11 @@ from pincette.api.requests import JobRequest, PolicyRequest
 from pincette.api.trajectories import TrajectoryStart
 from pincette.config import ConfigError, calibrated
 from pincette_supervisor import problems
-from pincette_supervisor.journal.recipes import RecipeRepository
-from pincette_supervisor.journal.trajectories import TrajectoryRepository, TrajectoryRow
+from pincette_supervisor.journal.library import (
+    RecipeRepository,
+    TrajectoryRepository,
+    TrajectoryRow,
+)
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.planning.job_plans import ResolvedRequest, plan, resolve
 from pincette_supervisor.plugin import ModelInUse, Planned

@@ -12,7 +12,7 @@ from pincette.config import Calibration, RigFile, calibrated
 from pincette.control.planning.repetition import Corrections
 from pincette.control.record import replace as changed
 from pincette.core.validation_wording import refusal
-from pincette_supervisor.journal.recipes import RecipeRow
+from pincette_supervisor.journal.library import RecipeRow
 from pincette_supervisor.planning.recipes import OF_THE_JOB, completed_kinds
 from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Planned, Present
 from pincette_supervisor.plugin.functions import functions_of, kind_of

@@ -18,8 +18,12 @@ from pincette.api.events import Event, EventList
 from pincette.api.problems import responses
 from pincette.api.states import STATES, JobState
 from pincette_supervisor import problems
-from pincette_supervisor.journal.events import LIFE_S, EventLog, EventSubscription
-from pincette_supervisor.journal.listeners import TooManyListenersError
+from pincette_supervisor.journal.events import (
+    LIFE_S,
+    EventLog,
+    EventSubscription,
+    TooManyListenersError,
+)
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs, Journal, Manager, Permitted

@@ -8,7 +8,7 @@ from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.problems import responses
 from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.journal.learned import LearnedRepository, LearnedRow
+from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Manager, Note
 
 PROGRAM = "^[0-9a-f]{16}$"

@@ -9,7 +9,7 @@ from fastapi.exceptions import RequestValidationError
 from pincette.api.problems import responses
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList, RecipeRequest
 from pincette_supervisor import problems
-from pincette_supervisor.journal.recipes import RecipeLimitError, RecipeRepository, RecipeRow
+from pincette_supervisor.journal.library import RecipeLimitError, RecipeRepository, RecipeRow
 from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Journal, Note

@@ -25,7 +25,7 @@ from pincette.api.rigs import (
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.bring_up import checklist, model_view
 from pincette_supervisor.jobs.bring_up import use_model as change_model
-from pincette_supervisor.journal.listeners import TooManyListenersError
+from pincette_supervisor.journal.events import TooManyListenersError
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,

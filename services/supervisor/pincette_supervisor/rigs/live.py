@@ -18,7 +18,7 @@ from pincette.api.live import LiveBatch, SecondColumns
 from pincette.core.idle_sampling import idle_periods
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
 from pincette.core.topics import Topic
-from pincette_supervisor.journal.listeners import TooManyListenersError
+from pincette_supervisor.journal.events import TooManyListenersError
 
 KEPT_S, KEPT_PER_S = 60.0, 60.0
 """How much is kept: this long, and of a faster rig every second, third … sample."""

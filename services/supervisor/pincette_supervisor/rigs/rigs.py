@@ -21,9 +21,8 @@ from pincette_supervisor.config import MODELS, RECORDS
 from pincette_supervisor.jobs.job_index import job_view
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.refusals import require_job, unready
-from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.events import EventLog, Listeners
 from pincette_supervisor.journal.job_filter import JobFilter
-from pincette_supervisor.journal.listeners import Listeners
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.planning.prediction import played
