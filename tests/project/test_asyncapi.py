@@ -21,10 +21,10 @@ from pincette.core.codec.refusals import msgpack
 from pincette.core.faults import ActionCode, Cause, Mode
 from pincette.core.messages import Action, Applied, Load, Position
 from pincette.core.topics import REQUESTS, ROOT, TOPICS, key, request_key
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rigs.rigs import Rigs
 from tests.support.rigs import demo_rig
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "asyncapi.json"

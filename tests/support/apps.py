@@ -11,8 +11,8 @@ from fastapi import FastAPI
 from starlette.routing import BaseRoute, Route
 
 from pincette_supervisor.access.access import Access
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.rest import api
-from pincette_supervisor.rigs.rigs import Rigs
 
 
 @cache

@@ -14,14 +14,16 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.routing import BaseRoute, Match
+from starlette.types import Scope
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.problems import MEDIA_TYPE, TYPE, remedy_of
+from pincette.bus.protocol import BusError
 from pincette.core.units import unit_of
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.plugin import UnsupportedError
-from pincette_supervisor.rest.methods import allowed_methods
 
 log = logging.getLogger(__name__)
 CODES = {
@@ -36,6 +38,8 @@ CODES = {
 ERRORS_MAX = 20
 """Errors of one request that are listed."""
 SERVED = "/api/v1"
+METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
+"""Methods that routes have; HEAD and OPTIONS follow from them."""
 OTHER_VERSION = re.compile(rf"/api/(?!{SERVED.rpartition('/')[2]}(?:/|$))")
 
 
@@ -175,6 +179,18 @@ def invalid(errors: Sequence[Mapping[str, Any]]) -> JSONResponse:
     return response_of(ProblemError(422, "invalid-request", title, detail, errors=entries))
 
 
+def allowed_methods(routes: Sequence[BaseRoute], scope: Scope) -> list[str]:
+    """Return the methods of a request's path; empty if no route has this path."""
+    found = [
+        method
+        for method in METHODS
+        if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in routes)
+    ]
+    if not found:
+        return []
+    return [*found, *(["HEAD"] if "GET" in found else []), "OPTIONS"]
+
+
 def install_handlers(app: FastAPI) -> None:
     """Answer every error of an application with a problem document."""
 
@@ -233,4 +249,11 @@ def unsupported(error: UnsupportedError) -> ProblemError:
         needed_hz=error.needed_hz,
         bandwidth_hz=error.bandwidth_hz,
         parts=[asdict(part) for part in error.parts],
+    )
+
+
+def unanswered(error: BusError) -> ProblemError:
+    """503 because a program of the rig does not answer."""
+    return ProblemError(
+        503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
     )

@@ -28,6 +28,8 @@ from pincette_supervisor.access.access import Access, TokenBuckets, authenticato
 from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.config import configure
+from pincette_supervisor.fleet.rig_finder import RigFinder
+from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import Listeners
 from pincette_supervisor.journal.store import Store, utc_now
@@ -41,8 +43,6 @@ from pincette_supervisor.rest.server import server_of
 from pincette_supervisor.rest.tls import server_context
 from pincette_supervisor.results.archive import picture
 from pincette_supervisor.rigs.other_rigs import OtherRigs
-from pincette_supervisor.rigs.rig_finder import RigFinder
-from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 from pincette_supervisor.unheard import UnheardWatch, can_join, restart
 

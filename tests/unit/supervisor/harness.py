@@ -13,6 +13,7 @@ from fastapi import FastAPI
 
 from pincette.api.events import Event
 from pincette.config import RigFile
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
@@ -25,7 +26,6 @@ from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.rigs.rigs import Rigs
 from tests.support.apps import create_app
 
 from .canned import CannedRig

@@ -9,10 +9,10 @@ from pincette.bus.protocol import AbsentError
 from pincette.config import RigFile
 from pincette.core.messages import Message
 from pincette.core.topics import LOOP, Request
+from pincette_supervisor.fleet.rig_finder import RigFinder
+from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.journal.events import Listeners
 from pincette_supervisor.rigs.other_rigs import OtherRigs
-from pincette_supervisor.rigs.rig_finder import RigFinder
-from pincette_supervisor.rigs.rigs import RigFactory, Rigs
 from tests.support.apps import create_app
 
 from .canned import CannedRig

@@ -11,11 +11,11 @@ from fastapi import FastAPI
 from pincette.config import RigFile
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import Access
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.rest import routes_events
-from pincette_supervisor.rigs.rigs import Rigs
 
 GUARD_S = 20.0
 AT = "2026-03-01T12:00:00.000Z"

@@ -9,10 +9,10 @@ import pytest
 from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import FaultCode, Mode, fault
-from pincette_supervisor.alarms.alarm_monitor import IDLE_S
 from pincette_supervisor.journal import alarm_rows
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.watch.alarm_monitor import IDLE_S
 
 from . import samples
 from .canned import IN_HOLD
@@ -229,7 +229,7 @@ def test_a_disk_that_runs_full_is_told_before_it_is(
     def low(_folder: Path) -> float:
         return 12.0
 
-    monkeypatch.setattr("pincette_supervisor.alarms.checks.free_space_MB", low)
+    monkeypatch.setattr("pincette_supervisor.watch.checks.free_space_MB", low)
     watch.poll()
     (row,) = alarms(harness)
     assert (row["cause"], row["severity"]) == ("disk", "warning")

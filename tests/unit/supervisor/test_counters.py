@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from pincette.core.faults import CAUSES, Mode
 from pincette.core.messages import Applied, Message, Status, Timing
 from pincette.core.topics import TOPIC_OF
-from pincette_supervisor.metrics.counters import BOUNDS_S, FORCE_BOUNDS_MN, RigCounters
+from pincette_supervisor.rigs.counters import BOUNDS_S, FORCE_BOUNDS_MN, RigCounters
 from tests.support.histograms import counted
 from tests.unit.supervisor.canned import trip_reason
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from pincette.api.jobs import JobList
-from pincette_supervisor.rigs.rigs import SettledJobs
+from pincette_supervisor.fleet.rigs import SettledJobs
 
 from .canned import IN_HOLD
 from .harness import Harness

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pincette.latency.histogram import BUCKETS, first_ns
-from pincette_supervisor.metrics.counters import (
+from pincette_supervisor.rigs.counters import (
     BOUNDS_NS,
     BOUNDS_S,
     MonotonicCounter,

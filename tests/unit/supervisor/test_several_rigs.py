@@ -15,9 +15,10 @@ from pincette.bus.protocol import BusError
 from pincette.bus.stopping import MOST_AT_ONCE, trip_each
 from pincette.config import RigFile
 from pincette.core.topics import LOOP
-from pincette_supervisor.rigs import health, rig_finder, rigs
+from pincette_supervisor.fleet import rig_finder, rigs
+from pincette_supervisor.fleet.rigs import Rigs
+from pincette_supervisor.rigs import health
 from pincette_supervisor.rigs.other_rigs import StopOfOthers
-from pincette_supervisor.rigs.rigs import Rigs
 from tests.support.apps import create_app
 
 from . import samples

@@ -1,1 +1,1 @@
-"""Alarms and checks: what is wrong with a rig, and since when."""
+"""Alarms: what is wrong with a rig, and since when."""

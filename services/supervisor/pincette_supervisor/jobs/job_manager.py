@@ -16,23 +16,23 @@ from pincette.bus.protocol import BusError, RefusalError
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
 from pincette.core.topics import ACTION
-from pincette_supervisor.alarms.alarm_monitor import AlarmMonitor
 from pincette_supervisor.jobs import planner, refusals
 from pincette_supervisor.jobs.bring_up import Calibrations
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
 from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
 from pincette_supervisor.jobs.job_recorder import recover_from_crash
-from pincette_supervisor.jobs.refusals import invalid_action, unanswered
+from pincette_supervisor.jobs.refusals import invalid_action
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
 from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play, PredictionCache
 from pincette_supervisor.plugin import Planned
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rigs.latch import LatchControl
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.watch.alarm_monitor import AlarmMonitor
 
 # Requests with the same ``Idempotency-Key`` take turns: the later one finds the earlier one's job.
 #
@@ -227,7 +227,7 @@ def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> 
         try:
             context.bus.call(ACTION, Action(ActionCode.KEEP))
         except BusError as error:
-            raise refusals.unanswered(error) from error
+            raise unanswered(error) from error
         active.done.wait(KEPT_S)
 
 

@@ -2,7 +2,6 @@
 
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
-from pincette.bus.protocol import BusError
 from pincette.core.faults import Cause
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_queue import Entry, JobQueue
@@ -126,13 +125,6 @@ def unready(reasons: list[str]) -> ProblemError:
     """503 with the reasons."""
     return ProblemError(
         503, "rig-not-ready", "The rig is not ready", "; ".join(reasons), reasons=reasons
-    )
-
-
-def unanswered(error: BusError) -> ProblemError:
-    """503 because a program of the rig does not answer."""
-    return ProblemError(
-        503, "rig-not-ready", "The rig does not answer", str(error), reasons=[str(error)]
     )
 
 

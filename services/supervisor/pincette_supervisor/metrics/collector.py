@@ -19,19 +19,19 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Estimate, Status
 from pincette.core.topics import LOOP
 from pincette_supervisor.attention import ATTENTION
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.database import StoreError
 from pincette_supervisor.metrics import families
-from pincette_supervisor.metrics.counters import (
+from pincette_supervisor.metrics.families import Family
+from pincette_supervisor.rigs.counters import (
     BOUNDS_S,
     FORCE_BOUNDS_MN,
     NUMBERED,
     OBSERVED,
     Durations,
 )
-from pincette_supervisor.metrics.families import Family
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.rigs.rigs import Rigs
 from pincette_supervisor.rigs.standing import standing
 
 MOST_RIGS = 64

@@ -8,6 +8,7 @@ from fastapi import FastAPI
 from pincette import __version__
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import Access
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.rest import (
     routes_access,
     routes_alarms,
@@ -31,7 +32,6 @@ from pincette_supervisor.rest.middleware import AuditLog, OriginCheck
 from pincette_supervisor.rest.openapi_schema import complete
 from pincette_supervisor.rest.request_target import NormalTarget
 from pincette_supervisor.rest.session_cookie import cookie_name
-from pincette_supervisor.rigs.rigs import Rigs
 
 BASE = "/api/v1"
 VERSIONED = (

@@ -25,10 +25,10 @@ from starlette.types import Scope as AsgiScope
 from pincette.api.access import MEANINGS, SCOPES, Scope
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator, Caller, require_scope
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rest.session_cookie import NAME, session_cookies
-from pincette_supervisor.rigs.rigs import Rigs
 
 CALLER, NOTE = "pincette.caller", "pincette.note"
 SHARE, HELD = "pincette.share", "pincette.held"

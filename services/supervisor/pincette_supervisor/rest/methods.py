@@ -1,26 +1,14 @@
-"""HEAD and OPTIONS for every path, and the methods that a 405 reports in ``Allow``."""
+"""HEAD and OPTIONS for every path."""
 
 import asyncio
 from collections.abc import Sequence
 from contextlib import suppress
 
 from starlette.datastructures import Headers
-from starlette.routing import BaseRoute, Match
+from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-_METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
-
-
-def allowed_methods(routes: Sequence[BaseRoute], scope: Scope) -> list[str]:
-    """Return the methods of a request's path; empty if no route has this path."""
-    found = [
-        method
-        for method in _METHODS
-        if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in routes)
-    ]
-    if not found:
-        return []
-    return [*found, *(["HEAD"] if "GET" in found else []), "OPTIONS"]
+from pincette_supervisor.problems import METHODS, allowed_methods
 
 
 class HeadAndOptions:
@@ -38,7 +26,7 @@ class HeadAndOptions:
         if method == "OPTIONS":
             allowed = allowed_methods(self._routes, scope)
             if scope["path"] == "*":  # the server as a whole
-                allowed = [*_METHODS, "HEAD", "OPTIONS"]
+                allowed = [*METHODS, "HEAD", "OPTIONS"]
             if allowed:
                 headers = [(b"allow", ", ".join(allowed).encode())]
                 await send({"type": "http.response.start", "status": 204, "headers": headers})

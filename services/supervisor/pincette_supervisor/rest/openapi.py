@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 from typing import cast
 
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rigs.rigs import Rigs
 
 REGENERATE = "make docs"
 

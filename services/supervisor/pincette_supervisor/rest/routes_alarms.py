@@ -11,7 +11,6 @@ from pincette.api.problems import responses
 from pincette.records.folder import agree_to_clock
 from pincette_supervisor import problems
 from pincette_supervisor.access.key_sync import KEY_CLOCK
-from pincette_supervisor.alarms.checks import CLOCK
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
@@ -25,6 +24,7 @@ from pincette_supervisor.rest.dependencies import (
     authorize,
 )
 from pincette_supervisor.rest.strict_route import StrictRoute
+from pincette_supervisor.watch.checks import CLOCK
 
 LARGEST = 2**63 - 1
 Number = Annotated[int, Field(ge=1, le=LARGEST)]

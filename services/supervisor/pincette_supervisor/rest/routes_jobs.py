@@ -19,6 +19,7 @@ from pincette.api.plans import JobPlan
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.job_queue import ALWAYS
 from pincette_supervisor.kinds.bodies import AnyPlan, Body
@@ -38,7 +39,6 @@ from pincette_supervisor.rest.dependencies import (
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.strict_route import StrictRoute
-from pincette_supervisor.rigs.rigs import Rigs
 
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")

@@ -11,12 +11,12 @@ from prometheus_client.exposition import choose_encoder
 from pincette import __version__
 from pincette.api.checks import Alive, Check, Readiness
 from pincette.asyncapi.document import document
-from pincette_supervisor.alarms.checks import of_rig, of_supervisor, words_of
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.metrics.collector import RigCollector
 from pincette_supervisor.rest.dependencies import OBSERVE, AccessState, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.thing_description import THING_TYPE, WELL_KNOWN, thing
+from pincette_supervisor.watch.checks import of_rig, of_supervisor, words_of
 
 TURN_S = 1.0
 """The event loop is expected to come round at least this often."""

@@ -23,6 +23,7 @@ from pincette.api.rigs import (
     StoppedList,
 )
 from pincette.core.faults import Cause
+from pincette_supervisor.fleet.rig_view import rig_view
 from pincette_supervisor.jobs.bring_up import checklist, model_view
 from pincette_supervisor.jobs.bring_up import use_model as change_model
 from pincette_supervisor.journal.events import TooManyListenersError
@@ -49,7 +50,6 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.rigs.health import loop_timing
 from pincette_supervisor.rigs.latch import unconfirmed
 from pincette_supervisor.rigs.live import LISTENERS_MAX, LiveCursor
-from pincette_supervisor.rigs.rig_view import rig_view
 from pincette_supervisor.rigs.standing import standing
 
 LIVE_INTERVAL_S = 1.0 / 15.0

@@ -15,8 +15,7 @@ from pincette.config.script import OPERATIONS, Operation, objection, operation_o
 from pincette.core.messages import SimCommand
 from pincette.core.topics import SIM_COMMAND
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.jobs.refusals import unanswered
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Asking, Manager
 from pincette_supervisor.rest.strict_route import StrictRoute
 

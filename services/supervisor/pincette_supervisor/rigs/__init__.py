@@ -1,1 +1,1 @@
-"""The rigs that are served: found, watched, and what is known of each."""
+"""What is known of a rig, and what stops it."""

@@ -10,8 +10,7 @@ from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.engine.threads import log_failure
 from pincette_supervisor.alarms.trips import TripReason
-from pincette_supervisor.jobs.refusals import unanswered
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.shared_turns import LEAST_S, SharedTurns
 

@@ -20,7 +20,7 @@ from pincette.core.topics import (
 )
 from pincette_supervisor.alarms.trips import TripMonitor
 from pincette_supervisor.attention import ATTENTION
-from pincette_supervisor.metrics.counters import RigCounters
+from pincette_supervisor.rigs.counters import RigCounters
 
 CAPACITY = 200_000
 """Messages that may wait for a run's thread: about half a minute at 1 kHz, ten at 50 Hz."""

@@ -7,10 +7,9 @@ from pincette.core.faults import AT_REST, Cause, FaultCode
 from pincette.core.messages import Applied
 from pincette.core.wording import status_text
 from pincette.engine.threads import RepeatedAction
-from pincette_supervisor.alarms.checks import Condition, conditions
-from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.watch.checks import ActiveJob, Condition, conditions
 
 LOOK_S, ASK_S = 0.25, 2.0
 """Between two looks, and between two questions to the programs of a rig in real time."""
@@ -54,7 +53,7 @@ class GrowthDetector:
 class AlarmMonitor:
     """Raises and clears alarms by what is known; asks the programs only rarely."""
 
-    def __init__(self, context: RigContext, active: Callable[[], LiveJob | None]) -> None:
+    def __init__(self, context: RigContext, active: Callable[[], ActiveJob | None]) -> None:
         self._context, self._active = context, active
         self._conditions: dict[str, Condition] = {}
         self._known = False

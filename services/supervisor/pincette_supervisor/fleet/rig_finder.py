@@ -14,9 +14,9 @@ from pincette.config import ConfigError, RigFile
 from pincette.core.messages import RigFileReply
 from pincette.core.topics import LOOP
 from pincette.engine.rig_file import read_rig_reply
+from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import StoreError
-from pincette_supervisor.rigs.rigs import Rigs
 
 log = logging.getLogger(__name__)
 FIRST_S = 4.0

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Protocol
 
 from pincette.api.checks import Check
 from pincette.core.faults import Fault, FaultCode
-from pincette.core.messages import Estimate, Position, Telemetry
+from pincette.core.messages import Estimate, Lease, Position, Telemetry
 from pincette.core.topics import LOOP
 from pincette.core.wording import fault_text, status_text
-from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.journal.alarm_rows import Severity
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
@@ -29,6 +29,39 @@ FRESH_S = 1.0
 MB = 1e6
 
 
+class LeaseRenewal(Protocol):
+    """The thread that renews the lease of a job's program."""
+
+    @property
+    def lease(self) -> Lease:
+        """The lease that it renews."""
+        ...
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last renewal, in s."""
+        ...
+
+
+class ActiveJob(Protocol):
+    """The job that has the rig, as far as checks and alarms need it."""
+
+    @property
+    def id(self) -> str:
+        """Identifier of the job."""
+        ...
+
+    @property
+    def epoch(self) -> int | None:
+        """Epoch of its arming; None before it."""
+        ...
+
+    @property
+    def renewal(self) -> LeaseRenewal | None:
+        """Renews the lease of its program; None where there is no lease."""
+        ...
+
+
 def of_supervisor(store: Store) -> list[Check]:
     """What every rig needs of the supervisor itself."""
     words = store.trouble or "the journal can be written"
@@ -42,7 +75,7 @@ def of_supervisor(store: Store) -> list[Check]:
     ]
 
 
-def of_rig(context: RigContext, active: LiveJob | None) -> list[Check]:
+def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
     """All checks of a rig, in the order of a tick."""
     return [
         *_answers(context),
@@ -238,7 +271,7 @@ def _forces(context: RigContext) -> Iterator[Check]:
     )
 
 
-def _lease(context: RigContext, active: LiveJob | None) -> Check:
+def _lease(context: RigContext, active: ActiveJob | None) -> Check:
     renewal = None if active is None else active.renewal
     if renewal is None:
         limit_s = context.rig.safety.lease_s if not context.rig.lockstep else 0.0

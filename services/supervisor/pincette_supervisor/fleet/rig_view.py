@@ -24,13 +24,13 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Estimate, Position, Status, Telemetry
 from pincette.core.topics import LOOP, TOPICS
 from pincette.core.wording import status_text
-from pincette_supervisor.alarms.checks import of_rig
 from pincette_supervisor.alarms.trips import fault_views
 from pincette_supervisor.jobs import job_queue
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.readiness import readiness
 from pincette_supervisor.rigs.health import PROGRAMS
 from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.watch.checks import of_rig
 
 SAMPLE_OF = {topic.producer: topic.message for topic in reversed(TOPICS) if topic.producer in LOOP}
 

@@ -1,0 +1,1 @@
+"""Watches a rig: its checks, and the alarms that follow from them."""
