@@ -60,9 +60,10 @@ def test_a_journal_is_opened_again_as_it_was(tmp_path: Path) -> None:
 def test_what_was_learned_moves_from_notes_into_its_table(tmp_path: Path) -> None:
     path = tmp_path / "jobs.sqlite"
     Store(path).close()
+    at = "2026-03-01T12:00:00.000Z"
     before = {
-        "program": "a", "job": "j", "learned_at": "2026-03-01T12:00:00.000Z", "motion": {"x": 1},
-        "values_um": [0.1], "errors_um": [0.3],
+        "program": "a", "job": "j", "learned_at": at, "motion": {"x": 1}, "values_um": [0.1],
+        "errors_um": [0.3],
     }  # fmt: skip
     newer = {**before, "program": "b", "best_um": [0.2], "quiet": 2}
     with closing(sqlite3.connect(path)) as base:
@@ -76,7 +77,7 @@ def test_what_was_learned_moves_from_notes_into_its_table(tmp_path: Path) -> Non
         base.executemany("INSERT INTO notes (name, value) VALUES (?, ?)", notes)
         base.commit()
     store = Store(path)
-    rest = ("j", before["learned_at"], {"x": 1}, (0.1,), (0.3,))
+    rest = ("j", at, {"x": 1}, (0.1,), (0.3,))
     assert LearnedRepository(store, "demo").all() == [
         LearnedRow("b", *rest, (0.2,), 2),
         LearnedRow("a", *rest),

@@ -258,5 +258,6 @@ class LearnedRepository:
 
 
 def _learned_row(*, rig: str, **values: Any) -> LearnedRow:  # noqa: ARG001 - a column of the key
-    lists = {name: tuple(values[name]) for name in ("values_um", "errors_um", "best_um")}
-    return LearnedRow(**{**values, **lists})
+    for name in ("values_um", "errors_um", "best_um"):
+        values[name] = tuple(values[name])
+    return LearnedRow(**values)
