@@ -27,7 +27,11 @@ from pincette_supervisor.plugin.model_in_use import ModelInUse
 from pincette_supervisor.plugin.planned import Planned, decimated
 from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.ring_term import ring_term, ring_violation, ring_warning
-from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
+from pincette_supervisor.plugin.stated_uncertainty import (
+    hidden_by_past,
+    past_uncertainty_mN,
+    uncertain_forces,
+)
 
 CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 
@@ -93,8 +97,13 @@ def usual_conditioning_V(rig: RigFile) -> float | None:
     return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
 
 
-def unconditioned(strokes: bool, rig: RigFile, present: Present) -> list[str]:
-    """Return what the strokes of an arm assume, or a warning where it needs them and has none."""
+def unconditioned(
+    strokes: bool, rig: RigFile, present: Present, force_mN: float | None = None
+) -> list[str]:
+    """Return what the strokes of an arm assume, or a warning where it needs them and has none.
+
+    ``force_mN`` is the highest force of the plan, for which the warning states the uncertainty.
+    """
     if strokes:
         return [
             "the conditioning strokes assume that the voltage has stayed within the limits and has "
@@ -103,15 +112,18 @@ def unconditioned(strokes: bool, rig: RigFile, present: Present) -> list[str]:
         ]
     if present.memory_known is not False:
         return []
+    size = "some mN at the most"
+    if force_mN is not None:
+        size = f"±{past_uncertainty_mN(rig, force_mN):.2g} mN by the past alone"
     if rig.limits.voltage_min_V >= 0.0:
         return [
             f"the arm's past is not known, and limits.voltage_min_V = {rig.limits.voltage_min_V:g} "
             "V leaves no room for conditioning strokes below 0 V: the force may be off by what the "
-            "uncertainty says, some mN at the most"
+            f"uncertainty says, {size}"
         ]
     return [
         "the arm's past is not known and no conditioning strokes come first: the force may be "
-        "off by what the uncertainty says, some mN at the most"
+        f"off by what the uncertainty says, {size}"
     ]
 
 
@@ -156,6 +168,8 @@ def contact_job(
     unsure = uncertain_forces(
         rig, values["contact_force_mN"], forces_mN[1], pointer, conditioned=conditioned
     )
+    if not conditioned and present is not None and present.memory_known is False:
+        unsure = (*unsure, *hidden_by_past(rig, forces_mN[1], pointer))
     violations = [violation_view(found) for found in (*unsure, *made.violations)]
     if not law.assessment.stable:
         violations.append(law.violation())
@@ -175,7 +189,7 @@ def contact_job(
         law=law.view(),
         warnings=[
             *unidentified(rig),
-            *unconditioned(strokes, rig, present or Present()),
+            *unconditioned(strokes, rig, present or Present(), forces_mN[1]),
             *([] if present is None or present.stroke is None else [fault_text(present.stroke)]),
             *unsampled(made.program.segments, rig.rig.period_s),
             *ring_warning(ring, rig),

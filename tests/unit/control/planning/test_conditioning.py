@@ -11,6 +11,7 @@ from pincette.control.response.poled import poled
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import FaultyRequestError, Present
+from pincette_supervisor.plugin.stated_uncertainty import past_uncertainty_mN
 from tests.support.rigs import Tree, demo_rig
 
 TAUGHT: Tree = {"model": {"free_response": {"taught_V": [-0.8, 3.4]}}}
@@ -87,6 +88,31 @@ def test_a_plan_without_strokes_warns_of_an_unknown_past() -> None:
     assert isinstance(known, Plan)
     assert isinstance(unknown, Plan)
     assert len(unknown.warnings) == len(known.warnings) + 1
+
+
+def test_a_plan_without_strokes_states_what_an_unknown_past_makes_of_the_force() -> None:
+    """U of such grips came to 22 mN, where the plan knew of some mN, and the load was given up."""
+    # On a stiff arm the same error of the free response is a larger force.
+    rig = demo_rig({"model": {**TAUGHT["model"], "compliance_um_per_mN": 0.06}})
+
+    def planned(force_mN: float, known: bool, condition: str) -> Plan:
+        body = {"kind": "grip", "force_mN": force_mN, "condition": condition}
+        request = GripJobRequest.model_validate(body)
+        plan = plan_job(request, rig, Present(x_um=0.0, memory_known=known)).plan
+        assert isinstance(plan, Plan)
+        return plan
+
+    stated_mN = past_uncertainty_mN(rig, 15.0)
+    print(stated_mN)
+    (refused,) = [
+        found for found in planned(15.0, False, "never").violations if "past" in found.message
+    ]
+    assert (refused.pointer, refused.quantity) == ("/force_mN", "force")
+    assert refused.limit == stated_mN > 15.0
+    for known, condition in ((True, "never"), (False, "auto")):
+        found = planned(15.0, known, condition).violations
+        assert not any("past" in one.message for one in found)
+    assert any(f"±{stated_mN:.2g} mN" in one for one in planned(15.0, False, "never").warnings)
 
 
 def test_a_rig_file_may_do_without_strokes() -> None:
