@@ -26,8 +26,8 @@ from tests.support.rigs import demo_rig
 from tests.unit.supervisor.harness import Harness
 
 SEED = 20131
-EXAMPLES, MANY = 8, 40
-"""Requests of each operation and mode: in `make test`, and in `make soak`."""
+EXAMPLES, MORE, MANY = 4, 8, 40
+"""Requests of each operation and mode: in `make test`, in `make test-full`, and in `make soak`."""
 WITH_KEYS = 5
 """One for each key that may be shown."""
 NAMES = frozenset({"testserver"})
@@ -158,6 +158,14 @@ def test_every_answer_is_documented(
     described: Any, known: Known, method: str, path: str, mode: GenerationMode
 ) -> None:
     sent(described, known, method, path, mode, EXAMPLES)
+
+
+@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
+@pytest.mark.parametrize(("method", "path"), OPERATIONS)
+def test_the_answers_to_more_requests_are_documented(
+    described: Any, known: Known, method: str, path: str, mode: GenerationMode
+) -> None:
+    sent(described, known, method, path, mode, MORE)
 
 
 @pytest.mark.slow

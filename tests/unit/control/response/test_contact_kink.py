@@ -112,4 +112,8 @@ def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there
     found = calibrate_free_response(bent, SAMPLES_PER_CYCLE, unpoled=True, no_part=True)
     assert found.kink is not None
     assert found.kink.x_um == pytest.approx(31.0, abs=3.0)
+
+
+def test_a_free_arm_is_calibrated_without_a_finding() -> None:
+    _, motion = freed(base())
     assert calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True).kink is None
