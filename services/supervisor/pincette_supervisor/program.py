@@ -32,7 +32,7 @@ from pincette_supervisor.fleet.rig_finder import RigFinder
 from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import Listeners
-from pincette_supervisor.journal.store import Store, utc_now
+from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.notify.outbox import Outbox
 from pincette_supervisor.notify.senders import senders_of
 from pincette_supervisor.planning.prediction import played
@@ -140,7 +140,7 @@ def run(context: Context) -> None:
             clock,
             partial(_trip_directly, context.rig),
         )
-        unfinished = _by_rig(store, store.interrupt_unfinished(utc_now()))
+        unfinished = _by_rig(store, interrupted(store))
 
         def create(rig: RigFile) -> JobManager:
             return factory.create(rig, unfinished.pop(rig.rig.name, ()))
@@ -194,6 +194,19 @@ def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
                 "instead; two would arm one rig against each other"
             )
     bus.announce(SUPERVISOR)
+
+
+def interrupted(store: Store) -> list[str]:
+    """Interrupt the jobs that an earlier supervisor has left; returns their names.
+
+    Where the journal cannot be written, as on a full disk, the jobs of each rig that is served are
+    marked once it can: a supervisor that did not start could not be asked for a stop.
+    """
+    try:
+        return store.interrupt_unfinished(utc_now())
+    except StoreError as error:
+        log.error("%s", error)
+        return store.unfinished()
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:

@@ -59,7 +59,11 @@ class Child:
             file.seek(self.log_begin if self.log_begin <= size else 0)
             lines = file.read().decode(errors="replace").splitlines()
         told = "\n".join(LOG_STAMP.sub("  ", line) for line in lines[-12:])
-        return told or f"  it has logged nothing; its log is {self.log}"
+        if told:
+            return told
+        left = os.statvfs(self.log.parent).f_bavail
+        why = "" if left else ", since its disk is full: make room there and start it again"
+        return f"  it has logged nothing; its log is {self.log}{why}"
 
     def logged(self) -> int:
         """Return the length of the log file, in bytes."""

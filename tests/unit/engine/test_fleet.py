@@ -1,12 +1,16 @@
 """Which programs and ports a rig needs on its machine, with a router of its own or of another."""
 
+import os
+import subprocess
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from pincette.config import RigFile, read_rig
 from pincette.core.topics import LOOP
-from pincette.engine.fleet import Fleet, ports
+from pincette.engine.fleet import Child, Fleet, ports
 from pincette.engine.process import Options, run_program
 
 RIGS = Path(__file__).parents[3] / "deploy" / "rigs"
@@ -39,3 +43,18 @@ def test_what_the_rigs_of_a_router_share_is_not_started_by_a_rig_that_joins(
     assert run_program(name, RIGS / "right.toml", Options(data=tmp_path)) == 2
     assert f"start the {name} of the rig that has the router" in caplog.text
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("left", "told"), [(0, True), (1, False)])
+def test_a_program_that_cannot_log_on_a_full_disk_is_said_to(
+    left: int, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = tmp_path / "supervisor.log"
+    log.touch()
+    child = Child("supervisor", cast("subprocess.Popen[str]", None), log)
+
+    def statvfs(_: Path) -> SimpleNamespace:
+        return SimpleNamespace(f_bavail=left)
+
+    monkeypatch.setattr(os, "statvfs", statvfs)
+    assert ("disk is full: make room" in child.tail()) is told

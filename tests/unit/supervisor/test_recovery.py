@@ -7,8 +7,10 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.faults import Mode
 from pincette_supervisor.journal.store import utc_now
+from pincette_supervisor.program import interrupted
 
 from .canned import IN_APPROACH, IN_HOLD
+from .full_disk import full_disk
 from .harness import Harness
 
 HOLDING = ["hold", "release"]
@@ -84,6 +86,31 @@ def test_a_program_that_still_plays_after_a_restart_is_stopped_once(
     assert after.bus.acts == ["stop"]
     assert "was stopped after the restart" in after.get(f"/jobs/{job}")["cause"]
     assert after.told("rig")[-1].body["found"] == "a program played"
+
+
+def test_a_restart_on_a_full_disk_stops_the_program_and_marks_the_job_once_there_is_room(
+    harness: Harness,
+    rig_file: RigFile,
+    open_harness: Callable[..., Harness],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    job = harness.playing_to(IN_APPROACH)
+    after = open_harness(rig_file)
+    after.bus.ticks, after.bus.place = harness.bus.ticks, harness.bus.place
+    after.bus.mode = Mode.ARMED
+    after.health.refresh()
+    with full_disk(monkeypatch):
+        found = interrupted(after.store)
+        assert found == [job]
+        after.manager.recover(found)
+        assert after.bus.acts == ["stop"]
+        assert after.post("/rigs/demo/estop").status_code == 200
+        after.manager.alarm_monitor.poll()
+        assert after.get(f"/jobs/{job}")["state"] == "running"
+    after.manager.alarm_monitor.poll()
+    after.until(lambda: after.get(f"/jobs/{job}")["state"] == "interrupted")
+    after.until(lambda: "stopped after the restart" in after.get(f"/jobs/{job}")["cause"])
+    after.until(lambda: after.ended(job)["record_complete"] is not None)
 
 
 def test_a_restart_leaves_a_rig_at_rest_alone(harness: Harness) -> None:

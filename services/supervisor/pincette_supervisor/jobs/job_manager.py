@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 from pincette.api.jobs import Job
@@ -21,7 +22,7 @@ from pincette_supervisor.jobs.bring_up import Calibrations
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_index import WRITTEN_S, JobIndex, fingerprint_of, new_row
 from pincette_supervisor.jobs.job_queue import CAPACITY, Claims, Entry, JobQueue
-from pincette_supervisor.jobs.job_recorder import recover_from_crash
+from pincette_supervisor.jobs.job_recorder import complete_left_records, stop_left_program
 from pincette_supervisor.jobs.refusals import invalid_action
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
@@ -271,9 +272,20 @@ class JobManager:
 
     def recover(self, unfinished: list[str]) -> None:
         """Recover from an earlier run of the supervisor; nothing moves by itself."""
-        self.index.left = recover_from_crash(self.context, unfinished, self.changes.notify_all)
+        context = self.context
+        # Marked already, unless the journal could not be written, as on a full disk.
+        left = [name for name in context.store.unfinished() if name in unfinished]
+        mark = partial(context.store.interrupt, left, utc_now())
+        marked = not left or context.write_queue.submit(mark)
+        stop_left_program(context, unfinished)
+        if not marked:
+            context.write_queue.post(self._complete_left_records)
+        self._complete_left_records()
         with self._lock:
             self.queue.load(self.name)
+
+    def _complete_left_records(self) -> None:
+        self.index.left = complete_left_records(self.context, self.changes.notify_all)
 
     @property
     def _moving(self) -> bool:

@@ -289,23 +289,35 @@ class Left:
 NOTHING = Left()
 
 
-def recover_from_crash(
-    context: RigContext, jobs: Sequence[str], notify: Callable[[], None]
-) -> Left:
-    """Stop a program that still plays, and complete the records that an earlier one has left.
-
-    ``notify`` is called as each is complete.
-    """
+def stop_left_program(context: RigContext, jobs: Sequence[str]) -> None:
+    """Stop a program that an earlier supervisor has left playing, and note it in its job."""
     # The program is asked once. A held part stays held until a person holds or releases it by a
     # job; a free arm comes to rest, and what a calibration presses is let go. No job is continued.
     row = context.store.get(jobs[-1]) if jobs else None
     how = interruption(None if row is None else job_kinds().get(row.kind))
     stopped = _stop(context, how) or _stopped_by_itself(context)
-    if stopped:
-        name = None if row is None else row.id
+    if not stopped:
+        return
+    name = None if row is None else row.id
+
+    def write() -> None:
         with context.events.transaction("rig", name, found="a program played", did=stopped):
-            if row is not None:
-                context.store.change(row.id, cause=f"{row.cause}; {stopped}")
+            found = None if name is None else context.store.get(name)
+            if found is not None:
+                context.store.change(found.id, cause=f"{found.cause}; {stopped}")
+
+    try:
+        write()
+    except StoreError as error:  # as on a full disk
+        log.error("%s", error)
+        context.write_queue.post(write)
+
+
+def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Left:
+    """Complete the records that an earlier supervisor has left; see ``Left``.
+
+    ``notify`` is called as each is complete.
+    """
     applied = context.observer.newest(Applied)
     stored: dict[str, Future[None]] = {}
     for left in _unwritten(context):

@@ -58,25 +58,20 @@ class KeyTakenError(Exception):
 class Store(Database):
     """The journal in one file; safe to use from several threads."""
 
+    def unfinished(self) -> list[str]:
+        """Return the jobs that have neither ended nor wait in a queue, the oldest first."""
+        with self.reading() as connection:
+            return [name for name, _ in _live(connection)]
+
     def interrupt_unfinished(self, at: str) -> list[str]:
         """Mark jobs that an earlier supervisor left unfinished, not queued; returns their names."""
-        live = [name for name, state in STATES.items() if not state.terminal and name != "queued"]
-        left = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.in_(live))
-        ended = Ending(code="supervisor_ended")
-        body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
-        body["ending"] = ended.code
-        values_interrupted = {
-            "state": "interrupted",
-            "cause": INTERRUPTED,
-            "ending": ended.model_dump(mode="json"),
-        }
         with self.writing() as connection:
-            found = connection.execute(left.order_by(JOBS.c.number)).all()
-            for name, rig in found:
-                values = {**values_interrupted, "ended_at": at}
-                _revise(connection, name, values)
-                _add_event(connection, at, rig, name, "state", body)
-        return [name for name, _ in found]
+            return _interrupt(connection, _live(connection), at)
+
+    def interrupt(self, names: Sequence[str], at: str) -> None:
+        """Mark those of these jobs that an earlier supervisor left unfinished."""
+        with self.writing() as connection:
+            _interrupt(connection, [job for job in _live(connection) if job[0] in names], at)
 
     def add(self, job: JobRow, key: str | None = None, fingerprint: str = "") -> JobRow:
         """Keep a new job and its key; returns it with its number; raises KeyTakenError."""
@@ -226,6 +221,30 @@ class Store(Database):
 def _creation(connection: Connection, key: str) -> Creation | None:
     query = select(CREATIONS).where(CREATIONS.c.key == key)
     return first(connection, Creation, query)
+
+
+def _live(connection: Connection) -> list[tuple[str, str]]:
+    """Names and rigs of the jobs that have neither ended nor wait in a queue, the oldest first."""
+    live = [name for name, state in STATES.items() if not state.terminal and name != "queued"]
+    query = select(JOBS.c.id, JOBS.c.rig).where(JOBS.c.state.in_(live)).order_by(JOBS.c.number)
+    return [(name, rig) for name, rig in connection.execute(query)]
+
+
+def _interrupt(connection: Connection, jobs: Sequence[tuple[str, str]], at: str) -> list[str]:
+    """Mark jobs as interrupted; returns their names."""
+    ended = Ending(code="supervisor_ended")
+    body = {"state": "interrupted", "cause": INTERRUPTED, "event": "interrupt"}
+    body["ending"] = ended.code
+    values = {
+        "state": "interrupted",
+        "cause": INTERRUPTED,
+        "ending": ended.model_dump(mode="json"),
+        "ended_at": at,
+    }
+    for name, rig in jobs:
+        _revise(connection, name, values)
+        _add_event(connection, at, rig, name, "state", body)
+    return [name for name, _ in jobs]
 
 
 def _revise(connection: Connection, name: str, values: Mapping[str, object]) -> int:
