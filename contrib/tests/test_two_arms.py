@@ -44,18 +44,18 @@ def test_a_plain_grip_is_one_with_both_arms(rig: RunningRig) -> None:
         assert isinstance(plan, PairPlan)
         job = handle.start("grip", force_mN=FORCE_MN, idempotency_key="one")
         again = handle.start("grip", force_mN=FORCE_MN, idempotency_key="one")
-        assert (job.id, job.job.kind) == (again.id, "pair_grip")
+        assert (job.id, job.job.kind) == (again.id, "grip")
         assert rig.ended(job.id)["state"] == "succeeded"
-        with pytest.raises(ProblemError, match="profile is of a grip with one driven arm"):
+        with pytest.raises(ProblemError, match="profile is for 1 driven arm, and this rig has 2"):
             handle.plan("grip", profile="quick")
-        with pytest.raises(ProblemError, match="track is for 1 driven arm, and this rig has 2"):
+        with pytest.raises(ProblemError, match="a track with two arms wants a path"):
             handle.plan("track")
 
 
 def test_a_recipe_completes_it(rig: RunningRig) -> None:
     saved = rig.post("/recipes", {"name": "bead", "values": {"force_mN": 7.0, "hold_s": 0.3}})
     assert saved.status_code == 201, saved.text
-    job = rig.post("/jobs", {"kind": "pair_grip", "recipe": "bead", "dry_run": True})
+    job = rig.post("/jobs", {"kind": "grip", "recipe": "bead", "dry_run": True})
     assert job.status_code == 200, job.text
     assert job.json()["prediction"]["figures"]["force_held_mN"] == pytest.approx(7.0, abs=0.2)
 
@@ -79,7 +79,7 @@ def test_a_run_engine_sets_a_force_and_lets_go(rig: RunningRig) -> None:
         assert held["gripper-second_force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
         engine(bps.abs_set(gripper, 0.0, wait=True))
         until(lambda: rig.view()["active_job"] is None, "a job is left")
-        assert kinds_of(rig)[0] == "pair_grip"
+        assert kinds_of(rig)[0] == "grip"
     finally:
         closed(engine, gripper)
         ended(engine)

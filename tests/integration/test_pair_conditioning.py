@@ -101,7 +101,7 @@ class Laboratory:
 
     def grip(self, condition: str = "auto") -> tuple[PairResult, float]:
         """Grip with programs that were just started; the result, and the error of the force."""
-        body = {"kind": "pair_grip", "force_mN": FORCE_MN, "hold_s": 2.0}
+        body = {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 2.0}
         grip = self.rig.grip.model_copy(update={"condition": condition})
         self.rig = self.rig.model_copy(update={"grip": grip})
         present = Present(memory_known=False)
@@ -110,7 +110,7 @@ class Laboratory:
         messages = self.play(planned.program)
         table = columns(messages, self.rig.rig.period_s)
         run = Run(self.rig, planned, table, messages)
-        found = functions_of(job_kinds()["pair_grip"]).evaluate(run).result
+        found = functions_of(job_kinds()["grip"]).evaluate(run).result
         assert isinstance(found, PairResult)
         assert found.outcome == "gripped"
         assert found.force_held_mN is not None

@@ -7,12 +7,12 @@ import pytest
 from pincette.api.pairs import PairResult
 from pincette.api.results import ZeroReturn
 from pincette.config.script import ScriptedOrder
-from pincette_supervisor.kinds.pair_grip import KIND
+from pincette_supervisor.kinds.grip import KIND
 from pincette_supervisor.results.archive import zero_returns
 from pincette_supervisor.results.documents import verdict
 from tests.integration.test_two_arm_jobs import lockstep, play
 
-GRIP = {"kind": "pair_grip", "force_mN": 12.0, "hold_s": 2.0}
+GRIP = {"kind": "grip", "force_mN": 12.0, "hold_s": 2.0}
 HELD_S = 9.0
 """Time within the hold."""
 

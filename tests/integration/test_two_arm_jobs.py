@@ -79,7 +79,7 @@ def test_place_and_force_each_follow_a_path(
 ) -> None:
     result, *_ = play(
         {
-            "kind": "pair_track",
+            "kind": "track",
             "place": {"pp_um": 8.45, "frequency_hz": place_hz, "cycles": cycles[0]},
             "force": {
                 "mean_mN": 15.0,
@@ -113,7 +113,7 @@ def test_a_part_off_the_middle_is_centred_without_being_moved(
         bead_contact_um=at_um,
         second=second.model_copy(update={"bead_contact_um": 61.7 - at_um}),
     )
-    result, table, _ = play({"kind": "centre", "hold_s": 0.5}, rig)
+    result, table, _ = play({"kind": "grip", "centre": True, "hold_s": 0.5}, rig)
     assert isinstance(result, PairResult)
     assert result.outcome == "gripped"
     assert moved_um(table) < 0.5
@@ -130,7 +130,7 @@ def test_whichever_arm_touches_first_both_must_touch_before_they_load(off_um: fl
         bead_contact_um=at_um,
         second=second.model_copy(update={"bead_contact_um": 61.7 - at_um}),
     )
-    result, table, _ = play({"kind": "pair_grip", "hold_s": 0.5}, rig)
+    result, table, _ = play({"kind": "grip", "hold_s": 0.5}, rig)
     assert isinstance(result, PairResult)
     assert result.outcome == "gripped"
     forces = [np.array(table[name]) for name in ("true_force_mN", "true_second_force_mN")]
@@ -147,7 +147,7 @@ def test_a_part_that_sticks_to_one_arm_is_let_go_on_the_other_first(
 ) -> None:
     assert RIG.simulation is not None
     pair = RIG.simulation.pair_of_arms.model_copy(update={"pull_off_mN": pull_off_mN})
-    result, table, _ = play({"kind": "pair_grip", "hold_s": 0.5}, lockstep(pair=pair))
+    result, table, _ = play({"kind": "grip", "hold_s": 0.5}, lockstep(pair=pair))
     assert isinstance(result, PairResult)
     assert result.outcome == "gripped"
     pulled = [min(table[name]) for name in ("true_force_mN", "true_second_force_mN")]
@@ -166,14 +166,14 @@ def test_a_part_too_heavy_for_the_friction_of_the_arms_is_lost_to_both(
     part = RIG.simulation.part.model_copy(update=update)
     pair = RIG.simulation.pair_of_arms.model_copy(update={"lands": False})
     force = {"mean_mN": 8.0, "pp_mN": 8.0, "frequency_hz": 1.0, "cycles": 2}
-    result, table, _ = play({"kind": "pair_track", "force": force}, lockstep(part=part, pair=pair))
+    result, table, _ = play({"kind": "track", "force": force}, lockstep(part=part, pair=pair))
     assert isinstance(result, PairResult)
     assert result.outcome == outcome
     assert (table["true_force_mN"][-1], table["true_second_force_mN"][-1]) == (0.0, 0.0)
 
 
 def test_a_part_is_gripped_carried_and_held() -> None:
-    result, table, _ = play({"kind": "pair_grip", "hold_s": 1.0, "place_um": 6.0})
+    result, table, _ = play({"kind": "grip", "hold_s": 1.0, "place_um": 6.0})
     assert isinstance(result, PairResult)
     assert result.outcome == "gripped"
     assert result.held_place_um == pytest.approx(6.0, abs=0.05)
@@ -182,7 +182,7 @@ def test_a_part_is_gripped_carried_and_held() -> None:
 
 
 def test_the_same_job_gives_the_same_bits() -> None:
-    body = {"kind": "pair_grip", "hold_s": 0.3}
+    body = {"kind": "grip", "hold_s": 0.3}
     first, second = (play(body)[2] for _ in range(2))
     assert first == second
 
@@ -210,7 +210,7 @@ def test_an_arm_whose_response_is_off_is_told_while_it_holds_and_in_the_result(
     assert second is not None
     off = second.model_copy(update={"piezo_um_per_V": piezo_um_per_V})
     rig = lockstep(second=off)
-    planned = plan_job(REQUEST.validate_python({"kind": "pair_grip", "hold_s": 3.0}), rig)
+    planned = plan_job(REQUEST.validate_python({"kind": "grip", "hold_s": 3.0}), rig)
     loop = ComposedLoop(rig)
     messages: list[Message] = []
     found: list[FaultCode] = []
@@ -225,7 +225,7 @@ def test_an_arm_whose_response_is_off_is_told_while_it_holds_and_in_the_result(
             assert isinstance(status, Status)
             found = [one.code for one in status.findings]
     table = columns([m for m in messages if getattr(m, "epoch", 1) == 1], rig.rig.period_s)
-    result = functions_of(job_kinds()["pair_grip"]).evaluate(Run(rig, planned, table)).result
+    result = functions_of(job_kinds()["grip"]).evaluate(Run(rig, planned, table)).result
     assert isinstance(result, PairResult)
     assert result.forces_agree is agrees
     assert (FaultCode.FORCES_DISAGREE in found) is not agrees

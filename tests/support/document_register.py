@@ -69,10 +69,14 @@ SITTINGS: dict[str, Sitting] = {
         (
             Typed("make demo", r"outcome +gripped", seconds=120.0),
             Typed(".venv/bin/pincette up --rig", r"is up at http://127.0.0.1:8000", stays=True),
-            Typed(".venv/bin/pincette job pair_track --place", r"outcome +tracked", seconds=90.0),
-            Typed(".venv/bin/pincette job centre", r"outcome +gripped", seconds=90.0),
-            Typed(".venv/bin/pincette job pair_grip", r"outcome +gripped", seconds=90.0),
-            Typed(".venv/bin/pincette plan pair_grip", r"arm 2: position", status=5),
+            Typed(".venv/bin/pincette job track --place", r"outcome +tracked", seconds=90.0),
+            Typed(".venv/bin/pincette job grip --centre", r"outcome +gripped", seconds=90.0),
+            Typed(
+                ".venv/bin/pincette job grip --force-mN 12 --place-um",
+                r"outcome +gripped",
+                seconds=90.0,
+            ),
+            Typed(".venv/bin/pincette plan grip", r"arm 2: position", status=5),
         ),
         slow=True,
     ),

@@ -12,7 +12,7 @@ from pincette.core.messages import GroundTruth, Message
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.simulated import simulated_bench
 from pincette.sim.bench import Bench
-from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
+from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.plugin.pair_plans import chosen_law
 from tests.support.rigs import DEMO, Tree
 
@@ -68,7 +68,7 @@ def short_grip(rig: RigFile, hold_s: float = 1.0) -> Program:
         stiffness_mN_per_um=rig.part.stiffness_mN_per_um,
     )
     program = grip_program(request, PairHold(hold_s=hold_s), (0.0, 0.0), 40.0)
-    law, _ = chosen_law(PairGripJobRequest(kind="pair_grip"), rig)
+    law, _ = chosen_law(GripJobRequest(kind="grip"), rig)
     return replace(program, laws=(law,))
 
 

@@ -15,7 +15,6 @@ from pincette.core.messages import Applied, Estimate, Message, Position
 from pincette.core.topics import LOOP
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.pair_track import PairTrackJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.certificates import folder_for
@@ -98,9 +97,9 @@ def test_seven_processes_give_the_same_bits_at_1_khz(tmp_path: Path) -> None:
 
 def test_seven_processes_give_the_same_bits_of_two_arms(tmp_path: Path) -> None:
     rig = at_own_ports(read_rig(TWO_ARMS), {"rig": {"time": "lockstep"}})
-    request = PairTrackJobRequest.model_validate(
+    request = TrackJobRequest.model_validate(
         {
-            "kind": "pair_track",
+            "kind": "track",
             "autostart": True,
             "place": {"pp_um": 4.0, "frequency_hz": 1.0, "cycles": 2},
             "force": {"mean_mN": 12.0, "pp_mN": 4.0, "frequency_hz": 1.0, "cycles": 1},

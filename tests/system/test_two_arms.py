@@ -71,7 +71,7 @@ def place_part(seen: Witness) -> None:
 def hold(rig: RunningRig, seen: Witness) -> str:
     """Grip with both arms and wait for the hold; the job's id."""
     begun = monotonic()
-    job = rig.start_grip(kind="pair_grip", until_released=True)
+    job = rig.start_grip(kind="grip", until_released=True)
     while monotonic() < begun + ENDS_S:
         views = [view for _, view in seen.since(Telemetry, begun)]
         if any(view.phase == "hold" and view.segment_tick >= 5 for view in views):
@@ -125,7 +125,7 @@ def of_second(truth: GroundTruth) -> float:
 
 def test_a_grip_with_both_arms_succeeds(rig: RunningRig, seen: Witness) -> None:
     begun = monotonic()
-    ended = rig.ended(rig.start_grip(kind="pair_grip"))
+    ended = rig.ended(rig.start_grip(kind="grip"))
     assert ended["state"] == "succeeded", ended["cause"]
     check_force(seen, begun)
     assert all(echo.second is not UNSET for _, echo in seen.since(Applied, begun))

@@ -254,7 +254,7 @@ def test_both_arms_of_a_rig_grip_and_let_go(pair: RunningRig, python: Path, tmp_
         state = told()
         assert state["force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
         assert state["second_force_mN"] == pytest.approx(FORCE_MN, abs=NEAR_MN)
-        assert pair.job(held["json"]["job"])["kind"] == "pair_grip"
+        assert pair.job(held["json"]["job"])["kind"] == "grip"
         assert driven(python, tmp_path, url, "release", "{}")["status"] == "succeeded"
     assert pair.view()["part"] == "none"
 

@@ -51,7 +51,7 @@ def test_both_arms_grip_and_let_go(rig: RunningRig, client: Any) -> None:
     assert second.Position == pytest.approx(newest["second_x_um"], abs=1.0)
     assert second.Voltage == pytest.approx(newest["second_voltage_V"], abs=0.1)
     assert second.Place == pytest.approx(0.5 * (first.Position - second.Position), abs=0.2)
-    assert rig.job(held.Job)["kind"] == "pair_grip"
+    assert rig.job(held.Job)["kind"] == "grip"
     assert responses(gripper.Release()).Job == held.Job
     result = rig.ended(held.Job)["result"]
     assert held.HeldForce == pytest.approx(result["force_held_mN"], abs=0.3)
@@ -70,4 +70,4 @@ def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(client: Any) -
 def test_what_one_arm_alone_can_do_is_refused_in_words(client: Any) -> None:
     error = refusal(client.Microgripper.Track("sinusoid", FORCE_MN, 2.0, 1.0, 1, ""))
     assert error.identifier == "InvalidRequest"
-    assert "track is for 1 driven arm, and this rig has 2" in error.message
+    assert "cycles is for 1 driven arm, and this rig has 2" in error.message

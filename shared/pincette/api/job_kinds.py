@@ -69,6 +69,8 @@ class FieldSpec(Model):
     """Unit where the name does not end with one."""
     meaning: str = ""
     """Shown with the label."""
+    arms: tuple[int, ...] = (1, 2)
+    """Numbers of driven arms of the rigs that it is offered for."""
 
 
 class ResultField(Model):
@@ -83,6 +85,7 @@ class ResultField(Model):
         assumed="force_assumed",
         optional=False,
         main=True,
+        arms=(1,),
     )
 
     name: str
@@ -98,6 +101,8 @@ class ResultField(Model):
     """Left out while it is null."""
     main: bool = False
     """Shown in lists of jobs."""
+    arms: tuple[int, ...] = (1, 2)
+    """Numbers of driven arms of the results that it is shown of."""
 
 
 def number(name: str, label: str, unit: str | None = None, **more: Any) -> ResultField:
@@ -180,6 +185,12 @@ class JobKind:
     """Place in lists."""
     arms: tuple[int, ...] = (1,)
     """Numbers of driven arms of the rigs that it is offered for."""
+    only: Mapping[int, frozenset[str]] = field(default_factory=dict[int, frozenset[str]])
+    """Members of its request that rigs with this number of driven arms alone accept."""
+    pair_plan: type[JobPlan] | None = None
+    """Its plan on a rig with two driven arms; None: ``plan``."""
+    pair_result: type[JobResult] | None = None
+    """Its result on a rig with two driven arms; None: ``result``."""
     on_stop: OnStop = "hold"
     """What a stop does with a part where the request cannot say it, and what the end of the
     supervisor does."""
@@ -194,6 +205,26 @@ class JobKind:
     def holds_part(self) -> bool:
         """Whether it holds a part, so that a stop and an abort may let go of it."""
         return issubclass(self.request, PolicyRequest)
+
+    @property
+    def plans(self) -> tuple[type[JobPlan], ...]:
+        """Models of its plans, for every number of driven arms."""
+        return (self.plan,) if self.pair_plan is None else (self.plan, self.pair_plan)
+
+    @property
+    def results(self) -> tuple[type[JobResult], ...]:
+        """Models of its results, for every number of driven arms."""
+        return (self.result,) if self.pair_result is None else (self.result, self.pair_result)
+
+    def foreign(self, arms: int) -> frozenset[str]:
+        """Return the members of its request that a rig with this number of arms refuses."""
+        others = (names for number, names in self.only.items() if number != arms)
+        return frozenset[str]().union(*others)
+
+    def figures_of(self, result: Mapping[str, Any]) -> list[ResultField]:
+        """Return the figures that are shown of a result."""
+        arms = result.get("arms", 1)
+        return [figure for figure in self.figures if arms in figure.arms]
 
     @property
     def plot(self) -> str:

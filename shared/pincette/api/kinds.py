@@ -35,6 +35,7 @@ class FormField(FieldSpec):
         within="",
         own_unit="",
         meaning="",
+        arms=(1, 2),
         unit="mN",
         minimum=0.0,
         maximum=None,
@@ -86,7 +87,7 @@ class Kind(Model):
         takes_recipe=True,
         jogs=False,
         proposes=False,
-        arms=[1],
+        arms=[1, 2],
         on_stop="hold",
     )
 

@@ -1,6 +1,6 @@
 """Requests, plans and results of jobs of two driven arms over REST."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -90,11 +90,14 @@ class PairResult(JobResult):
         difference_mN=0.11,
         difference_uncertainty_mN=0.8,
         forces_agree=True,
+        arms=2,
         peak_force_mN=20.4,
         met_place_um=0.55,
         held_at_end=False,
     )
 
+    arms: Literal[2] = 2
+    """Number of driven arms; results of one arm do not have it."""
     met_place_um: float | None
     """q where both arms had touched."""
     held_place_um: float | None
@@ -184,7 +187,7 @@ class PairPlan(JobPlan):
     """What a job of both arms would do, and whether it may."""
 
     model_config = example(
-        kind="pair_grip",
+        kind="grip",
         rig="two-arms",
         feasible=True,
         duration_s=16.4,

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import Field
 
 from pincette.api import Model, example
+from pincette.api.pairs import PairPlan
 from pincette.api.plans import MotionPlan, Plan
 from pincette.api.requests import Label, LabelName, OnAbort, OnStop
 
@@ -55,7 +56,7 @@ class Trajectory(TrajectorySummary):
     period_s: float
     """From sample to sample."""
     samples: int
-    plan: Plan | MotionPlan | None
+    plan: Plan | PairPlan | MotionPlan | None
     """Null where rig file or model that it was made with are not there any more."""
 
 

@@ -68,15 +68,14 @@ def _gripped(
             Supervisor(file.supervisor.url, key=key_of(None), authority=authority)
         )
         handle = supervisor.rig(file.rig.name)
-        kind = "grip" if file.second is None else "pair_grip"
         if file.simulation is None:
-            job = follow_recorded(handle.start(kind), console)
+            job = follow_recorded(handle.start("grip"), console)
         else:
-            job = grip_simulated(handle, kind, console)
+            job = grip_simulated(handle, console)
     return job
 
 
-def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":
+def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
     """Grip on a rig that can do no harm, so that no person is needed to clear its latch.
 
     What an earlier demo has left is cleared, and a grip is made once more where this machine stood
@@ -84,12 +83,12 @@ def grip_simulated(rig: "RigHandle", kind: str, console: "Console") -> "Job":
     """
     if rig.state().latch.state in ("latched", "ramping"):
         clear(rig, console)
-    job = follow_recorded(rig.start(kind), console)
+    job = follow_recorded(rig.start("grip"), console)
     if not stood_still(job):
         return job
     console.print(f"{job.cause}\nthis rig is simulated: once more", style="yellow")
     clear(rig, console)
-    return follow_recorded(rig.start(kind), console)
+    return follow_recorded(rig.start("grip"), console)
 
 
 def clear(rig: "RigHandle", console: "Console") -> None:

@@ -215,7 +215,7 @@ def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
 
     known = job_kinds().get(kind)
     lines = [("outcome", str(result.get("outcome", "")))]
-    for field in () if known is None else known.figures:
+    for field in () if known is None else known.figures_of(result):
         value = _member(result, field.name)
         if value is None and field.optional:
             continue

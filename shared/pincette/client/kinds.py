@@ -4,20 +4,26 @@ A kind that is installed at the supervisor alone is read by what all plans and r
 other members are there as they came.
 """
 
-import httpx
+from typing import cast
 
-from pincette.api.job_kinds import job_kinds
+import httpx
+from pydantic import TypeAdapter
+
+from pincette.api.job_kinds import job_kinds, union
 from pincette.api.jobs import Job
 from pincette.api.plans import JobPlan
 from pincette.api.results import JobResult
-from pincette.client.call import model
 
 
 def plan_of(answer: httpx.Response) -> JobPlan:
     """Read a plan of any kind, which a supervisor may have made of another one."""
     plan = JobPlan.model_validate_json(answer.content, extra="allow")
     known = job_kinds().get(plan.kind)
-    return plan if known is None else model(known.plan)(answer)
+    if known is None:
+        return plan
+    return cast(
+        "JobPlan", TypeAdapter(union(known.plans)).validate_json(answer.content, extra="ignore")
+    )
 
 
 def result_of(job: Job) -> JobResult | None:
@@ -27,4 +33,6 @@ def result_of(job: Job) -> JobResult | None:
     known = job_kinds().get(job.kind)
     if known is None:
         return JobResult.model_validate(job.result, extra="allow")
-    return known.result.model_validate(job.result, extra="ignore")
+    return cast(
+        "JobResult", TypeAdapter(union(known.results)).validate_python(job.result, extra="ignore")
+    )

@@ -30,7 +30,7 @@ def grip(*answers: httpx.Response) -> tuple[str, list[str]]:
     """Grip at a supervisor of these answers; the job's state, and what was asked for."""
     supervisor = Desk(*answers)
     with supervisor.supervisor(0.0) as client:
-        job = grip_simulated(client.rig("demo"), "grip", screen(machine=True))
+        job = grip_simulated(client.rig("demo"), screen(machine=True))
     assert not supervisor.answers
     return job.state, [one.url.path.rpartition("/")[2] for one in supervisor.asked]
 

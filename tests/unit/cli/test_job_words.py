@@ -103,7 +103,7 @@ def test_a_law_that_cannot_be_read_is_said(
     ],
 )
 def test_members_of_a_path_are_named_and_may_be_lists(text: str, members: dict[str, Any]) -> None:
-    assert members.items() <= fields("pair_track", "--force", text)["force"].items()
+    assert members.items() <= fields("track", "--force", text)["force"].items()
 
 
 def test_a_choice_of_numbers_is_sent_as_a_number() -> None:

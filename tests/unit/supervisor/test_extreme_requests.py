@@ -36,11 +36,11 @@ BASES = (
     {"kind": "calibrate", "calibration": "noise"},
     {"kind": "calibrate", "calibration": "free_response"},
     {"kind": "calibrate", "calibration": "compliance", "weights_mN": [0.0, 5.0, 10.0]},
-    {"kind": "pair_grip"},
-    {"kind": "centre"},
+    {"kind": "grip", "place_um": 1.0},
+    {"kind": "grip", "centre": True, "place_um": 1.0},
     {"kind": "carry", "by_um": 1.0},
-    {"kind": "pair_track", "force": FORCE},
-    {"kind": "pair_track", "place": PLACE},
+    {"kind": "track", "force": FORCE},
+    {"kind": "track", "place": PLACE},
 )
 IMPOSSIBLE = (nan, inf, -inf)
 EXTREME = (-1.0, 0.0, 1e-9, 1e-2, 1e6, 1e300)
@@ -140,7 +140,9 @@ def honoured(planned: Planned, path: Path, value: float) -> bool:
 
 def rig_of(base: Mapping[str, Any]) -> RigFile:
     """The rig that a kind is for."""
-    return TWO_ARMS if base["kind"] in ("pair_grip", "centre", "carry", "pair_track") else RIG
+    return (
+        TWO_ARMS if base.keys() & {"place_um", "place", "force"} or base["kind"] == "carry" else RIG
+    )
 
 
 @pytest.mark.parametrize("base", BASES, ids=lambda base: "-".join(map(str, base.values()))[:40])

@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from pincette.api.job_kinds import job_kinds
+from pincette.api.job_kinds import JobKind, job_kinds
 from pincette.api.pairs import PairPlan
 from pincette.api.requests import JobRequest
 from pincette.config import ConfigError, RigFile, read_rig
 from pincette.config.laws import installed_laws, law_definition, laws_by_name
 from pincette.control.planning.segments import Drive, Stay, Track, paths_of
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.planning.job_plans import plan_job, require_arms
 from pincette_supervisor.plugin import FaultyRequestError, Planned, Present
 from tests.support.rigs import demo_rig
 from tests.support.two_arms import TWO_ARMS
@@ -34,10 +34,10 @@ def phases(planned: Planned) -> list[str]:
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        ({"kind": "pair_grip"}, ["load", "hold", "unload", "retreat"]),
-        ({"kind": "pair_grip", "place_um": 4.0}, ["load", "carry", "hold", "unload", "retreat"]),
-        ({"kind": "centre"}, ["load", "hold", "unload", "retreat"]),
-        ({"kind": "pair_track", "place": {"pp_um": 4.0}}, ["settle", "track", "unload", "retreat"]),
+        ({"kind": "grip"}, ["load", "hold", "unload", "retreat"]),
+        ({"kind": "grip", "place_um": 4.0}, ["load", "carry", "hold", "unload", "retreat"]),
+        ({"kind": "grip", "centre": True}, ["load", "hold", "unload", "retreat"]),
+        ({"kind": "track", "place": {"pp_um": 4.0}}, ["settle", "track", "unload", "retreat"]),
         ({"kind": "carry", "by_um": 3.0}, ["move", "rest", "unload"]),
         ({"kind": "hold", "hold_s": 2.0}, ["hold", "unload"]),
         ({"kind": "release"}, ["unload"]),
@@ -59,7 +59,7 @@ def test_a_carry_is_predicted_from_where_the_part_is_held() -> None:
 
 
 def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> None:
-    made = plan({"kind": "pair_grip"}).plan
+    made = plan({"kind": "grip"}).plan
     assert isinstance(made, PairPlan)
     curves = made.curves
     assert len({len(getattr(curves, name)) for name in type(curves).model_fields}) == 1
@@ -70,20 +70,20 @@ def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> N
 
 @pytest.mark.parametrize("arm", [1, 2])
 def test_a_limit_that_one_arm_breaks_is_told_with_the_arm(arm: int) -> None:
-    made = plan({"kind": "pair_track", "place": {"pp_um": 70.0}, "force_mN": 10.0}).plan
+    made = plan({"kind": "track", "place": {"pp_um": 70.0}, "force_mN": 10.0}).plan
     assert not made.feasible
     assert any(f"arm {arm}: position" in each.message for each in made.violations)
 
 
 def test_too_much_force_is_laid_to_its_member() -> None:
-    made = plan({"kind": "pair_grip", "force_mN": 200.0}).plan
+    made = plan({"kind": "grip", "force_mN": 200.0}).plan
     assert {each.pointer for each in made.violations} >= {"/force_mN"}
 
 
 def test_each_path_is_of_its_own_shape_and_time() -> None:
     points = [{"t_s": 0.0, "place_um": 0.0}, {"t_s": 2.0, "place_um": 3.0}]
     body = {
-        "kind": "pair_track",
+        "kind": "track",
         "place": {"shape": "waypoints", "points": points},
         "force": {"shape": "step", "levels_mN": [8.0, 12.0], "dwell_s": 3.0},
     }
@@ -97,11 +97,15 @@ def test_each_path_is_of_its_own_shape_and_time() -> None:
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ({"kind": "pair_track", "place": {"shape": "step", "pp_um": 3.0}}, "pp does not go with"),
-        ({"kind": "pair_track", "place": {"frequency_hz": 1.0}}, "wants pp"),
-        ({"kind": "pair_grip", "gains": {"K_P": 0.5}}, "no gain K_P; there are n, f_q, f_F"),
+        ({"kind": "track", "place": {"shape": "step", "pp_um": 3.0}}, "pp does not go with"),
+        ({"kind": "track", "place": {"frequency_hz": 1.0}}, "wants pp"),
+        ({"kind": "grip", "gains": {"K_P": 0.5}}, "no gain K_P; there are n, f_q, f_F"),
         ({"kind": "carry", "to_um": 3.0}, "where the tips are is not known"),
-        ({"kind": "track"}, "track is for 1 driven arm, and this rig has 2: it takes pair_grip"),
+        ({"kind": "move", "to_um": 3.0}, "move is for 1 driven arm, and this rig has 2: it takes"),
+        ({"kind": "track"}, "wants a path: give force, place or both"),
+        ({"kind": "track", "cycles": 3}, "cycles is for 1 driven arm, and this rig has 2: leave"),
+        ({"kind": "grip", "profile": "quick"}, "profile is for 1 driven arm, and this rig has 2"),
+        ({"kind": "grip", "gains": "tuned"}, "is for 1 driven arm, and this rig has 2: name"),
     ],
 )
 def test_what_makes_no_job_is_refused(body: dict[str, Any], said: str) -> None:
@@ -112,12 +116,10 @@ def test_what_makes_no_job_is_refused(body: dict[str, Any], said: str) -> None:
 @pytest.mark.parametrize(
     "body",
     [
-        {"kind": "pair_track"},
-        {"kind": "pair_track", "force": {}, "force_mN": 3.0},
+        {"kind": "track", "force": {}, "force_mN": 3.0},
         {"kind": "carry"},
         {"kind": "carry", "by_um": 1.0, "to_um": 1.0},
-        {"kind": "centre", "hold_s": 1.0, "until_released": True},
-        {"kind": "pair_grip", "gains": "tuned"},
+        {"kind": "grip", "centre": True, "hold_s": 1.0, "until_released": True},
     ],
 )
 def test_members_that_exclude_each_other_are_refused(body: dict[str, Any]) -> None:
@@ -127,17 +129,34 @@ def test_members_that_exclude_each_other_are_refused(body: dict[str, Any]) -> No
 
 def test_kinds_and_laws_are_for_as_many_arms_as_a_rig_has() -> None:
     of_two = {name for name, kind in job_kinds().items() if 2 in kind.arms}
-    assert of_two == {
-        *("pair_grip", "pair_track", "centre", "carry", "hold", "release", "calibrate"),
-    }
-    with pytest.raises(FaultyRequestError, match="pair_grip is for 2 driven arms"):
-        plan({"kind": "pair_grip"}, rig=demo_rig())
+    assert of_two == {"grip", "track", "carry", "hold", "release", "calibrate"}
+    with pytest.raises(FaultyRequestError, match="carry is for 2 driven arms"):
+        plan({"kind": "carry", "by_um": 3.0}, rig=demo_rig())
     assert laws_by_name()["two_arms"].arms == 2
     assert "two_arms" not in installed_laws()
     with pytest.raises(ValueError, match="drives two arms"):
         law_definition("two_arms")
     with pytest.raises((ConfigError, ValidationError), match="drives two arms"):
         type(RIG.law)(scheme="two_arms")
+
+
+MEMBERS = [(kind, *one) for kind in job_kinds().values() for one in kind.only.items()]
+
+
+@pytest.mark.parametrize(("kind", "arms", "names"), MEMBERS, ids=lambda one: str(one)[:20])
+def test_a_member_of_the_other_number_of_arms_is_refused_by_its_name(
+    kind: JobKind, arms: int, names: frozenset[str]
+) -> None:
+    rig, has = (demo_rig(), 1) if arms == 2 else (RIG, 2)
+    assert names <= kind.request.model_fields.keys()
+    for name in names:
+        request = kind.request.model_construct({name, "kind"}, kind=kind.name, **{name: 3.0})
+        with pytest.raises(FaultyRequestError, match=f"{name} is for {arms} .* rig has {has}: "):
+            require_arms(request, rig)
+        default = kind.request.model_fields[name].default
+        require_arms(request.model_copy(update={name: default}), rig)
+    shown = {field.name for field in kind.form if has in field.arms and not field.within}
+    assert shown.isdisjoint(names)
 
 
 def test_one_arm_of_two_is_calibrated_while_the_other_rests() -> None:
@@ -182,9 +201,9 @@ UNKNOWN_PAST = Present(0.0, 0.0, False, second_V=0.0, second_um=0.0, memory_know
 @pytest.mark.parametrize(
     "body",
     [
-        {"kind": "pair_grip"},
-        {"kind": "centre"},
-        {"kind": "pair_track", "place": {"pp_um": 4.0}},
+        {"kind": "grip"},
+        {"kind": "grip", "centre": True},
+        {"kind": "track", "place": {"pp_um": 4.0}},
     ],
 )
 def test_both_arms_make_strokes_before_they_meet_a_part(body: dict[str, Any]) -> None:
@@ -208,13 +227,13 @@ def test_both_arms_make_strokes_before_they_meet_a_part(body: dict[str, Any]) ->
 
 def test_an_arm_that_cannot_be_conditioned_rests_meanwhile_and_the_plan_warns() -> None:
     rig = taught(RIG, -0.8, 0.0)
-    planned = plan({"kind": "pair_grip"}, UNKNOWN_PAST, rig)
+    planned = plan({"kind": "grip"}, UNKNOWN_PAST, rig)
     for segment in planned.program.segments[:3]:
         assert isinstance(segment, Drive)
         assert isinstance(segment.courses[1], Stay)
     assert isinstance(planned.plan, PairPlan)
     known = dataclasses.replace(UNKNOWN_PAST, memory_known=True)
-    followed = plan({"kind": "pair_grip"}, known, rig).plan
+    followed = plan({"kind": "grip"}, known, rig).plan
     assert isinstance(followed, PairPlan)
     assert len(planned.plan.warnings) == len(followed.warnings) + 1
 

@@ -33,8 +33,8 @@ def prediction_of(plan: PairPlan) -> PairPrediction:
 @pytest.mark.parametrize(
     ("body", "outcome"),
     [
-        ({"kind": "pair_grip", "hold_s": 1.0, "place_um": 4.0}, "gripped"),
-        ({"kind": "centre", "hold_s": 1.0}, "gripped"),
+        ({"kind": "grip", "hold_s": 1.0, "place_um": 4.0}, "gripped"),
+        ({"kind": "grip", "centre": True, "hold_s": 1.0}, "gripped"),
     ],
 )
 def test_a_grip_is_predicted_with_force_place_and_uncertainty(
@@ -58,7 +58,7 @@ def test_a_grip_is_predicted_with_force_place_and_uncertainty(
 
 def test_paths_are_predicted_as_they_are_followed() -> None:
     body = {
-        "kind": "pair_track",
+        "kind": "track",
         "place": {"pp_um": 8.0, "frequency_hz": 0.5, "cycles": 2},
         "force": {"mean_mN": 15.0, "pp_mN": 10.0, "frequency_hz": 0.5, "cycles": 2},
     }
@@ -71,7 +71,7 @@ def test_paths_are_predicted_as_they_are_followed() -> None:
 
 
 def test_a_limit_that_either_arm_would_break_is_told_with_value_and_limit() -> None:
-    plan = predicted({"kind": "pair_grip", "place_um": 35.0, "hold_s": 0.5})
+    plan = predicted({"kind": "grip", "place_um": 35.0, "hold_s": 0.5})
     assert not plan.feasible
     broken = prediction_of(plan).violations
     assert broken

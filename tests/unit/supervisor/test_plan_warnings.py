@@ -41,9 +41,9 @@ POINTS = [{"t_s": 0.0, "force_mN": 1.0}, {"t_s": 1.0, "force_mN": 2.0 * CONTACT_
         (RIG, {"kind": "track", **LEVELS}, "/levels_mN"),
         (RIG, {"kind": "track", "shape": "waypoints", "points": POINTS}, "/points"),
         (RIG, {"kind": "track", "force_mean_mN": 1.0, "force_pp_mN": 1.0}, "/force_pp_mN"),
-        (TWO_ARMS, {"kind": "pair_grip", "force_mN": 0.5}, "/force_mN"),
-        (TWO_ARMS, {"kind": "centre", "force_mN": 0.5}, "/force_mN"),
-        (TWO_ARMS, {"kind": "pair_track", "force": WEAK_LEVELS}, "/force"),
+        (TWO_ARMS, {"kind": "grip", "force_mN": 0.5}, "/force_mN"),
+        (TWO_ARMS, {"kind": "grip", "centre": True, "force_mN": 0.5}, "/force_mN"),
+        (TWO_ARMS, {"kind": "track", "force": WEAK_LEVELS}, "/force"),
     ],
 )
 def test_a_force_that_the_touch_would_exceed_is_refused_with_both_numbers(
@@ -126,13 +126,23 @@ GENTLE = {"kind": "grip", "profile": "gentle"}
         (RIG, {**GENTLE, "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
         (RIG, {**GENTLE, "approach_um_per_s": 400.0}, "/approach_um_per_s", "speed"),
         (RIG, {"kind": "track", "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
-        (TWO_ARMS, {"kind": "pair_grip", "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
-        (TWO_ARMS, {"kind": "centre", "approach_um_per_s": 900.0}, "/approach_um_per_s", "speed"),
+        (TWO_ARMS, {"kind": "grip", "seek_um_per_s": 1000.0}, "/seek_um_per_s", "speed"),
+        (
+            TWO_ARMS,
+            {"kind": "grip", "centre": True, "approach_um_per_s": 900.0},
+            "/approach_um_per_s",
+            "speed",
+        ),
         (RIG, {**GENTLE, "load_s": 0.1}, "/load_s", "duration"),
         (RIG, {"kind": "track", "load_s": 0.1}, "/load_s", "duration"),
         (RIG, {"kind": "grip", "contact_force_mN": 0.05}, "/contact_force_mN", "force"),
         (RIG, {"kind": "track", "contact_force_mN": 1e-9}, "/contact_force_mN", "force"),
-        (TWO_ARMS, {"kind": "centre", "contact_force_mN": 0.05}, "/contact_force_mN", "force"),
+        (
+            TWO_ARMS,
+            {"kind": "grip", "centre": True, "contact_force_mN": 0.05},
+            "/contact_force_mN",
+            "force",
+        ),
     ],
 )
 def test_a_touch_or_a_load_that_cannot_be_kept_is_refused_by_its_member(
@@ -189,8 +199,8 @@ PLACES = {
     [
         (RIG, {"kind": "track", **FORCES}, ("3 of 3", "0.005 s", "0.02 s")),
         (RIG, {"kind": "track", "shape": "step", "dwell_s": 0.005}, ("0.005 s", "0.02 s")),
-        (TWO_ARMS, {"kind": "pair_track", "force": FORCES}, ("3 of 3", "0.005 s")),
-        (TWO_ARMS, {"kind": "pair_track", "place": PLACES}, ("3 of 3", "0.005 s")),
+        (TWO_ARMS, {"kind": "track", "force": FORCES}, ("3 of 3", "0.005 s")),
+        (TWO_ARMS, {"kind": "track", "place": PLACES}, ("3 of 3", "0.005 s")),
         (RIG, {"kind": "grip", "hold_s": 0.005}, ("hold", "0.005 s", "0.02 s")),
         (RIG, {"kind": "hold", "hold_s": 0.005}, ("hold", "0.005 s", "0.02 s")),
     ],

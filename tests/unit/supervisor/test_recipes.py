@@ -96,7 +96,7 @@ def test_the_journal_keeps_the_version_of_the_recipe_and_no_values_of_it() -> No
         ({"recipe": "bead@4"}, "no recipe 'bead@4'"),
         (
             {"kind": "move", "to_um": 3.0},
-            "pair_grip, centre or track, not a move",
+            "a recipe completes a grip or track, not a move",
         ),
     ],
 )

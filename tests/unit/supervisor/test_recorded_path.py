@@ -48,7 +48,7 @@ def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:
 def test_two_paths_of_the_most_points_fit_in_one_message() -> None:
     force = {"shape": "waypoints", "points": rows(POINTS_MAX, "force_mN", 8.0, 9.0)}
     place = {"shape": "waypoints", "points": rows(POINTS_MAX, "place_um", 0.0, 0.5)}
-    wish = {"kind": "pair_track", "force": force, "place": place}
+    wish = {"kind": "track", "force": force, "place": place}
     assert knots_of(TWO_ARMS, wish) == [POINTS_MAX, POINTS_MAX]
 
 
@@ -64,7 +64,7 @@ def test_a_recorded_trajectory_is_planned_over_rest(harness: Harness, count: int
 def test_two_recorded_trajectories_fit_in_one_request() -> None:
     force = {"shape": "waypoints", "points": rows(2007, "force_mN", 8.0, 9.0)}
     place = {"shape": "waypoints", "points": rows(2007, "place_um", 0.0, 0.5)}
-    wish = {"kind": "pair_track", "force": force, "place": place}
+    wish = {"kind": "track", "force": force, "place": place}
     assert parsed(json.dumps(wish).encode()) == wish
 
 

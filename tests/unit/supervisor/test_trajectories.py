@@ -131,6 +131,19 @@ def test_a_job_of_a_trajectory_may_wait_for_its_start(harness: Harness) -> None:
     harness.reach(response.json()["id"], "ready")
 
 
+def test_a_trajectory_of_a_kind_that_is_not_installed_is_stale(harness: Harness) -> None:
+    digest = made(harness)["digest"]
+    book = TrajectoryRepository(harness.manager.context.store)
+    row = book.get(digest)
+    assert row is not None
+    old, _ = book.add(replace(row, request={**row.request, "kind": "pair_grip"}))
+    assert len(harness.get("/trajectories")["trajectories"]) == 2
+    (words,) = harness.get(f"/trajectories/{old.digest}")["stale"]
+    assert "pair_grip is not known" in words
+    refused = harness.post(f"/trajectories/{old.digest}/jobs", {})
+    assert refused.json()["type"].endswith("trajectory-stale")
+
+
 def test_another_model_makes_a_trajectory_stale(harness: Harness) -> None:
     tree = made(harness)
     model = harness.manager.context.model

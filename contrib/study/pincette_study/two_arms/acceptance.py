@@ -79,7 +79,8 @@ def run_pair(base: Path, folder: Path, drawn: tuple[str, int]) -> PairFigures:
     off_um = float(chance.uniform(-MOST_OFF_UM, MOST_OFF_UM))
     desk = PairDesk(_off(read_rig(slow), off_um))
     desk.stroke()
-    _, table = desk.play({"kind": "centre", "force_mN": FORCE_MN, "hold_s": 0.5})
+    grip = {"kind": "grip", "centre": True, "force_mN": FORCE_MN, "hold_s": 0.5}
+    _, table = desk.play(grip)
     values.append(moved_um(table))
     return PairFigures(hysteresis, number, tuple(values))
 
@@ -90,7 +91,7 @@ def _tracked(
     place = {"pp_um": printed.X_PP_UM, "frequency_hz": place_hz, "cycles": place_cycles}
     force = {"mean_mN": FORCE_MN, "pp_mN": FORCE_PP_MN}
     force |= {"frequency_hz": force_hz, "cycles": force_cycles}
-    result, _ = desk.play({"kind": "pair_track", "place": place, "force": force})
+    result, _ = desk.play({"kind": "track", "place": place, "force": force})
     assert isinstance(result, PairResult)
     assert result.true_place_um is not None
     assert result.true_force_mN is not None

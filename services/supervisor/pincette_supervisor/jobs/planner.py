@@ -5,12 +5,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from pincette.api.requests import JobRequest
-from pincette.config import RigFile
 from pincette_supervisor import problems
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.library import LearnedRepository, RecipeRepository
-from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.pair_grip import PairGripJobRequest
 from pincette_supervisor.planning import job_plans
 from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.last_pose import last_pose_um
@@ -37,7 +34,6 @@ def resolve(context: RigContext, request: JobRequest, *, moving: bool) -> Resolv
     if request.rig is not None and request.rig != rig.rig.name:
         raise problems.not_found("rig", request.rig, [rig.rig.name])
     with _refusals():
-        request = for_arms(request, rig)
         stands = None if moving and not kind_of(request).from_present else present(context)
         if stands is not None and getattr(request, "by_um", None) is not None:
             rows = context.store.newest(LOOKED_AT, JobFilter(rig=rig.rig.name))
@@ -74,29 +70,3 @@ def _refusals() -> Generator[None]:
         raise ProblemError(
             422, "invalid-request", "No plan can be made of this", str(error)
         ) from error
-
-
-def for_arms(request: JobRequest, rig: RigFile) -> JobRequest:
-    """Return a grip as a grip with both arms where the rig has two, and other requests unchanged.
-
-    Raises
-    ------
-    FaultyRequestError
-        Where the grip has members that only a rig with one arm knows.
-    """
-    if rig.second is None or not isinstance(request, GripJobRequest):
-        return request
-    given = request.model_dump(exclude_unset=True)
-    alone = sorted(given.keys() - PairGripJobRequest.model_fields.keys())
-    if alone:
-        raise FaultyRequestError(
-            f"/{alone[0]}",
-            f"{alone[0]} is of a grip with one driven arm, and this rig has two: leave it out, or "
-            "ask for pair_grip",
-        )
-    gains = given.get("gains")
-    if isinstance(gains, str):
-        raise FaultyRequestError(
-            "/gains", f"gains = {gains!r}: of two arms they are given by their names"
-        )
-    return PairGripJobRequest.model_validate({**given, "kind": "pair_grip"})

@@ -64,6 +64,8 @@ class TrajectoryStore:
         """What has changed since it was made, in words."""
         model = self._context.model.in_use
         found: list[str] = []
+        if (kind := row.request["kind"]) not in job_kinds():
+            found.append(f"kind: {kind} is not known any more, make the trajectory again")
         if row.rig_file_digest != model.rig_file_digest:
             found.append(f"rig file {row.rig_file_digest} is {model.rig_file_digest} at present")
         if row.model_digest != model.digest:
@@ -78,9 +80,9 @@ class TrajectoryStore:
         return found
 
     def planned(self, row: TrajectoryRow) -> Planned | None:
-        """The plan as it was made; None where rig file or model are not there any more."""
+        """The plan as it was made; None where its rig file, model or kind is not there any more."""
         model = self._model_of(row)
-        if model is None:
+        if model is None or row.request["kind"] not in job_kinds():
             return None
         request = REQUEST.validate_python(row.request)
         return plan(resolve(request, model, None, self._find_recipe))

@@ -22,7 +22,7 @@ else:
     """A request for a calibration; ``calibration`` says which."""
     TrajectoryBody = discriminated([kind.body for kind in _KINDS if kind.predicted], "kind")
     """A request of a kind whose course is predicted."""
-    AnyPlan = union(kind.plan for kind in _KINDS)
+    AnyPlan = union(plan for kind in _KINDS for plan in kind.plans)
     KindName = Literal[tuple(kind.name for kind in _KINDS)]
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

@@ -1,9 +1,31 @@
 """Form fields and figures that several kinds of job show."""
 
+from typing import TypeVar
+
 from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
 from pincette.config.laws import installed_laws
 from pincette.control.laws import two_arm_law
 
+Shown = TypeVar("Shown", FieldSpec, ResultField)
+
+
+def for_arms(arms: int, *shown: Shown) -> tuple[Shown, ...]:
+    """Return fields or figures that are shown for rigs with this number of driven arms alone."""
+    return tuple(one.model_copy(update={"arms": (arms,)}) for one in shown)
+
+
+ONE_ARM = frozenset(
+    {
+        "position_tolerance_um",
+        "force_tolerance_mN",
+        "settling_s",
+        "retries",
+        "condition",
+        "scheme",
+        "set",
+    }
+)
+"""Members of a job that meets a part which rigs with one driven arm alone accept."""
 RECIPE = FieldSpec(name="recipe", label="Recipe", widget="recipe", placeholder="none")
 ZERO_CONFIRMED = FieldSpec(
     name="zero_confirmed", label="Nothing touches the arm: I have looked", advanced=True
@@ -184,7 +206,7 @@ MOTION: tuple[ResultField, ...] = (
     ResultField(name="teach", label="taught as", optional=True),
     ResultField(name="held_at_end", label="part still held"),
 )
-PAIR_FORM: tuple[FieldSpec, ...] = (
+PAIR_LAW: tuple[FieldSpec, ...] = (
     FieldSpec(name="load_s", label="Load over", advanced=True),
     FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
     FieldSpec(name="seek_um_per_s", label="Seek contact at", advanced=True),
@@ -203,7 +225,6 @@ PAIR_FORM: tuple[FieldSpec, ...] = (
         )
         for gain in two_arm_law.LAW.parameters
     ),
-    *POLICIES,
 )
 PAIR_FIGURES: tuple[ResultField, ...] = (
     number("force_held_mN", "force of both arms", uncertainty="force_uncertainty_mN", main=True),

@@ -74,7 +74,8 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
 def _figures(planned: Planned, rig: RigFile, emulator: RigEmulator) -> JobResult | None:
     """Return the result of the predicted samples where the kind shows it; None without samples."""
     kind = job_kinds()[planned.plan.kind]
-    if not emulator.heard or not emulator.samples.t_s or not kind.figures_in_prediction:
+    shown = kind.figures_in_prediction and rig.second is not None
+    if not shown or not emulator.heard or not emulator.samples.t_s:
         return None
     table = columns(emulator.heard, rig.rig.period_s)
     return functions_of(kind).evaluate(Run(rig, planned, table, emulator.heard)).result

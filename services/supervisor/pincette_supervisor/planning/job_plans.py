@@ -69,16 +69,19 @@ def resolve(
     Raises
     ------
     FaultyRequestError
-        Where the kind is for another number of arms, or the recipe is missing or does not fit.
+        Where the kind or a member is for another number of arms, or the recipe is missing or does
+        not fit.
     """
-    require_arms(kind_of(request), model.rig)
+    require_arms(request, model.rig)
     if request.recipe is None:
         return ResolvedRequest(request, request, model, model, present)
     recipe = _recipe(request, find_recipe)
     kept = request.model_copy(update={"recipe": recipe.reference})
     part = recipe.values.get("part")
     expecting = _expecting(model, part, recipe.reference) if part else model
-    return ResolvedRequest(kept, _completed(kept, recipe), model, expecting, present, recipe)
+    return ResolvedRequest(
+        kept, _completed(kept, recipe, model.rig), model, expecting, present, recipe
+    )
 
 
 def plan(resolved: ResolvedRequest, find_learned: FindLearned = lambda _name: None) -> Planned:
@@ -137,18 +140,25 @@ def plan_job(
     return plan(resolve(request, model, present, lambda _reference: None))
 
 
-def require_arms(kind: JobKind, rig: RigFile) -> None:
-    """Raise FaultyRequestError for a kind that is for another number of arms than the rig has."""
-    arms = len(rig.arms)
-    if arms in kind.arms:
-        return
-    offered = ", ".join(other.name for other in job_kinds().values() if arms in other.arms)
-    wanted = " or ".join(map(str, kind.arms))
-    raise FaultyRequestError(
-        "/kind",
-        f"{kind.name} is for {wanted} driven arm{'s' if wanted != '1' else ''}, and this rig has "
-        f"{arms}: it takes {offered}",
-    )
+def require_arms(request: JobRequest, rig: RigFile) -> None:
+    """Raise FaultyRequestError for a kind or a member of rigs with another number of arms."""
+    kind, arms = kind_of(request), len(rig.arms)
+    if arms not in kind.arms:
+        offered = ", ".join(other.name for other in job_kinds().values() if arms in other.arms)
+        wanted = " or ".join(map(str, kind.arms))
+        raise FaultyRequestError(
+            "/kind",
+            f"{kind.name} is for {wanted} driven arm{'s' if wanted != '1' else ''}, and this rig "
+            f"has {arms}: it takes {offered}",
+        )
+    for name in sorted(kind.foreign(arms) & request.model_fields_set):
+        if getattr(request, name) != type(request).model_fields[name].default:
+            (wanted,) = (number for number, names in kind.only.items() if name in names)
+            raise FaultyRequestError(
+                f"/{name}",
+                f"{name} is for {wanted} driven arm{'s' if wanted != 1 else ''}, and this rig has "
+                f"{arms}: leave it out",
+            )
 
 
 def _recipe(request: JobRequest, find: FindRecipe) -> RecipeRow:
@@ -165,21 +175,25 @@ def _recipe(request: JobRequest, find: FindRecipe) -> RecipeRow:
     return found
 
 
-def _completed(request: JobRequest, recipe: RecipeRow) -> JobRequest:
+def _completed(request: JobRequest, recipe: RecipeRow, rig: RigFile) -> JobRequest:
     """Return the request with what it leaves out taken from a recipe; raises FaultyRequestError."""
     own = request.model_dump(exclude_unset=True)
+    offered = _offered(recipe, own, kind_of(request), len(rig.arms))
     try:
-        return type(request).model_validate({**_offered(recipe, own, kind_of(request)), **own})
+        return type(request).model_validate({**offered, **own})
     except ValidationError as error:
         raise FaultyRequestError(
             "/recipe", f"recipe {recipe.reference}: {refusal(error.errors()[0])}"
         ) from error
 
 
-def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind) -> dict[str, Any]:
-    """Return the values of a recipe that do not contradict the request's own members."""
+def _offered(recipe: RecipeRow, own: Mapping[str, Any], kind: JobKind, arms: int) -> dict[str, Any]:
+    """Return the values of a recipe for a rig with this number of arms.
+
+    Values that contradict the request's own members are left out.
+    """
     rules = kind.recipe or RecipeRules()
-    refused = OF_THE_JOB | own.keys()
+    refused = OF_THE_JOB | own.keys() | kind.foreign(arms)
     for pair in rules.exclusive:
         if refused & set(pair):
             refused = refused | set(pair)

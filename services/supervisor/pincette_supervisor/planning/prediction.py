@@ -1,5 +1,6 @@
 """What playing a plan on the model in use predicts: curves, peaks, margins, limits broken."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -57,7 +58,7 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
     complete = not dry_run.cut
     arms = list(enumerate(zip(rig.arms, samples.of_arms(), strict=True), start=1))
     switches = len(arms) == 1 and any(resolved_law(spec).switches for spec in planned.program.laws)
-    pointer = functions_of(job_kinds()[planned.plan.kind]).pointer
+    pointer = _pointer(planned)
     common: dict[str, Any] = {
         "outcome": dry_run.outcome,
         "succeeds": complete and dry_run.outcome in GOOD_OUTCOMES,
@@ -87,6 +88,18 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
         figures=figures if isinstance(figures, PairResult) else None,
         **common,
     )
+
+
+def _pointer(planned: Planned) -> Callable[[str, str], str]:
+    """Return what finds the member that leads beyond a limit, by quantity and phase."""
+    by_phase = planned.pointers
+    if not by_phase:
+        return functions_of(job_kinds()[planned.plan.kind]).pointer
+
+    def pointer(_quantity: str, phase: str) -> str:
+        return by_phase.get(phase, "")
+
+    return pointer
 
 
 def _of_arm(broken: Violation, arm: int, arms: int) -> Violation:

@@ -11,8 +11,6 @@ from pincette.config.laws import laws_by_name
 
 OF_THE_JOB = set(ZeroingRequest.model_fields)
 """Members that no recipe has: how a job begins, and what a person has seen before it."""
-OF_ANY_LAW = {"gains"}
-"""Members that are of one law or another: kinds of job for two arms do not judge them here."""
 
 
 class FaultyValuesError(ValueError):
@@ -41,8 +39,6 @@ def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
     known = {"part"}
     for kind in completed_kinds():
         names = kind.request.model_fields.keys() - OF_THE_JOB
-        if 1 not in kind.arms:
-            names = names - OF_ANY_LAW
         known |= names
         _check(kind, {name: values[name] for name in names & values.keys()}, kept, errors)
     if "part" in values:

@@ -45,6 +45,10 @@ def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> Reco
     FaultyRequestError
         Where there is no such job, or its record does not give a motion.
     """
+    if rig.second is not None:
+        raise FaultyRequestError(
+            "/of_job", "only motions of rigs with 1 driven arm are played again, and this rig has 2"
+        )
     row = _row(store, rig.rig.name, job)
     path = records / row.id / folder.SAMPLES
     try:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from pincette.api.pairs import PairCurves, PairJobRequest, PairPlan
 from pincette.api.plans import Law
 from pincette.api.predictions import Violation
-from pincette.api.requests import JobRequest
+from pincette.api.requests import ContactJobRequest, Gains, JobRequest
 from pincette.config import RigFile, derived
 from pincette.config.derived import X_START_UM
 from pincette.control.laws.parameters import Gain, LawSpec
@@ -49,6 +49,7 @@ from pincette_supervisor.plugin.planned import CURVE_POINTS, Planned
 from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
 
+ForPair = PairJobRequest | ContactJobRequest
 FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 STARTS_UM: Pair = (X_START_UM, X_START_UM)
 assessed = lru_cache(maxsize=16)(assess_two_arms)
@@ -61,7 +62,7 @@ def contacts_um(rig: RigFile) -> Pair:
     return rig.part.contact_um, rig.second.contact_um
 
 
-def pair_values(request: PairJobRequest, rig: RigFile) -> dict[str, Any]:
+def pair_values(request: ForPair, rig: RigFile) -> dict[str, Any]:
     """Members of a request by their names, those left out as the rig file's grip has them."""
     return {
         name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
@@ -147,7 +148,7 @@ def most_mN(rig: RigFile) -> float:
 
 
 def pair_job(
-    request: PairJobRequest,
+    request: ForPair,
     model: ModelInUse,
     program: Program,
     values: dict[str, Any],
@@ -222,7 +223,8 @@ def pair_job(
     )
     values = {**values, "law": plan.law.model_dump()}
     planned_range = None if held_um is not None else pair_range(course, rigs, rig)
-    return Planned(plan, replace(program, laws=(spec,), planned_range=planned_range), values, model)
+    armed = replace(program, laws=(spec,), planned_range=planned_range)
+    return Planned(plan, armed, values, model, pointers=pointers)
 
 
 def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Present) -> list[str]:
@@ -255,7 +257,11 @@ def pair_range(
 
 def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
     """The law of both arms with its gains; raises FaultyRequestError for a gain that is none."""
-    asked = getattr(request, "gains", None)
+    asked: Gains | str | None = getattr(request, "gains", None)
+    if isinstance(asked, str):
+        raise FaultyRequestError(
+            "/gains", f"gains = {asked!r} is for 1 driven arm, and this rig has 2: name the gains"
+        )
     named = () if asked is None else tuple(Gain(n, v) for n, v in asked.by_name.items())
     first, second = (arm.model.arm() for arm in rig.arms)
     period_s = rig.rig.period_s
@@ -269,7 +275,7 @@ def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
     return LAW.spec(gains), loop
 
 
-def _law_view(loop: TwoArmLoop, judged: TwoArmAssessment, request: PairJobRequest) -> Law:
+def _law_view(loop: TwoArmLoop, judged: TwoArmAssessment, request: ForPair) -> Law:
     return Law(
         scheme=LAW.name,
         set="identified",

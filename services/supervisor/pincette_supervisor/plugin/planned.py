@@ -41,6 +41,9 @@ class Planned:
     """Whether a part is expected in the gripper."""
     present: Present | None = None
     """Where the rig stood as it was planned; None: nobody had told."""
+    pointers: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Member of the request that leads beyond a limit, by phase; empty: ``JobFunctions.pointer``
+    says it."""
     expecting: ModelInUse | None = None
     """That model with what a recipe expects of its object, and without residual tables of other
     programs; None: it is the same."""

@@ -27,7 +27,9 @@ def complete(document: dict[str, Any]) -> None:
     """Add models and answers that no route names, and remove FastAPI's own error model."""
     schemas = document["components"]["schemas"]
     # A job holds the result of any kind, and kinds are registered by plug-ins.
-    results = dict.fromkeys([*(kind.result for kind in job_kinds().values()), JobResult])
+    results = dict.fromkeys(
+        [*(one for kind in job_kinds().values() for one in kind.results), JobResult]
+    )
     for model in (Problem, *results):
         tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
         schemas.update(tree.pop("$defs", {}))

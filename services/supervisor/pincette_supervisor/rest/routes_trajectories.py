@@ -7,6 +7,7 @@ from typing import Annotated, Any, cast
 from fastapi import APIRouter, Depends, Query, Response
 
 from pincette.api.jobs import Job
+from pincette.api.pairs import PairPlan
 from pincette.api.plans import MotionPlan, Plan
 from pincette.api.problems import responses
 from pincette.api.trajectories import (
@@ -83,11 +84,11 @@ router = APIRouter(prefix="/trajectories", tags=["trajectories"], route_class=St
     "",
     openapi_extra=LARGE,
     status_code=201,
-    response_model=Trajectory | Plan | MotionPlan,
+    response_model=Trajectory | Plan | PairPlan | MotionPlan,
     dependencies=[OPERATE],
     responses={
         200: {
-            "model": Trajectory | Plan | MotionPlan,
+            "model": Trajectory | Plan | PairPlan | MotionPlan,
             "description": "known already; or dry run: the plan, feasible or not",
         },
         201: {"model": Trajectory, "description": "kept; Location names it"},
@@ -270,7 +271,7 @@ def _view(manager: JobManager, row: TrajectoryRow, planned: Planned | None) -> T
         values=planned.values if planned else {},
         period_s=rig.rig.period_s,
         samples=len(played.samples.t_s) if played else 0,
-        plan=cast("Plan | MotionPlan", planned.plan) if planned else None,
+        plan=cast("Plan | PairPlan | MotionPlan", planned.plan) if planned else None,
     )
 
 

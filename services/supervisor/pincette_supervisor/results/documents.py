@@ -122,7 +122,7 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
     """How a job ended, and the figures that say most, in one line."""
     outcome = str(result.get("outcome", ""))
     told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
-    for figure in kind.figures:
+    for figure in kind.figures_of(result):
         value, spread = result.get(figure.name), result.get(figure.uncertainty)
         if figure.main and isinstance(value, int | float) and not isinstance(value, bool):
             digits = figure.digits
@@ -214,7 +214,7 @@ def _scalars(
 
 def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Every figure of a result, those that the kind names first."""
-    first = [figure.name.partition(".")[0] for figure in kind.figures]
+    first = [figure.name.partition(".")[0] for figure in kind.figures_of(result)]
     ordered = {name: result[name] for name in (*first, *result) if name in result}
     return _scalars(ordered, but=("outcome", "statement"))
 

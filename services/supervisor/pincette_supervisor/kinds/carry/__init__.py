@@ -43,7 +43,8 @@ KIND = JobKind(
     form=(
         FieldSpec(name="by_um", label="By"),
         FieldSpec(name="to_um", label="To the place", placeholder="by a distance"),
-        *fields.PAIR_FORM,
+        *fields.PAIR_LAW,
+        *fields.POLICIES,
     ),
     figures=fields.PAIR_FIGURES,
     begins_held=True,

@@ -6,6 +6,7 @@ from pydantic import model_validator
 
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
+from pincette.api.pairs import PairPlan, PairResult
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, Positive, Speed, check_one_hold
 from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
@@ -13,7 +14,7 @@ from pincette_supervisor.kinds import fields
 
 
 class GripJobRequest(ContactJobRequest, frozen=True):
-    """Grip a part; what is left out comes from the rig file."""
+    """Grip a part with the arm or both arms of a rig; what is left out comes from the rig file."""
 
     model_config = example(kind="grip", autostart=True, force_mN=20.0, labels={"part": "bead 12"})
 
@@ -28,6 +29,13 @@ class GripJobRequest(ContactJobRequest, frozen=True):
     """``quick``: the load begins at the touch without a stop; ``gentle``: the arm stops there."""
     load_um_per_s: Speed | None = None
     """Peak speed of a quick load and unload; excludes ``load_s``."""
+    place_um: float | None = None
+    """Two arms only: place q = (x_1 - x_2)/2 to which the held part is carried. None: where it was
+    met."""
+    centre: bool = False
+    """Two arms only: find the part with one arm after the other, then grip it where it lies. The
+    ground must hold the part by more than the contact force. The part may lie off by the rig file's
+    ``part.contact_tolerance_um``."""
 
     @model_validator(mode="after")
     def _one_load(self) -> "GripJobRequest":
@@ -100,7 +108,10 @@ KIND = JobKind(
     summary="Grip the part of the rig file, hold it and let it go.",
     request=GripJobRequest,
     plan=Plan,
+    pair_plan=PairPlan,
     result=GripResult,
+    pair_result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.grip.functions:FUNCTIONS",
     form=(
         fields.ZERO_CONFIRMED,
@@ -108,25 +119,39 @@ KIND = JobKind(
         FieldSpec(name="force_mN", label="Force", limit="force_max", planned="load.force_mN"),
         FieldSpec(name="hold_s", label="Hold", planned="hold.duration_s"),
         FieldSpec(name="until_released", label="Hold until released", excludes="hold_s"),
-        FieldSpec(
-            name="profile",
-            label="Profile",
-            choices=choices(
-                ("", "quick, where the model allows it"),
-                ("quick", "quick: loads at the touch"),
-                ("gentle", "gentle: stops at the touch"),
+        *fields.for_arms(
+            1,
+            FieldSpec(
+                name="profile",
+                label="Profile",
+                choices=choices(
+                    ("", "quick, where the model allows it"),
+                    ("quick", "quick: loads at the touch"),
+                    ("gentle", "gentle: stops at the touch"),
+                ),
+                advanced=True,
             ),
-            advanced=True,
+            FieldSpec(name="load_um_per_s", label="Load at most at", advanced=True),
+            fields.CONDITION,
+            *fields.TOLERANCES,
+            *fields.LAW,
         ),
-        FieldSpec(name="load_um_per_s", label="Load at most at", advanced=True),
-        fields.CONDITION,
-        *fields.TOLERANCES,
-        *fields.LAW,
+        *fields.for_arms(
+            2,
+            FieldSpec(name="place_um", label="Carry to", placeholder="where it is"),
+            FieldSpec(name="centre", label="Find the part from both sides first"),
+            *fields.PAIR_LAW,
+        ),
         *fields.POLICIES,
     ),
-    figures=FIGURES,
+    figures=(*fields.for_arms(1, *FIGURES), *fields.for_arms(2, *fields.PAIR_FIGURES)),
     predicted=True,
     goal_phase="hold",
     recipe=RecipeRules(exclusive=(("hold_s", "until_released"), ("load_s", "load_um_per_s"))),
+    arms=(1, 2),
+    only={
+        1: fields.ONE_ARM | {"profile", "load_um_per_s"},
+        2: frozenset({"place_um", "centre"}),
+    },
     place=10,
 )

@@ -10,7 +10,9 @@ from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.force.estimation import uncertainty_of_mean
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.records.columns import Columns
+from pincette_supervisor.kinds import pairs
 from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
+from pincette_supervisor.kinds.grip.pair import plan_pair
 from pincette_supervisor.kinds.grip.profile import chosen_speeds
 from pincette_supervisor.plugin import (
     Evaluation,
@@ -48,8 +50,10 @@ PRESSING = ("load", "hold", "unload")
 
 
 def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a grip."""
+    """Plan a grip with the arms of the rig."""
     rig = model.rig
+    if rig.second is not None:
+        return plan_pair(request, model, present)
     values = contact_values(request, ("force_mN", "hold_s", *CONTACT_FIELDS), rig)
     if request.until_released:
         values["hold_s"] = None
@@ -77,6 +81,8 @@ def pointer(quantity: str, phase: str) -> str:
 
 def evaluate(run: Run) -> Evaluation:
     """Work out the figures of a grip."""
+    if run.rig.second is not None:
+        return pairs.evaluate(run)
     result = grip_result(
         run.table,
         plant=run.plant,
@@ -142,7 +148,8 @@ def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     """Draw position, force, their errors and voltage over one time."""
     table, result = run.table, evaluation.result
-    assert isinstance(result, GripResult)
+    if not isinstance(result, GripResult):
+        return pairs.plot(run, evaluation, name)
     sheet = Sheet()
     drawing.contact_over_time(sheet, table, result, run.period_s, run.planned.values)
     if result.error_sources is not None:

@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from pincette.api import WHOLE, Model, example
 from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField, choices, number
+from pincette.api.pairs import PairPlan, PairResult
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, NotNegative, Positive, Speed
 from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
@@ -13,6 +14,7 @@ from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
 
 LEVELS_MAX, POINTS_MAX = 100, 4000
+Cycles = Annotated[int, Field(ge=1, le=1000), WHOLE]
 SWING = ("force_mean_mN", "force_pp_mN", "frequency_hz", "cycles")
 MEMBERS = {
     "sinusoid": SWING,
@@ -33,11 +35,63 @@ class TrackPoint(Model):
     force_mN: NotNegative
 
 
+class PlacePoint(Model):
+    """A place at a time since the begin of the paths."""
+
+    model_config = example(t_s=1.0, place_um=2.0)
+
+    t_s: NotNegative
+    place_um: float
+
+
+class ForcePath(Model):
+    """A path of force: a swing, levels or points; the shape says which members it takes."""
+
+    model_config = example(shape="sinusoid", mean_mN=15.0, pp_mN=10.0, frequency_hz=0.3, cycles=3)
+
+    shape: Shape = "sinusoid"
+    mean_mN: Positive | None = None
+    """Mean of a swing; left out, the force of the rig file's track."""
+    pp_mN: Positive | None = None
+    """Its height, peak to peak."""
+    frequency_hz: Positive | None = None
+    cycles: Cycles | None = None
+    """At full amplitude; one more before and one after blend in and out."""
+    levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
+    dwell_s: Duration | None = None
+    """Time to stay at each level."""
+    points: list[TrackPoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
+    """The first at 0 s."""
+
+
+class PlacePath(Model):
+    """A path of the place q = (x_1 - x_2)/2, likewise."""
+
+    model_config = example(shape="sinusoid", pp_um=8.45, frequency_hz=0.5, cycles=5)
+
+    shape: Shape = "sinusoid"
+    mean_um: float | None = None
+    """Mean of a swing; left out, the place where the part is expected."""
+    pp_um: Positive | None = None
+    """Its height, peak to peak."""
+    frequency_hz: Positive | None = None
+    cycles: Cycles | None = None
+    levels_um: list[float] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
+    dwell_s: Duration | None = None
+    points: list[PlacePoint] | None = Field(
+        default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
+    )
+
+
 class TrackJobRequest(ContactJobRequest, frozen=True):
     """Grip a part and let position and force follow a path; what is left out is as in the rig file.
 
     A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and
-    a dwell; waypoints have points.
+    a dwell; waypoints have points. With one arm, one path gives position and force: the members of
+    the request itself. With two arms, ``force`` and ``place`` follow a path each. One of both may
+    be left out: it rests. The shorter path rests at its end until the other has come to its own.
     """
 
     model_config = example(
@@ -55,7 +109,7 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
     frequency_hz: Positive | None = None
     """Its frequency."""
-    cycles: Annotated[int, Field(ge=1, le=1000), WHOLE] | None = None
+    cycles: Cycles | None = None
     """At full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     """Forces of a step path."""
@@ -71,6 +125,20 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     """Highest acceleration of x_r along the path; steps and corners use it up."""
     learn: bool | None = None
     """Correct each cycle by what the cycles before it missed; of a sinusoid or a triangle."""
+    force: ForcePath | None = None
+    """Two arms only: path of the force."""
+    place: PlacePath | None = None
+    """Two arms only: path of the place."""
+    force_mN: Positive | None = None
+    """Two arms only: force to hold without a path of the force."""
+    centre: bool = False
+    """Two arms only: find the part from both sides first. A place still counts from the tips."""
+
+    @model_validator(mode="after")
+    def _one_force(self) -> "TrackJobRequest":
+        if self.force is not None and self.force_mN is not None:
+            raise ValueError("force_mN and force exclude each other: the path gives the force")
+        return self
 
     @model_validator(mode="after")
     def _one_height(self) -> "TrackJobRequest":
@@ -218,54 +286,97 @@ FIGURES: tuple[ResultField, ...] = (
     *fields.POSITION_STEP,
     *fields.ERROR_SOURCES,
 )
+
+
+def _swing(within: str, unit: str, label: str) -> tuple[FieldSpec, ...]:
+    return tuple(
+        FieldSpec(
+            name=f"{within}-{name}",
+            label=f"{label}: {words}",
+            widget="number",
+            placeholder="none",
+            sent_as=name,
+            within=within,
+            own_unit=own,
+        )
+        for name, words, own in (
+            (f"mean_{unit}", "mean", unit.replace("um", "µm")),
+            (f"pp_{unit}", "height", unit.replace("um", "µm")),
+            ("frequency_hz", "frequency", "Hz"),
+            ("cycles", "cycles", ""),
+        )
+    )
+
+
 KIND = JobKind(
     name="track",
     label="Track a path",
     summary="Grip the part of the rig file and let position and force follow a path.",
     request=TrackJobRequest,
     plan=Plan,
+    pair_plan=PairPlan,
     result=TrackResult,
+    pair_result=PairResult,
+    figures_in_prediction=True,
     functions="pincette_supervisor.kinds.track.functions:FUNCTIONS",
     form=(
         fields.ZERO_CONFIRMED,
         fields.RECIPE,
-        FieldSpec(
-            name="shape",
-            label="Shape",
-            choices=choices(
-                ("sinusoid", "sinusoid"),
-                ("triangle", "triangle"),
-                ("step", "steps"),
-                ("waypoints", "waypoints"),
+        *fields.for_arms(
+            1,
+            FieldSpec(
+                name="shape",
+                label="Shape",
+                choices=choices(
+                    ("sinusoid", "sinusoid"),
+                    ("triangle", "triangle"),
+                    ("step", "steps"),
+                    ("waypoints", "waypoints"),
+                ),
             ),
+            FieldSpec(name="force_mean_mN", label="Mean", limit="force_max", when=SWINGS),
+            FieldSpec(name="force_pp_mN", label="Height, peak to peak", when=SWINGS),
+            FieldSpec(name="frequency_hz", label="Frequency", when=SWINGS),
+            FieldSpec(name="cycles", label="Cycles", when=SWINGS),
+            FieldSpec(name="learn", label="Learn from cycle to cycle", when=SWINGS),
+            FieldSpec(
+                name="levels_mN",
+                label="Levels",
+                when={"shape": ("step",)},
+                placeholder="as in the rig file; e.g. 5, 10",
+            ),
+            FieldSpec(name="dwell_s", label="Stay at each", when={"shape": ("step",)}),
+            FieldSpec(
+                name="points",
+                label="Points, one a line: time in s, force in mN",
+                when={"shape": ("waypoints",)},
+                placeholder="0 5\n2 10\n4 5",
+            ),
+            FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
+            fields.CONDITION,
+            *fields.TOLERANCES,
+            *fields.LAW,
         ),
-        FieldSpec(name="force_mean_mN", label="Mean", limit="force_max", when=SWINGS),
-        FieldSpec(name="force_pp_mN", label="Height, peak to peak", when=SWINGS),
-        FieldSpec(name="frequency_hz", label="Frequency", when=SWINGS),
-        FieldSpec(name="cycles", label="Cycles", when=SWINGS),
-        FieldSpec(name="learn", label="Learn from cycle to cycle", when=SWINGS),
-        FieldSpec(
-            name="levels_mN",
-            label="Levels",
-            when={"shape": ("step",)},
-            placeholder="as in the rig file; e.g. 5, 10",
+        *fields.for_arms(
+            2,
+            *_swing("place", "um", "Place"),
+            *_swing("force", "mN", "Force"),
+            FieldSpec(name="force_mN", label="Force without a path", limit="force_max"),
+            FieldSpec(name="centre", label="Find the part from both sides first"),
+            *fields.PAIR_LAW,
         ),
-        FieldSpec(name="dwell_s", label="Stay at each", when={"shape": ("step",)}),
-        FieldSpec(
-            name="points",
-            label="Points, one a line: time in s, force in mN",
-            when={"shape": ("waypoints",)},
-            placeholder="0 5\n2 10\n4 5",
-        ),
-        FieldSpec(name="rate_um_per_s", label="Path at most at", advanced=True),
-        fields.CONDITION,
-        *fields.TOLERANCES,
-        *fields.LAW,
         *fields.POLICIES,
     ),
-    figures=FIGURES,
+    figures=(*fields.for_arms(1, *FIGURES), *fields.for_arms(2, *fields.PAIR_FIGURES)),
     predicted=True,
     goal_phase="track",
-    recipe=RecipeRules(exclusive=(("force_pp_mN", "x_pp_um"),), dependent={"shape": PATH}),
+    recipe=RecipeRules(
+        exclusive=(("force_pp_mN", "x_pp_um"), ("force", "force_mN")), dependent={"shape": PATH}
+    ),
+    arms=(1, 2),
+    only={
+        1: fields.ONE_ARM | PATH | {"rate_um_per_s", "acceleration_um_per_s2", "learn"},
+        2: frozenset({"force", "place", "force_mN", "centre"}),
+    },
     place=20,
 )

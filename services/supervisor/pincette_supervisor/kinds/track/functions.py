@@ -10,6 +10,7 @@ from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.paths import Path
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.records.columns import Columns
+from pincette_supervisor.kinds import pairs
 from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
 from pincette_supervisor.kinds.track.cycles import (
     cycle_errors,
@@ -20,6 +21,7 @@ from pincette_supervisor.kinds.track.cycles import (
     told_of,
     whole_cycle,
 )
+from pincette_supervisor.kinds.track.pair import plan_pair
 from pincette_supervisor.kinds.track.path import path_values, requested_path
 from pincette_supervisor.kinds.track.plot import plot
 from pincette_supervisor.plugin import (
@@ -59,8 +61,10 @@ learns changes from cycle to cycle, and would pass for noise."""
 
 
 def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a tracked path."""
+    """Plan a tracked path of one arm, or the paths of force and place of two."""
     rig = model.rig
+    if rig.second is not None:
+        return plan_pair(request, model, present)
     contact = contact_values(request, CONTACT_FIELDS, rig)
     values = path_values(request, rig)
     path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
@@ -85,6 +89,8 @@ def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Plann
 
 def evaluate(run: Run) -> Evaluation:
     """Work out the figures of a tracked path."""
+    if run.rig.second is not None:
+        return pairs.evaluate(run)
     path = run.planned.path
     if path is None:
         raise ValueError("the program of a track has no path")

@@ -1,15 +1,17 @@
 """From the members of a track request to its path."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from pincette.config import RigFile
 from pincette.control.planning.path_shapes import sinusoid, steps, triangle, waypoints
-from pincette.control.planning.paths import Path
+from pincette.control.planning.paths import Path, Shape
 from pincette_supervisor.kinds.track import MEMBERS, SWING, TrackJobRequest
 from pincette_supervisor.plugin import FaultyRequestError
 
 LIMITS = ("rate_um_per_s", "acceleration_um_per_s2")
 LONGEST_S = 3600.0
+POINTERS = {"step": "/levels_mN", "waypoints": "/points"}
 
 
 def path_values(request: TrackJobRequest, rig: RigFile) -> dict[str, Any]:
@@ -60,21 +62,41 @@ def requested_path(
     return path, "/x_pp_um" if request.x_pp_um is not None else pointer
 
 
-def _path(values: dict[str, Any], K_e: float) -> tuple[Path, str]:
-    rate = K_e * values["rate_um_per_s"]
-    acceleration = K_e * values["acceleration_um_per_s2"]
-    match values["shape"]:
-        case "step":
-            path = steps("force", values["levels_mN"], values["dwell_s"], rate, acceleration)
-            return path, "/levels_mN"
-        case "waypoints":
-            points = [(point["t_s"], point["force_mN"]) for point in values["points"]]
-            return waypoints("force", points), "/points"
-        case shape:
-            mean_mN, pp_mN = values["force_mean_mN"], values["force_pp_mN"]
-            frequency_hz, cycles = values["frequency_hz"], values["cycles"]
-            if shape == "triangle":
-                path = triangle("force", mean_mN, pp_mN, frequency_hz, cycles, acceleration)
-            else:
-                path = sinusoid("force", mean_mN, pp_mN, frequency_hz, cycles)
-            return path, "/force_pp_mN"
+def _path(values: Mapping[str, Any], K_e: float) -> tuple[Path, str]:
+    shape: Shape = values["shape"]
+    points = values.get("points") or ()
+    named = {
+        "mean": values.get("force_mean_mN"),
+        "pp": values.get("force_pp_mN"),
+        "levels": values.get("levels_mN"),
+        "points": [(point["t_s"], point["force_mN"]) for point in points],
+    }
+    limits = K_e * values["rate_um_per_s"], K_e * values["acceleration_um_per_s2"]
+    path = shaped_path("force", shape, {**values, **named}, limits)
+    return path, POINTERS.get(shape, "/force_pp_mN")
+
+
+def shaped_path(
+    quantity: Literal["force", "position"],
+    shape: Shape,
+    values: Mapping[str, Any],
+    limits: tuple[float, float],
+) -> Path:
+    """Return a path of a shape; raises ValueError for numbers that make none.
+
+    Parameters
+    ----------
+    values
+        ``mean``, ``pp``, ``frequency_hz`` and ``cycles``, or ``levels`` and ``dwell_s``, or
+        ``points``.
+    limits
+        Highest rate and acceleration of the quantity.
+    """
+    if shape == "step":
+        return steps(quantity, values["levels"], values["dwell_s"], *limits)
+    if shape == "waypoints":
+        return waypoints(quantity, values["points"])
+    swing = values["mean"], values["pp"], values["frequency_hz"], values["cycles"]
+    if shape == "triangle":
+        return triangle(quantity, *swing, limits[1])
+    return sinusoid(quantity, *swing)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pincette.records.columns import Columns
+from pincette_supervisor.kinds import pairs
 from pincette_supervisor.kinds.track import Tracking, TrackResult
 from pincette_supervisor.plugin import Evaluation, Run, drawing
 from pincette_supervisor.plugin.drawing import (
@@ -27,7 +28,8 @@ TOP, BOTTOM = 0.875, 0.06
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
     """Draw a track job, 1400 by 1180 pixels."""
     table, result = run.table, evaluation.result
-    assert isinstance(result, TrackResult)
+    if not isinstance(result, TrackResult):
+        return pairs.plot(run, evaluation, name)
     sheet = Sheet()
     figure = sheet.figure
     left = figure.add_gridspec(

@@ -4,15 +4,25 @@ import { get } from "./api.js";
 import { plain, unitOf, withUnit } from "./words.js";
 
 let known = [];
+let offered = new Map();
 
 export async function loadKinds() {
   known = (await get("/kinds")).kinds;
+  offered = new Map();
 }
 
 export const kinds = () => known;
 
-/** The kinds of job that a rig of so many arms takes. */
-export const kindsFor = (arms) => known.filter((each) => each.arms.includes(arms));
+const forArms = (arms) => (each) => each.arms.includes(arms);
+
+/** The kinds of job that a rig with this number of arms takes, with the fields that it takes. */
+export function kindsFor(arms) {
+  if (!offered.has(arms)) {
+    offered.set(arms, known.filter(forArms(arms))
+      .map((kind) => ({ ...kind, form: kind.form.filter(forArms(arms)) })));
+  }
+  return offered.get(arms);
+}
 
 /** A kind by its name; of one that is not installed any more, what all kinds have. */
 export const kindOf = (name) => known.find((each) => each.name === name)
@@ -33,22 +43,25 @@ function shown(result, figure) {
   return `${withUnit(value, "", figure.digits).trim()}${more} ${figure.unit}${by}`.trim();
 }
 
+/** The figures that are shown of a job's result; only that of two arms says how many there are. */
+const figuresFor = ({ kind, result }) => kindOf(kind).figures.filter(forArms(result?.arms ?? 1));
+
 /** Labels and texts of a job's figures, in their order. */
 export function figuresOf(job) {
   const result = job.result ?? {};
-  return kindOf(job.kind).figures
+  return figuresFor(job)
     .filter((each) => !["", null, undefined].includes(memberOf(result, each.name)))
     .map((each) => [each.label, shown(result, each)]);
 }
 
 /** What the uncertainty of a figure is worked out from, but nobody has calibrated. */
 export function assumedOf(job) {
-  return [...new Set(kindOf(job.kind).figures.flatMap((each) => assumedBy(job.result ?? {}, each)))];
+  return [...new Set(figuresFor(job).flatMap((each) => assumedBy(job.result ?? {}, each)))];
 }
 
 /** The figure of a job that lists show: its label and its text. */
 export function mainFigure(job) {
-  const figure = kindOf(job.kind).figures.find((each) => each.main);
+  const figure = figuresFor(job).find((each) => each.main);
   return figure && job.result ? [figure.label, shown(job.result, figure)] : ["", "–"];
 }
 

@@ -6,7 +6,7 @@ import { field, SAID } from "../description.js";
 import { byId, h, setText } from "../dom.js";
 import { Fields } from "./fields.js";
 import { Jog } from "./jog.js";
-import { defaultsOf, kindOf, kindsFor, plannedFields } from "../kinds.js";
+import { defaultsOf, kindsFor, plannedFields } from "../kinds.js";
 import { PlanView } from "./plan.js";
 import { plain } from "../words.js";
 
@@ -67,7 +67,7 @@ export class StartForm {
   }
 
   choose(name) {
-    const kind = kindOf(name);
+    const kind = kindsFor(this.arms).find((each) => each.name === name);
     this.kind.value = name;
     this.fields.show(kind.form, this.defaults[name] ?? {}, this.sources);
     this.jog.element.hidden = !kind.jogs;

@@ -1,20 +1,14 @@
-"""Plan of place and force that each follow a path."""
+"""Plan of a track with two arms: place and force follow a path each."""
 
 from typing import Any, Literal
 
 from pincette.config import RigFile
 from pincette.control.planning.pair_plan import PairPaths, track_program
-from pincette.control.planning.path_shapes import peaks, sinusoid, steps, triangle, waypoints
+from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.paths import Path, Shape
-from pincette_supervisor.kinds.pair_track import ForcePath, PairTrackJobRequest, PlacePath
-from pincette_supervisor.kinds.pairs import evaluate, plot
-from pincette_supervisor.plugin import (
-    FaultyRequestError,
-    JobFunctions,
-    ModelInUse,
-    Planned,
-    Present,
-)
+from pincette_supervisor.kinds.track import ForcePath, PlacePath, TrackJobRequest
+from pincette_supervisor.kinds.track.path import LONGEST_S, shaped_path
+from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Planned, Present
 from pincette_supervisor.plugin.plans import (
     STARTS_UM,
     contacts_um,
@@ -25,7 +19,6 @@ from pincette_supervisor.plugin.plans import (
     pair_values,
 )
 
-LONGEST_S = 3600.0
 MEMBERS = {
     "sinusoid": ("mean", "pp", "frequency_hz", "cycles"),
     "triangle": ("mean", "pp", "frequency_hz", "cycles"),
@@ -35,9 +28,13 @@ MEMBERS = {
 POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 
 
-def plan(request: PairTrackJobRequest, model: ModelInUse, present: Present) -> Planned:
-    """Plan a track."""
+def plan_pair(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
+    """Plan a track with two arms."""
     rig = model.rig
+    if request.force is None and request.place is None:
+        raise FaultyRequestError(
+            "", "a track with two arms wants a path: give force, place or both"
+        )
     values = pair_values(request, rig)
     first, second = contacts_um(rig)
     force = None if request.force is None else _force_path(request.force, rig)
@@ -123,18 +120,8 @@ def _path(
     missing = [name for name, value in values.items() if value is None]
     if missing:
         raise FaultyRequestError(pointer, f"a {shape} of {quantity} wants {', '.join(missing)}")
-    rate, acceleration = speeds
     try:
-        if shape == "step":
-            path = steps(quantity, values["levels"], values["dwell_s"], rate, acceleration)
-        elif shape == "waypoints":
-            path = waypoints(quantity, values["points"])
-        else:
-            swing = values["mean"], values["pp"], values["frequency_hz"], values["cycles"]
-            if shape == "triangle":
-                path = triangle(quantity, *swing, acceleration)
-            else:
-                path = sinusoid(quantity, *swing)
+        path = shaped_path(quantity, shape, values, speeds)
     except ValueError as error:
         raise FaultyRequestError(pointer, str(error)) from error
     if path.duration_s > LONGEST_S:
@@ -142,11 +129,3 @@ def _path(
             pointer, f"the path takes {path.duration_s:g} s, limit {LONGEST_S:g} s"
         )
     return path
-
-
-def pointer(_quantity: str, phase: str) -> str:
-    """Member of the request that leads beyond a limit in a phase; empty: none."""
-    return POINTERS.get(phase, "")
-
-
-FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=pointer)
