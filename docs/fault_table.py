@@ -14,7 +14,7 @@ is based on, and is refused beyond 2.5 T. *Safe* means that the actuator accepts
 If the arm is free, it ramps to the safe voltage. If a part is held, it freezes the voltage for a
 bounded time and then ramps. In both cases it latches, and stays latched until a person resets it.
 
-*Virtual time* is the real loop with the same nodes and the same bytes, on a simulated clock
+*Virtual time* is the real loop with the same services and the same bytes, on a simulated clock
 (`tests/support/virtual_loop.py`). It tests every fault in every state of a job and at any phase of
 the period, with the same numbers in every run. *Real processes* are programs on real links, on a
 machine that stalls now and then; see [what is guaranteed](../explanations/safety.md). Every row has

@@ -8,8 +8,8 @@ import pytest
 from pincette.core.messages import Status, StatusRequest
 from pincette.core.service import RefusedError
 from pincette.engine.instrument import open_device
-from pincette.engine.node import Node
 from pincette.engine.process import CannotStart, loop_services
+from pincette.engine.runner import Runner
 from pincette.instruments.icpdas_i7024 import I7024
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.sim.instruments.dcon import SimulatedI7024
@@ -41,8 +41,8 @@ def cut_off(data: bytes) -> bytes:
     return data[: len(data) // 2]
 
 
-def status(node: Node) -> Status:
-    reply, _ = node.call(StatusRequest(), 0.0)
+def status(runner: Runner) -> Status:
+    reply, _ = runner.call(StatusRequest(), 0.0)
     assert isinstance(reply, Status)
     return reply
 
@@ -58,9 +58,9 @@ def test_an_output_starts_though_one_of_its_first_answers_is_wrong(
         rig, counts = demo_rig({"output": output}), LineCounts()
         with counting(counts):
             device = open_device(SERVICES["actuator"], rig)
-            node = Node(SERVICES["actuator"], rig, device, line_counts=counts)
-        counted = status(node).instrument
-        node.close()
+            runner = Runner(SERVICES["actuator"], rig, device, line_counts=counts)
+        counted = status(runner).instrument
+        runner.close()
     assert counted is not None
     assert counted.retried == 1 or spoil is not wrong_checksum
 
@@ -74,9 +74,9 @@ def test_a_sensor_starts_though_one_of_its_first_answers_is_wrong(
         rig, counts = demo_rig({"sensor": {"url": wire.url}}), LineCounts()
         with counting(counts):
             device = open_device(SERVICES["sensor"], rig)
-            node = Node(SERVICES["sensor"], rig, device, line_counts=counts)
-        counted = status(node).instrument
-        node.close()
+            runner = Runner(SERVICES["sensor"], rig, device, line_counts=counts)
+        counted = status(runner).instrument
+        runner.close()
     assert counted is not None
     assert counted.retried == 1
 
@@ -92,7 +92,7 @@ def test_an_output_that_never_says_what_it_puts_out_ends_the_start_with_a_reason
         rig = demo_rig({"output": {"url": wire.url, "options": {"checksum": True}}})
         device = open_device(SERVICES["actuator"], rig)
         with pytest.raises(RefusedError, match="wrong checksum"):
-            Node(SERVICES["actuator"], rig, device)
+            Runner(SERVICES["actuator"], rig, device)
         assert isinstance(device, I7024)
         device.close()
     assert RefusedError in CannotStart

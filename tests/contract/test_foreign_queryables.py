@@ -42,8 +42,8 @@ from pincette.core.topics import (
 )
 from pincette.diagnostics.bus import exchanges, foreign_sessions
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.process import loop_services
+from pincette.engine.runner import Runner
 from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.bench.shape import EXAMPLES
@@ -424,7 +424,7 @@ def test_each_program_of_the_loop_counts_and_shows_what_it_refuses(
     services, rig = loop_services(), "stranger"
     config = program_endpoint(plain.rig, "recorder", lockstep=False)
     bus, asker = ZenohBus(config, rig, service), ZenohBus(config, rig, "asker")
-    loop = Loop([Node(services[service], plain.rig)], bus, refused=bus.refused)
+    loop = Loop([Runner(services[service], plain.rig)], bus, refused=bus.refused)
     thread = threading.Thread(target=loop.run)
     thread.start()
     try:

@@ -16,9 +16,8 @@ from pincette.core.codec import decode, encode
 from pincette.core.codec.refusals import CodecError
 from pincette.core.messages import Applied, Arm, Command, Estimate, Load, Message, Reset
 from pincette.core.topics import LOOP
-from pincette.engine.node import Node
 from pincette.engine.process import loop_services
-from pincette.engine.scheduler import Task
+from pincette.engine.runner import Runner
 from tests.support.frames import EPOCH, OWNER, Chance, sound, spoilt
 from tests.support.rigs import demo_rig
 
@@ -70,8 +69,7 @@ class Besieged:
 
     def __init__(self, name: str, rig: RigFile, chance: Chance) -> None:
         service = SERVICES[name]
-        self._node = Node(service, rig, Line(rig) if service.instrument else None, OWNER)
-        self._task = Task(self._node)
+        self._runner = Runner(service, rig, Line(rig) if service.instrument else None, OWNER)
         self._chance, self._now, self._digest = chance, 100.0, rig.digest()
         self._heard = [item.topic.message for item in service.inputs]
         self._asked = [question.request for question in service.requests]
@@ -80,7 +78,7 @@ class Besieged:
         self._armed: int | None = None
         self._seq = -1
         self.told = Counter[str]()
-        self._task.begin(self._now)
+        self._runner.begin(self._now)
 
     def frame(self) -> None:
         """Let something come, then let time pass."""
@@ -98,11 +96,11 @@ class Besieged:
             except CodecError:
                 self.told["refused"] += 1
         self._now += self._chance.choice((0.0, STEP_S))
-        while self._node.due(self._now):
-            self._say(self._node.fire(self._now))
-        if self._task.due(self._now):
-            self._say(self._task.tick(self._now))
-            self._task.finish_tick(self._now)
+        while (outputs := self._runner.fire(self._now)) is not None:
+            self._say(outputs)
+        if self._runner.due(self._now):
+            self._say(self._runner.tick(self._now))
+            self._runner.settle(self._now)
 
     def _begin(self) -> None:
         """Arm, as a supervisor does, so that the service has something to lose."""
@@ -127,10 +125,10 @@ class Besieged:
         if type(message) in self._heard:
             if isinstance(message, Command) and message.valid and message.owner == OWNER:
                 self._good.add((message.epoch, message.seq))
-            self._task.accept(message, self._now)
+            self._runner.take(message, self._now)
             self.told["heard"] += 1
             return
-        reply, outputs = self._task.call(message, self._now)
+        reply, outputs = self._runner.call(message, self._now)
         self.told["declined" if isinstance(reply, str) else "answered"] += 1
         if isinstance(message, Arm) and not isinstance(reply, str):
             self._armed, self._good = message.epoch, set()

@@ -11,7 +11,7 @@ from pincette.core import plugins
 from pincette.core.messages import Ack, Arm, Reset, Status, StatusRequest
 from pincette.diagnostics.instruments import instruments
 from pincette.engine.instrument import open_device
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.instruments.protocol import Instrument
@@ -70,24 +70,24 @@ def test_doctor_compares_the_period_with_what_it_measures(
         assert url in timing.remedy
 
 
-def armed(rig: RigFile, name: str, prepare: Callable[[Node], object]) -> tuple[object, Status]:
+def armed(rig: RigFile, name: str, prepare: Callable[[Runner], object]) -> tuple[object, Status]:
     """Arm a program of the loop that has an instrument; returns its reply and its status."""
     service = plugins.load(plugins.SERVICES, name)
-    with closing(Node(service, rig, open_device(service, rig))) as node:
-        prepare(node)
-        reply, _ = node.call(Arm(1, 1, rig.digest()), monotonic())
-        status, _ = node.call(StatusRequest(), monotonic())
+    with closing(Runner(service, rig, open_device(service, rig))) as runner:
+        prepare(runner)
+        reply, _ = runner.call(Arm(1, 1, rig.digest()), monotonic())
+        status, _ = runner.call(StatusRequest(), monotonic())
     assert isinstance(status, Status)
     return reply, status
 
 
-def reset(node: Node) -> None:
-    node.call(Reset(acknowledge=True), monotonic())
+def reset(runner: Runner) -> None:
+    runner.call(Reset(acknowledge=True), monotonic())
 
 
-def read(node: Node) -> None:
+def read(runner: Runner) -> None:
     for _ in range(10):
-        node.tick(monotonic())
+        runner.tick(monotonic())
 
 
 @pytest.mark.parametrize(("exchange_s", "refused"), [(0.0, False), (0.024, True)])

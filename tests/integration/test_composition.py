@@ -13,15 +13,16 @@ from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF
 from pincette.engine.arming import ORDER
 from pincette.engine.composed import ComposedLoop
-from pincette.engine.node import Node
+from pincette.engine.loop import Loop
 from pincette.engine.process import loop_services
-from pincette.engine.scheduler import Scheduler
+from pincette.engine.runner import Runner
 from pincette.engine.simulated import simulated_devices
 from tests.support.fast_output import fast_rig
 from tests.support.partitions import Programs, composing, partitions
 from tests.support.rigs import KILOHERTZ, at_own_ports, demo_rig
 from tests.support.scripted import NEAR, PROGRAM
 from tests.support.two_arms import short_grip, two_arm_rig
+from tests.support.virtual_loop_program import NoBus
 
 RIG = demo_rig(NEAR, time="lockstep")
 PAIR = two_arm_rig()
@@ -39,8 +40,13 @@ class Shared:
         devices = simulated_devices(self.rig, self.told.append)
         services = loop_services()
         self.programs = {
-            name: Scheduler(
-                Node(services[one], self.rig, devices.get(one)) for one in member_services(name)
+            name: Loop(
+                (
+                    Runner(services[one], self.rig, devices.get(one))
+                    for one in member_services(name)
+                ),
+                NoBus(),
+                inline=True,
             )
             for name in self.rig.programs
         }
@@ -48,7 +54,7 @@ class Shared:
 
     def call(self, service: str, request: Message) -> Message | str:
         name = self.rig.program_of(service)
-        answer, outputs = self.programs[name].task(service).call(request, 0.0)
+        answer, outputs = self.programs[name].runner(service).call(request, 0.0)
         self._say(name, outputs)
         return answer
 
@@ -73,10 +79,11 @@ class Shared:
 
     def _step(self) -> bool:
         for name, program in self.programs.items():
-            task = program.ready(0.0)
-            if task is not None:
-                self._say(name, task.node.fire(0.0))
-                return True
+            for runner in program.runners:
+                outputs = runner.fire(0.0)
+                if outputs is not None:
+                    self._say(name, outputs)
+                    return True
         return False
 
 

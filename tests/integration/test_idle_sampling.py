@@ -47,7 +47,7 @@ def test_samples_come_seldom_and_keep_to_the_grid(ended: VirtualLoop, seed: int)
     assert {later.seq - one.seq for (_, one), (_, later) in pairwise(seldom)} == {PERIODS}
     for (before_s, _), (after_s, _) in pairwise(seldom):
         assert after_s - before_s == pytest.approx(SAMPLE_S, abs=0.5 * T)
-    assert loop.task("sensor").node.missed == ended.task("sensor").node.missed
+    assert loop.runner("sensor").missed == ended.runner("sensor").missed
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -65,7 +65,7 @@ def test_each_sample_has_a_sound_estimate_and_an_answer(ended: VirtualLoop, seed
 def test_the_memories_of_the_arm_go_on_by_the_clock(ended: VirtualLoop) -> None:
     seldom, often = idle(ended, 1), ended.fork(1)
     often.run(seldom.now_s)
-    one, other = seldom.node("estimator").state, often.node("estimator").state
+    one, other = seldom.runner("estimator").state, often.runner("estimator").state
     assert other.followed_seq - one.followed_seq in range(PERIODS + 1)
     assert one.response.position_um() == pytest.approx(other.response.position_um(), abs=1e-3)
     assert one.unknown == other.unknown or one.unknown.known == other.unknown.known

@@ -18,10 +18,10 @@ from pincette.core.messages import (
     Reset,
 )
 from pincette.engine.composed import ComposedLoop
-from pincette.engine.node import Node
 from pincette.engine.replay.recorded import recorded_epoch
 from pincette.engine.replay.service_alone import Tape, replay
 from pincette.engine.replay.steps import STEPS
+from pincette.engine.runner import Runner
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import recorded
@@ -49,8 +49,8 @@ class Loop:
 
     def __init__(self) -> None:
         self.said: list[Message] = []
-        self.nodes = {
-            name: Node(plugins.load(plugins.SERVICES, name), RIG, Tape()) for name in STEPS
+        self.runners = {
+            name: Runner(plugins.load(plugins.SERVICES, name), RIG, Tape()) for name in STEPS
         }
         arm = Arm(1, 1, RIG.digest())
         for name, question in (
@@ -58,7 +58,7 @@ class Loop:
             ("controller", Load(PROGRAM)),
             *((name, arm) for name in STEPS),
         ):
-            reply, outputs = self.nodes[name].call(question, 0.0)
+            reply, outputs = self.runners[name].call(question, 0.0)
             assert not isinstance(reply, str), reply
             self._say(outputs)
         (self.partner,) = [item for item in self.said if isinstance(item, Applied) and item.epoch]
@@ -69,26 +69,26 @@ class Loop:
         return told
 
     def _step(self, name: str, message: Message, now: float) -> list[Message]:
-        self.nodes[name].accept(message, now)
-        return self._say(self.nodes[name].fire(now)) if self.nodes[name].due(now) else []
+        self.runners[name].take(message, now)
+        return self._say(self.runners[name].fire(now) or ())
 
     def tick(self, position: Position) -> None:
         """Sample k through all three."""
         k, now = position.seq, position.seq * PERIOD_S
         self._say([position])
         self._step("actuator", position, now)
-        estimator = self.nodes["estimator"]
+        estimator = self.runners["estimator"]
         if k not in NO_PARTNER:
-            estimator.accept(self.partner, now)
-        estimator.accept(position, now)
-        assert estimator.due(now) == (k not in NO_PARTNER)
+            estimator.take(self.partner, now)
+        estimator.take(position, now)
+        assert estimator.ready(now) == (k not in NO_PARTNER)
         late = now + 0.3 * PERIOD_S
-        (estimate,) = self._say(estimator.fire(late))
-        estimator.accept(self.partner, late)
+        (estimate,) = self._say(estimator.fire(late) or ())
+        estimator.take(self.partner, late)
         commands = [] if k in PASSED_OVER else self._step("controller", estimate, late)
         answers: list[Message] = []
         if k in TWICE or k in PASSED_OVER:
-            answers += self._say(self.nodes["actuator"].wake(now + 0.8 * PERIOD_S))
+            answers += self._say(self.runners["actuator"].tick(now + 0.8 * PERIOD_S))
         for command in commands:
             if isinstance(command, Command):
                 answers += self._step("actuator", command, now + 0.9 * PERIOD_S)

@@ -34,22 +34,22 @@ def recorded(what: str) -> tuple[Message, ...]:
 @pytest.mark.parametrize("what", PROGRAMS)
 def test_a_service_repeats_itself_to_the_last_bit(what: str, name: str) -> None:
     rig, program = PROGRAMS[what]
-    node, published = service_alone(
+    runner, published = service_alone(
         plugins.load(plugins.SERVICES, name), rig, program, recorded(what)
     )
-    inputs = {item.topic.message for item in node.service.inputs}
-    outputs = {topic.message for topic in node.service.outputs}
+    inputs = {item.topic.message for item in runner.service.inputs}
+    kinds = {topic.message for topic in runner.service.outputs}
 
     def run() -> None:
-        while node.due(0.0):
-            published.extend(node.fire(0.0))
+        while (outputs := runner.fire(0.0)) is not None:
+            published.extend(outputs)
 
     run()
     for message in recorded(what):
         if type(message) in inputs:
-            node.accept(message, 0.0)
+            runner.take(message, 0.0)
             run()
-    expected = [message for message in recorded(what) if type(message) in outputs]
+    expected = [message for message in recorded(what) if type(message) in kinds]
     assert len(expected) > 400
-    said = [message for message in published if type(message) in outputs]
+    said = [message for message in published if type(message) in kinds]
     assert said[-len(expected) :] == expected

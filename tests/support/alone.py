@@ -8,7 +8,7 @@ from pincette.core.messages import Arm, GroundTruth, Load, Message, Position, Re
 from pincette.core.service import AnyService
 from pincette.core.topics import LOAD, RESET
 from pincette.engine.composed import ComposedLoop
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 
 EPOCH = 1
 
@@ -48,9 +48,9 @@ class Tape:
 
 def service_alone(
     service: AnyService, rig: RigFile, program: Program, messages: Sequence[Message]
-) -> tuple[Node, list[Message]]:
+) -> tuple[Runner, list[Message]]:
     """A service ready for the first sample, and what it has published on the way."""
-    node = Node(service, rig, Tape(rig, messages) if service.instrument else None)
+    runner = Runner(service, rig, Tape(rig, messages) if service.instrument else None)
     published: list[Message] = []
     questions: list[Message] = [Arm(EPOCH, 1, rig.digest())]
     if LOAD in service.requests:
@@ -58,8 +58,8 @@ def service_alone(
     if RESET in service.requests:
         questions.insert(0, Reset(acknowledge=True))
     for question in questions:
-        reply, outputs = node.call(question, 0.0)
+        reply, outputs = runner.call(question, 0.0)
         if isinstance(reply, str):
             raise TypeError(f"{service.name} refuses {type(question).__name__}: {reply}")
         published += outputs
-    return node, published
+    return runner, published

@@ -21,7 +21,7 @@ from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
 from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import ESTIMATE, TELEMETRY, Topic
 from pincette.engine import composed
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.sim.bench import open_bench
 from pincette_supervisor.kinds.bodies import Body
 from tests.support.office import Office
@@ -57,8 +57,8 @@ class LastingRig:
         """Start all programs, with a rig file."""
         self.rig = rig
         self._starts += 1
-        self._nodes: dict[str, tuple[Node, tuple[Any, ...], dict[str, Any]]] = {}
-        with patch.object(composed, "Node", self._node):
+        self._runners: dict[str, tuple[Runner, tuple[Any, ...], dict[str, Any]]] = {}
+        with patch.object(composed, "Runner", self._runner):
             self.virtual = VirtualRig(rig, self.data, self.bench)
         for topic in (ESTIMATE, TELEMETRY):
             self.virtual.bus.subscribe(topic, self._hear)
@@ -78,14 +78,14 @@ class LastingRig:
 
     def restart_program(self, name: str) -> None:
         """Replace one program by a new one, as after its end."""
-        node, args, named = self._nodes[name]
-        node.__init__(*args, **{**named, "instance": node.instance + 1})  # type: ignore[misc]
+        runner, args, named = self._runners[name]
+        runner.__init__(*args, **{**named, "instance": runner.instance + 1})  # type: ignore[misc]
 
-    def _node(self, *args: Any, **named: Any) -> Node:
+    def _runner(self, *args: Any, **named: Any) -> Runner:
         named = {"instance": self._starts * INSTANCES, **named}
-        node = Node(*args, **named)
-        self._nodes[node.service.name] = node, args, named
-        return node
+        runner = Runner(*args, **named)
+        self._runners[runner.service.name] = runner, args, named
+        return runner
 
     def _tell(
         self,

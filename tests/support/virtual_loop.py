@@ -9,7 +9,7 @@ from pincette.core.faults import Predecessor
 from pincette.core.messages import Applied, Arm, Load, Message, Reset
 from pincette.engine.arming import ORDER
 from tests.support.virtual_loop_engine import Engine
-from tests.support.virtual_loop_program import forked_node
+from tests.support.virtual_loop_program import forked_runner
 
 PATIENCE_S = 2.0
 
@@ -35,7 +35,7 @@ class VirtualLoop(Engine):
 
     def arm(self, program: Played, epoch: int = 1, calibration: str = "") -> None:
         """Load a program and begin an epoch, as the supervisor does."""
-        owner, digest = self.node("controller").instance, self.rig.digest()
+        owner, digest = self.runner("controller").instance, self.rig.digest()
         self.must("controller", Load(program))
         for name in ORDER:
             self.must(name, Arm(epoch, owner, digest, Document(calibration), program.capture_hz))
@@ -62,19 +62,19 @@ class VirtualLoop(Engine):
     def restart(self, name: str) -> None:
         """A fresh program in place of one that was killed, of another instance."""
         if name in self.fresh:
-            node = forked_node(self.fresh[name], {})
-            node.instance = self.instances
-            self.start(name, [node])
+            runner = forked_runner(self.fresh[name], {})
+            runner.instance = self.instances
+            self.start(name, [runner])
         else:
             self.add(name)
 
     def add_rival(self, program: Played, epoch: int) -> None:
         """A second controller, armed for the same epoch as another owner."""
-        node = forked_node(self.fresh["controller"], {})
-        node.instance = self.instances
-        self.start("rival", [node])
+        runner = forked_runner(self.fresh["controller"], {})
+        runner.instance = self.instances
+        self.start("rival", [runner])
         self.must("rival", Load(program))
-        self.must("rival", Arm(epoch, node.instance, self.rig.digest()))
+        self.must("rival", Arm(epoch, runner.instance, self.rig.digest()))
 
     def put_out_by_module(self) -> float:
         """What the output's module says that it puts out."""

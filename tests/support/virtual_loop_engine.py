@@ -1,6 +1,6 @@
-"""The whole loop in real time, and its time virtual: real nodes, real bytes, one event heap.
+"""The whole loop in real time, and its time virtual: real runners, real bytes, one event heap.
 
-Each program goes by the same ``Scheduler`` as its thread does in a process: it waits, takes what
+Each program uses the same ``Loop`` as a process does, without its threads: it waits, takes what
 has come, steps, publishes. While a step of a program takes its time, nothing else of it is done:
 neither another step nor a look at the clock. Messages travel as bytes, and are decoded where they
 arrive. What a machine makes of it is drawn by a seed:
@@ -27,12 +27,11 @@ from pincette.core.messages import Applied, Message
 from pincette.core.service import member_services
 from pincette.core.topics import TOPIC_OF, Topic
 from pincette.engine.boot_note import Before
-from pincette.engine.inbox import MAX_BATCH
-from pincette.engine.node import Node
-from pincette.engine.scheduler import Scheduler, Task
+from pincette.engine.loop import MAX_BATCH, Loop
+from pincette.engine.runner import Runner
 from tests.support.virtual_loop_bench import Clock, VirtualBench
 from tests.support.virtual_loop_faults import Link, LinkFault, on_the_way
-from tests.support.virtual_loop_program import Program, forked_node
+from tests.support.virtual_loop_program import NoBus, Program, forked_runner
 
 COMPUTING_S = (0.0001, 0.0004)
 BUS_S, BUS_MORE_S, BUS_MOST_S = 0.0001, 0.0002, 0.003
@@ -73,7 +72,7 @@ class Engine:
         for name in rig.programs:
             self.add(name)
         self.fresh = {
-            name: forked_node(program.scheduler.tasks[0].node, {})
+            name: forked_runner(program.loop.runners[0], {})
             for name, program in self.programs.items()
             if program.boots_alike
         }
@@ -87,25 +86,25 @@ class Engine:
     def add(self, name: str) -> Program:
         """Start a program of the rig's, with its instruments."""
         devices = {"sensor": self.bench.sensor, "actuator": self.bench.output}
-        nodes: list[Node] = []
+        runners: list[Runner] = []
         for service in member_services(name):
             device = devices[service]() if service in devices else None
             known = plugins.load(plugins.SERVICES, service)
-            instance = self.instances + len(nodes)
+            instance = self.instances + len(runners)
             before, clock = Before(self.predecessor), self.bench.reading_clock
-            node = Node(known, self.rig, device, instance, before=before, clock=clock)
+            runner = Runner(known, self.rig, device, instance, before=before, clock=clock)
             if self.bench.quick:
-                vars(node)["_budget"] = None
-            nodes.append(node)
-        return self.start(name, nodes)
+                vars(runner)["_budget"] = None
+            runners.append(runner)
+        return self.start(name, runners)
 
-    def start(self, name: str, nodes: Sequence[Node]) -> Program:
-        self.instances += len(nodes)
-        scheduler = Scheduler(nodes)
-        scheduler.begin(self.now_s)
+    def start(self, name: str, runners: Sequence[Runner]) -> Program:
+        self.instances += len(runners)
+        loop = Loop(runners, NoBus())
+        loop.begin(self.now_s)
         turn = self.programs[name].turn + 1 if name in self.programs else 0
-        program = self.programs[name] = Program(name, scheduler, turn=turn)
-        for topic in scheduler.inputs:
+        program = self.programs[name] = Program(name, loop, turn=turn)
+        for topic in loop.inputs:
             listeners = self.listeners.setdefault(topic.message, [])
             if name not in listeners:
                 listeners.append(name)
@@ -120,12 +119,9 @@ class Engine:
         """A program, or the one that has a service."""
         return self.programs[name if name in self.programs else self.rig.program_of(name)]
 
-    def task(self, name: str) -> Task:
-        """Of one service, whatever program it is part of."""
-        return self.program(name).task_of(name)
-
-    def node(self, name: str) -> Node:
-        return self.task(name).node
+    def runner(self, name: str) -> Runner:
+        """Return the runner of one service, whatever program it is part of."""
+        return self.program(name).runner_of(name)
 
     def _push(self, at_s: float, what: str, name: str, data: Any) -> None:
         self._number += 1
@@ -173,21 +169,20 @@ class Engine:
             item = program.queue.popleft()
             if isinstance(item, tuple):
                 service, request, reply = item
-                answer, outputs = program.task_of(service).call(request, self.now_s)
+                answer, outputs = program.runner_of(service).call(request, self.now_s)
                 self._publish(program, outputs)
                 self._deliver_voltages(self.now_s)
                 reply(answer)
             else:
-                program.scheduler.deliver(item, self.now_s)
+                program.loop.deliver(item, self.now_s)
         self._go_on(program)
 
     def _go_on(self, program: Program) -> None:
         program.turn += 1
-        scheduler = program.scheduler
-        ready = scheduler.ready(self.now_s)
-        task = ready or scheduler.due(self.now_s)
-        if task is not None:
-            program.service, program.timed = task.node.service.name, ready is None
+        ready = program.ready(self.now_s)
+        runner = ready or program.due(self.now_s)
+        if runner is not None:
+            program.service, program.timed = runner.service.name, ready is None
             program.began_s, program.busy = self.now_s, True
             wait_s = self.pace * self.chance.uniform(*COMPUTING_S)
             if program.slow_service in ("", program.service):
@@ -196,15 +191,16 @@ class Engine:
             self._push(self.now_s + wait_s, "act", program.name, program.turn)
         else:
             program.busy = False
-            wait_s = 0.0 if program.queue else scheduler.wait_s(self.now_s)
+            wait_s = 0.0 if program.queue else program.loop.wait_s(self.now_s)
             self._push(self.now_s + wait_s, "run", program.name, program.turn)
 
     def _act(self, program: Program) -> None:
         self.bench.step_begins()
-        task, now = program.task, program.began_s
-        outputs = task.tick(now) if program.timed else task.fire(now)
+        runner, now = program.runner, program.began_s
+        outputs = runner.tick(now) if program.timed else runner.fire(now)
+        assert outputs is not None, "it was ready at that time"
         taken, at_s = self.bench.taken, self.now_s + self.bench.taken.silent_s
-        if program.timed and task.on_grid and not taken.silent_s:
+        if program.timed and runner.on_grid and not taken.silent_s:
             at_s += self.bench.lines.sensor_s
         if taken.written:
             at_s += self.bench.lines.output_s
@@ -218,10 +214,7 @@ class Engine:
 
     def _tell(self, program: Program, outputs: tuple[Message, ...]) -> None:
         self._publish(program, outputs)
-        if program.timed:
-            program.task.finish_tick(self.now_s)
-        else:
-            program.task.finish(self.now_s)
+        program.runner.settle(self.now_s)
         if self._tells_busy(program):
             return
         (self._collect if program.timed else self._go_on)(program)
@@ -239,7 +232,7 @@ class Engine:
         return True
 
     def _publish(self, program: Program, outputs: tuple[Message, ...]) -> None:
-        program.scheduler.share(outputs, self.now_s)
+        program.loop.share(outputs, self.now_s)
         for message in outputs:
             if self.told is not None:
                 self.told.append((self.now_s, message))

@@ -163,7 +163,7 @@ def place(state: str, period_s: float = T) -> Place:
 
 def _rest_in_the_period(loop: VirtualLoop) -> None:
     """Stand right before a grid point of the sensor, so that a phase of the cycle is a delay."""
-    due_at = loop.task("sensor").due_at
+    due_at = loop.runner("sensor").due_at
     assert due_at is not None
     loop.run(due_at - 1e-6)
 

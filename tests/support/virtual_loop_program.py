@@ -1,4 +1,4 @@
-"""One program of a virtual loop: a scheduler of one node or several, and what waits for it."""
+"""One program of a virtual loop: a loop of one runner or several, and what waits for it."""
 
 from collections import deque
 from collections.abc import Callable
@@ -6,22 +6,43 @@ from copy import copy, deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
+from pincette.bus.protocol import RequestHandler, Sink
 from pincette.core.messages import Message
-from pincette.engine.node import Node
-from pincette.engine.scheduler import Scheduler, Task
+from pincette.core.topics import Request, Topic
+from pincette.engine.loop import Loop
+from pincette.engine.runner import Runner
 
 Reply = Callable[[Message | str], None]
 Item = Message | tuple[str, Message, Reply]
 """A sample; or a request to a service, with what takes the reply."""
 
 
+class NoBus:
+    """A bus that brings nothing: the virtual loop carries all messages itself."""
+
+    def publish(self, message: Message) -> None:
+        """Send nothing."""
+
+    def subscribe(self, topic: Topic, sink: Sink) -> None:
+        """Bring nothing."""
+
+    def serve(self, question: Request, answerer: RequestHandler) -> None:
+        """Bring no request."""
+
+    def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
+        raise NotImplementedError((question, request, timeout_s))
+
+    def close(self) -> None:
+        """Nothing to leave."""
+
+
 @dataclass(slots=True)
 class Program:
-    """A scheduler with its queue; what it does next is an event of the loop that names its
+    """A loop with its queue; what it does next is an event of the loop that names its
     ``turn``."""
 
     name: str
-    scheduler: Scheduler
+    loop: Loop
     queue: deque[Item] = field(default_factory=deque[Item])
     alive: bool = True
     busy: bool = False
@@ -45,59 +66,59 @@ class Program:
     """Payloads that were no message."""
 
     @property
-    def task(self) -> Task:
-        """What is under way."""
-        return self.scheduler.task(self.service)
+    def runner(self) -> Runner:
+        """The runner whose step is under way."""
+        return self.loop.runner(self.service)
 
-    def task_of(self, service: str) -> Task:
-        """The task of a service; of the only one where the program has another name."""
-        tasks = self.scheduler.tasks
-        return tasks[0] if len(tasks) == 1 else self.scheduler.task(service)
+    def runner_of(self, service: str) -> Runner:
+        """Return the runner of a service; the only one where the program has another name."""
+        runners = self.loop.runners
+        return runners[0] if len(runners) == 1 else self.loop.runner(service)
 
     @property
     def boots_alike(self) -> bool:
         """Whether each of its kind begins as it did, since it has no instrument."""
-        tasks = self.scheduler.tasks
-        return len(tasks) == 1 and tasks[0].node.service.instrument is None
+        runners = self.loop.runners
+        return len(runners) == 1 and runners[0].service.instrument is None
+
+    def ready(self, now_s: float) -> Runner | None:
+        """Return the first runner that messages have led to a step."""
+        return next((runner for runner in self.loop.runners if runner.ready(now_s)), None)
+
+    def due(self, now_s: float) -> Runner | None:
+        """Return the first runner whose timer asks for a step."""
+        return next((runner for runner in self.loop.runners if runner.due(now_s)), None)
 
     def kept_busy(self, now_s: float) -> tuple[Message, ...]:
-        """Tell the actuator beside what was under way how long that took."""
-        return self.scheduler.kept_busy(self.task, now_s - self.began_s, self.computed_s, now_s)
+        """Report to the actuator beside the step under way how long that took."""
+        return self.loop.kept_busy(self.runner, now_s - self.began_s, self.computed_s, now_s)
 
     def forked(self, memo: dict[int, Any]) -> "Program":
-        """Another program that goes on from here by itself; what never changes is shared."""
+        """Return a program that continues independently; what never changes is shared."""
         twin = copy(self)
-        twin.scheduler = _forked_scheduler(self.scheduler, memo)
+        twin.loop = _forked_loop(self.loop, memo)
         twin.queue = deque(self.queue)
         return twin
 
 
-def _forked_scheduler(scheduler: Scheduler, memo: dict[int, Any]) -> Scheduler:
-    tasks = {id(task): _forked_task(task, memo) for task in scheduler.tasks}
-    twin = copy(scheduler)
-    twin.tasks = [tasks[id(task)] for task in scheduler.tasks]
-    vars(twin)["_by_name"] = {task.node.service.name: task for task in twin.tasks}
-    twin.looking = None if scheduler.looking is None else tasks[id(scheduler.looking)]
+def _forked_loop(loop: Loop, memo: dict[int, Any]) -> Loop:
+    runners = {id(runner): forked_runner(runner, memo) for runner in loop.runners}
+    twin = copy(loop)
+    twin.runners = [runners[id(runner)] for runner in loop.runners]
+    vars(twin)["_by_name"] = {runner.service.name: runner for runner in twin.runners}
+    twin.looking = None if loop.looking is None else runners[id(loop.looking)]
     twin.takers = {
-        kind: [tasks[id(task)] for task in takers] for kind, takers in scheduler.takers.items()
+        kind: [runners[id(runner)] for runner in takers] for kind, takers in loop.takers.items()
     }
     return twin
 
 
-def _forked_task(task: Task, memo: dict[int, Any]) -> Task:
-    twin = copy(task)
-    twin.node = forked_node(task.node, memo)
-    twin.sequence_filter = task.sequence_filter.copy()
+def forked_runner(runner: Runner, memo: dict[int, Any]) -> Runner:
+    """Return a runner with the same state; its instrument is copied with the bench of ``memo``."""
+    twin = copy(runner)
+    inner, own = vars(runner), vars(twin)
+    twin.joiner = runner.joiner.copy()
     twin.stats = None
-    return twin
-
-
-def forked_node(node: Node, memo: dict[int, Any]) -> Node:
-    """Another node with the same state; its instrument is copied with the bench of ``memo``."""
-    twin = copy(node)
-    inner, own = vars(node), vars(twin)
-    own["_pending"] = deque(inner["_pending"])
-    own["_joins"] = inner["_joins"].copy()
-    own["_notes"] = copy(inner["_notes"])
+    own["_requests"] = copy(inner["_requests"])
     own["_device"] = deepcopy(inner["_device"], memo)
     return twin

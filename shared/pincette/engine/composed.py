@@ -14,7 +14,7 @@ from pincette.core.messages import GroundTruth, Message, Reset
 from pincette.core.topics import LOOP, RESET, TOPICS, Topic
 from pincette.engine.arming import arm
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.engine.simulated import devices_on, simulated_devices
 from pincette.sim.bench import Bench
 
@@ -37,10 +37,10 @@ class ComposedLoop:
             devices = simulated_devices(rig, self.bus.publish)
         else:
             devices = devices_on(bench(self.bus.publish), rig)
-        nodes = [
-            Node(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
+        runners = [
+            Runner(plugins.load(plugins.SERVICES, name), rig, devices.get(name)) for name in LOOP
         ]
-        self.bus.step_when_empty(Loop(nodes, self.bus, inline=True).step)
+        self.bus.step_when_empty(Loop(runners, self.bus, inline=True).step)
         self._published: list[Message] | None = None
 
     def play(self, program: Program, epoch: int = 1, calibration: str = "") -> list[Message]:

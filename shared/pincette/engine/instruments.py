@@ -25,7 +25,7 @@ NAMES = ("the first arm", "the second arm")
 
 
 class Instruments:
-    """Instruments of a node's service, and the operations on them.
+    """Instruments of a runner's service, and the operations on them.
 
     On a rig of two arms each fault has the number of its arm.
     """

@@ -1,8 +1,21 @@
-"""The loop of a program: one node or several, driven by a bus and a clock or step by step."""
+"""The loop of a program: its services, what comes for them, and which thread makes their steps.
+
+The thread that brings a message makes the step itself, one thread at a time; the program's own
+thread makes the steps that a timer asks for. To hand a message over from one thread to another
+takes longer than most steps. This is the pattern of leader and followers: D. C. Schmidt, M. Stal,
+H. Rohnert and F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
+
+The service nearest to the output steps first: the actuator notes a sample at its arrival, before
+anything is computed with it, and a command is put out before the next sample is read. So a tick
+passes through the services in its own order.
+"""
 
 import random
+import threading
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from math import inf
+from queue import Empty, SimpleQueue
 from time import monotonic, sleep, thread_time
 
 from msgspec.structs import replace
@@ -10,30 +23,36 @@ from msgspec.structs import replace
 from pincette.bus.protocol import Bus
 from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Message, Status
-from pincette.core.service import Slept
-from pincette.core.topics import Request, Topic
-from pincette.engine.inbox import Inbox
-from pincette.engine.node import Node
+from pincette.core.service import Busy, Slept
+from pincette.core.topics import LOOP, Request, Topic
 from pincette.engine.realtime.gc_tuning import Collector
 from pincette.engine.realtime.sleep_watch import SleepWatch
-from pincette.engine.scheduler import Outputs, Scheduler, Task
+from pincette.engine.runner import IDLE_S, Outputs, Runner
+from pincette.engine.timing_budget import PATIENCE_WAKES
 
 Reply = Callable[[Message | str], None]
-Item = tuple[Message, float] | tuple[str, Message, Reply]
-"""A sample and when it came; or a request to a service, with what takes the reply."""
+Item = tuple[Message, float, str, Reply | None]
+"""A message; when it came; and for a request the name of the service, and what takes the reply."""
 
 BACKLOG = 0.25
-"""Of a period: samples of a topic that come closer than this are a backlog."""
+"""Samples of a topic that come closer together than this, in periods, are a backlog."""
 SHUTDOWN_S = 3.0
 """Longest time an instrument may take to come to rest when its program is ended."""
+MAX_BATCH = 1000
+"""Largest number of items that are taken at once: then the clock is read again."""
+SAME_S = 2e-5
+"""Two times that differ by less are one timer, read twice."""
 
 
 class Loop:
-    """Takes messages, requests and time to the nodes, one at a time, and outputs to the bus."""
+    """Passes messages, requests and the time to its services, one at a time; publishes outputs.
+
+    Items are handled in the order in which they come, by one thread at a time.
+    """
 
     def __init__(
         self,
-        nodes: Iterable[Node],
+        runners: Iterable[Runner],
         bus: Bus,
         *,
         urgent: Collection[Topic] | None = None,
@@ -43,161 +62,315 @@ class Loop:
         sleep_watch: SleepWatch | None = None,
         refused: RefusedMessages | None = None,
     ) -> None:
-        """Join the bus; ``inline`` handles deliveries in the caller, who calls ``step`` in a loop.
+        """Join the bus.
 
-        ``urgent`` topics, which another program waits for, are published at once (None: all are),
-        the others when no step is ready. ``delay_s`` is the longest random delay, for tests.
-        ``refused`` counts what the bus refuses; the status of each service includes it.
+        Parameters
+        ----------
+        urgent
+            Topics that another program waits for: they are published at once (None: all are), the
+            others when no step is ready.
+        inline
+            Handle messages in the thread that brings them, which calls ``step`` repeatedly: for
+            lockstep in one process.
+        delay_s
+            Longest random delay before a message is published, for tests.
+        refused
+            Counts what the bus refuses; the status of each service includes it.
         """
-        self.scheduler = Scheduler(nodes)
+        self.runners: Sequence[Runner] = sorted(
+            runners, key=lambda runner: _priority(runner.service.name), reverse=True
+        )
+        """From the output to the sensor."""
+        self._by_name = {runner.service.name: runner for runner in self.runners}
+        topics = dict.fromkeys(
+            (item.topic, runner)
+            for runner in self.runners
+            for item in runner.service.inputs
+            if item.role != "pace" or runner.lockstep
+        )
+        self.takers: dict[type[Message], list[Runner]] = {}
+        """Runners that take a message, by its type."""
+        for topic, runner in topics:
+            self.takers.setdefault(topic.message, []).append(runner)
+        self.inputs = list(
+            dict.fromkeys(topic for topic, _ in topics if topic.producer not in self._by_name)
+        )
+        """Topics that come from other programs."""
+        self._internal = frozenset(
+            topic.message for topic, _ in topics if topic.producer in self._by_name
+        )
+        """Messages that one runner of this program passes to another."""
+        self._clocked = [runner for runner in self.runners if not runner.lockstep]
+        """Runners with a timer or statistics."""
+        looks = [one for one in self.runners if one.interval_s and not one.on_grid]
+        self.looking = looks[0] if looks and len(self.runners) > 1 else None
+        """The actuator, where it looks at its clock between steps of other services."""
+        self._look_s = (self.looking and self.looking.interval_s) or inf
+        """A step of another service that takes longer is reported to it."""
+        self._watches = self._look_s < inf
+
         self._bus = bus
         # Inline is lockstep, where only the number of a sample tells the time.
         self._now: Callable[[], float] = (lambda: 0.0) if inline else monotonic
         self._urgent = None if urgent is None else frozenset(one.message for one in urgent)
-        self._shares = bool(self.scheduler.internal)
-        tasks, self._takers = self.scheduler.tasks, self.scheduler.takers
-        self._wait_s = tasks[0].wait_s if len(tasks) == 1 else self.scheduler.wait_s
-        self._ready = self._only if len(tasks) == 1 else self.scheduler.ready
-        self._task = tasks[0]
-        self._clocked = [task for task in tasks if not task.node.lockstep]
-        """Those with a timer or statistics."""
         self._later: list[Message] = []
-        """What is to leave when no step is ready."""
+        """Messages that are published when no step is ready."""
         self._unfinished = False
         """Whether a step of the next tick is ready."""
-        looking = self.scheduler.looking
-        self._look_s = (looking and looking.interval_s) or inf
-        """A step that takes longer is told to the actuator of the same program."""
-        self._watches = self._look_s < inf
         self._collector = Collector()
         self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
-        self._inbox = Inbox[Item](self.turn)
-        self._bring: Callable[[Item], None] = self._take if inline else self._inbox.bring
-        backlog_s = 0.0 if tasks[0].node.lockstep else BACKLOG * tasks[0].node.period_s
-        self._backlog_s = backlog_s
-        self._came_s: dict[type[Message], float] = {}
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
         self._refused = refused
-        for topic in self.scheduler.inputs:
-            bus.subscribe(topic, self._on_message)
-        for task in tasks:
-            for request in task.node.service.requests:
-                bus.serve(request, self._on_request)
 
-    def _on_message(self, topic: Topic, message: Message) -> None:
+        self._queue: deque[Item] = deque()
+        self._running = threading.Lock()
+        """Held while a thread handles items; by the program's own thread until it waits."""
+        self._running.acquire()
+        self._nudges: SimpleQueue[None] = SimpleQueue()
+        """Wakes the program's own thread."""
+        self._wakes_s = inf
+        """Time at which that thread wakes without being woken."""
+        self._stopped = False
+        self._failure: Exception | None = None
+        self._submit: Callable[[Item], object] = self._take if inline else self.submit
+
+        first = self.runners[0]
+        self._wait_s = first.wait_s if len(self.runners) == 1 else self.wait_s
+        self._backlog_s = 0.0 if first.lockstep else BACKLOG * first.period_s
+        self._came_s: dict[type[Message], float] = {}
+        for topic in self.inputs:
+            bus.subscribe(topic, self.receive)
+        for runner in self.runners:
+            for request in runner.service.requests:
+                bus.serve(request, self._receive_request)
+
+    def runner(self, service: str) -> Runner:
+        """Return the runner of one service."""
+        return self._by_name[service]
+
+    def receive(self, topic: Topic, message: Message) -> None:
+        """Take a message from the bus, in the thread that brings it."""
         now, kind = self._now(), topic.message
-        before_s = self._came_s.get(kind, -inf)
-        self._came_s[kind] = now
-        if now - before_s < self._backlog_s:
-            self._inbox.leave((message, now))  # only the newest sample will count
-        else:
-            self._bring((message, now))
+        if self._backlog_s:
+            before_s = self._came_s.get(kind, -inf)
+            self._came_s[kind] = now
+            if now - before_s < self._backlog_s:
+                self.defer((message, now, "", None))  # only the newest sample will count
+                return
+        self._submit((message, now, "", None))
 
-    def _on_request(self, request: Request, message: Message, reply: Reply) -> None:
-        self._bring((request.service, message, reply))
+    def _receive_request(self, request: Request, message: Message, reply: Reply) -> None:
+        self._submit((message, self._now(), request.service, reply))
+
+    def submit(self, item: Item) -> None:
+        """Queue an item, and handle it here unless another thread is handling items.
+
+        That thread checks for new items before it leaves.
+        """
+        queue = self._queue
+        queue.append(item)
+        while not self._stopped:
+            if not self._running.acquire(blocking=False):
+                return
+            try:
+                self._wake_by(monotonic() + self.run_once())
+            except Exception as error:  # noqa: BLE001  the program's own thread raises it
+                self._failure = error
+                self.stop()
+            finally:
+                self._running.release()
+            if not queue:
+                return
+
+    def defer(self, item: Item) -> None:
+        """Queue an item for the program's own thread: more may come until it wakes."""
+        self._queue.append(item)
+        self._wake_by(-inf)
+
+    def drain(self) -> float:
+        """Take all that is queued, and return the time; for the thread that handles items."""
+        queue = self._queue
+        if not queue:
+            return self._now()
+        now = -inf
+        for _ in range(MAX_BATCH):
+            if not queue:  # certain, since only the thread that handles items removes them
+                break
+            now = self._take(queue.popleft())
+        return now
+
+    def _wake_by(self, wakes_s: float) -> None:
+        """Wake the program's own thread if it would wake after that time."""
+        if wakes_s < self._wakes_s - SAME_S:
+            self._wakes_s = wakes_s
+            self._nudges.put(None)
 
     def stop(self) -> None:
         """End the loop; may be called from a signal handler."""
-        self._inbox.stop()
+        self._stopped = True
+        self._nudges.put(None)
+
+    def begin(self, now: float) -> None:
+        """Start every timer."""
+        for runner in self.runners:
+            runner.begin(now)
 
     def run(self) -> None:
-        """Run until stopped; the instruments come to rest also where a service has failed."""
-        self.scheduler.begin(self._now())
+        """Run until stopped; the instruments come to rest also where a service has failed.
+
+        Raises what a step has raised in any thread.
+        """
+        self.begin(self._now())
         try:
-            self._inbox.run()
+            while not self._stopped:
+                self._let_others_run(self.run_once())
+            if self._failure is not None:
+                raise self._failure
         finally:
             self._shut_down()
 
-    def turn(self) -> float:
-        """Take what has come, make every step that is ready, and those that a timer asks for.
+    def _let_others_run(self, wait_s: float) -> None:
+        """Let other threads handle items until a timer is due or another thread wakes this one."""
+        self._wakes_s = monotonic() + wait_s
+        self._running.release()
+        try:
+            if not self._queue:
+                self._nudges.get(timeout=wait_s)
+        except Empty:
+            pass
+        finally:
+            self._running.acquire()
+
+    def run_once(self) -> float:
+        """Take what has come, and make every step that is ready or that a timer asks for.
 
         Returns for how many seconds nothing is to be done unless something comes.
         """
-        self._inbox.take(self._take)
-        if self._clocked and (slept_s := self._sleep.slept_s()):
-            for task in self._clocked:
-                self._emit(task.node.told(Slept(slept_s), self._now()))
-        now = self._make_ready_steps()
-        for task in self._clocked:
-            if task.due(now):
+        now = self.drain()
+        clocked = self._clocked
+        if clocked:
+            if slept_s := self._sleep.slept_s():
+                for runner in clocked:
+                    self._emit(runner.account_for(Slept(slept_s), self._now()))
+            now = self._now()
+        now = self._make_ready_steps(now)
+        for runner in clocked:
+            if runner.due(now):
                 began_cpu_s = thread_time() if self._watches else 0.0
-                self._emit(task.tick(now))
-                task.finish_tick(self._now())
+                self._emit(runner.tick(now))
+                runner.settle(self._now())
                 if self._watches:
-                    self._tell_busy(task, now, began_cpu_s)
-                now = self._make_ready_steps()
+                    self._report_busy(runner, now, began_cpu_s)
+                now = self._make_ready_steps(self._now())
         if self._later:
             self._flush()
-        if self._inbox.empty():
-            for task in self._clocked:
-                if timing := task.timing(now):
+        if not self._queue:
+            for runner in clocked:
+                if timing := runner.timing(now):
                     self._publish(timing)
                     break  # of the others in the next turns, or a tick would wait for all
             self._collector.collect_if_due()
-        return 0.0 if self._unfinished else self._wait_s(self._now())
+        if self._unfinished:
+            return 0.0
+        return self._wait_s(self._now()) if clocked else IDLE_S
 
     def step(self) -> bool:
         """Make one step that is ready; false where there is none."""
         now = self._now()
-        task = self.scheduler.ready(now)
-        if task is None:
-            return False
-        self._emit(task.fire(now))
-        task.finish(now)
-        return True
+        for runner in self.runners:
+            outputs = runner.fire(now)
+            if outputs is not None:
+                self._emit(outputs)
+                runner.settle(now)
+                return True
+        return False
 
-    def _only(self, now: float) -> Task | None:
-        """What ``Scheduler.ready`` says of one task, in half the time."""
-        return self._task if self._task.node.due(now) else None
-
-    def _make_ready_steps(self) -> float:
-        """Make every step that is ready, of one tick at most; returns the time after them."""
+    def _make_ready_steps(self, now: float) -> float:
+        """Make every step that is ready, of one tick at most; return the time after them."""
         # In lockstep a next tick is always ready, and requests must be answered between two.
-        ready, stepped, now = self._ready, False, self._now()
-        while (task := ready(now)) is not None:
-            if stepped and task.starts_tick:
-                self._unfinished = True
-                return now
-            began_s, began_cpu_s = now, thread_time() if self._watches else 0.0
-            self._emit(task.fire(now))
-            now = self._now()
-            task.finish(now)
-            if self._watches:
-                now = self._tell_busy(task, began_s, began_cpu_s)
-            stepped = True
-        self._unfinished = False
+        self._unfinished = stepped = False
+        watches, fired = self._watches, True
+        while fired:
+            fired, began_cpu_s = False, thread_time() if watches else 0.0
+            for runner in self.runners:
+                if not runner.joiner.pending:
+                    continue
+                if stepped and runner.starts_tick:
+                    if runner.ready(now):
+                        self._unfinished = True
+                        return now
+                    continue
+                outputs = runner.fire(now)
+                if outputs is None:
+                    continue
+                began_s = now
+                self._emit(outputs)
+                now = self._now()
+                runner.settle(now)
+                if watches:
+                    now = self._report_busy(runner, began_s, began_cpu_s)
+                stepped = fired = True
+                break  # from the output on again
         return now
 
-    def _tell_busy(self, task: Task, began_s: float, began_cpu_s: float) -> float:
-        """Tell the actuator how long a step of another service took; returns the time after it."""
+    def _report_busy(self, runner: Runner, began_s: float, began_cpu_s: float) -> float:
+        """Report to the actuator how long a step of another service took; return the time now."""
         now = self._now()
         took_s = now - began_s
         if took_s > self._look_s:
             computed_s = thread_time() - began_cpu_s
-            self._emit(self.scheduler.kept_busy(task, took_s, computed_s, now))
+            self._emit(self.kept_busy(runner, took_s, computed_s, now))
         return now
 
+    def kept_busy(self, runner: Runner, took_s: float, computed_s: float, now: float) -> Outputs:
+        """Let the actuator account for a step of another service that has kept the program busy.
+
+        The time that it computed is no standstill, nor is the longest wait for an instrument.
+        """
+        looking = self.looking
+        look_s = None if looking is None else looking.interval_s
+        if looking is None or looking is runner or look_s is None or took_s <= look_s:
+            return ()
+        waited_s = min(took_s, PATIENCE_WAKES * look_s)
+        return looking.account_for(Busy(max(waited_s, computed_s)), now)
+
+    def wait_s(self, now: float) -> float:
+        """Return the longest time to wait for something to come."""
+        return min([runner.wait_s(now) for runner in self.runners])
+
     def _shut_down(self) -> None:
-        for task in self.scheduler.tasks:
-            node, deadline = task.node, self._now() + SHUTDOWN_S
-            interval_s = task.interval_s or node.period_s
-            while not node.shutdown(self._now()) and self._now() < deadline:
-                self._emit(node.wake(self._now()))
+        for runner in self.runners:
+            deadline = self._now() + SHUTDOWN_S
+            interval_s = runner.interval_s or runner.period_s
+            while not runner.shutdown(self._now()) and self._now() < deadline:
+                self._emit(runner.tick(self._now()))
                 self._flush()
                 sleep(interval_s)
 
-    def _take(self, item: Item) -> None:
-        if len(item) == 2:
-            message, came_at = item
-            now = self._now()
-            for task in self._takers.get(type(message), ()):
-                task.accept(message, now, came_at)
-            return
-        service, request, reply = item
-        answer, outputs = self.scheduler.task(service).call(request, self._now())
+    def deliver(self, message: Message, now: float, came_at: float | None = None) -> None:
+        """Pass a message to the runners that take it; it came at ``came_at``, or just now."""
+        for runner in self.takers.get(type(message), ()):
+            runner.take(message, now, came_at)
+
+    def share(self, outputs: Outputs, now: float) -> None:
+        """Pass the outputs of one runner to the others that take them."""
+        for message in outputs:
+            if type(message) in self._internal:
+                self.deliver(message, now)
+
+    def _take(self, item: Item) -> float:
+        """Take an item, and return the time."""
+        message, came_at, service, reply = item
+        now = self._now()
+        if reply is None:
+            for runner in self.takers[type(message)]:
+                runner.take(message, now, came_at)
+            return now
+        answer, outputs = self._by_name[service].call(message, now)
         self._emit(outputs)
         self._flush()
         reply(self._with_refused(answer) if isinstance(answer, Status) else answer)
+        return self._now()
 
     def _with_refused(self, status: Status) -> Status:
         """Add to a status what the program's bus has refused."""
@@ -212,9 +385,9 @@ class Loop:
         )
 
     def _emit(self, outputs: Outputs) -> None:
-        """Share with the other nodes; publish what is urgent, and keep the rest for later."""
-        if self._shares:
-            self.scheduler.share(outputs, self._now())
+        """Share outputs with the other runners; publish urgent ones, and keep others for later."""
+        if self._internal:
+            self.share(outputs, self._now())
         urgent = self._urgent
         if urgent is None:
             if self._delay_s:
@@ -240,3 +413,7 @@ class Loop:
             sleep(self._random.uniform(0.0, self._delay_s))
         for output in outputs:
             self._bus.publish(output)
+
+
+def _priority(service: str) -> int:
+    return LOOP.index(service) if service in LOOP else 0

@@ -31,12 +31,12 @@ from pincette.engine import logs
 from pincette.engine.boot_note import FIRST, BootNote, boot_note
 from pincette.engine.instrument import open_device
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.peers import wait_for_peers
 from pincette.engine.program import Context
 from pincette.engine.realtime.gc_tuning import disable_gc, freeze_gc
 from pincette.engine.realtime.os_scheduling import raise_priority
 from pincette.engine.rig_file import serve_rig_file
+from pincette.engine.runner import Runner
 from pincette.engine.threads import FailedThreads
 from pincette.engine.timing_budget import shared_timeout_s
 from pincette.instruments.line.counts import LineCounts, counting
@@ -56,7 +56,7 @@ MOST_FILES = 4096
 
 FAILED = FailedThreads()
 """Threads of this process that ended with an error."""
-Notes = dict[Node, BootNote]
+Notes = dict[Runner, BootNote]
 """Of the services for which it matters how they ended before."""
 
 CannotStart = (
@@ -184,20 +184,20 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
     participants = loop_programs(rig)
     with ExitStack() as stack:
         notes: Notes = {}
-        nodes = _opened(name, rig, options.data, notes, stack)
+        runners = _opened(name, rig, options.data, notes, stack)
         config = service_endpoint(rig, name, participants)
         bus = ZenohBus(config, rig.rig.name, name)
         stack.callback(bus.close)
-        urgent = awaited(name, participants, lockstep=rig.lockstep) if len(nodes) > 1 else None
+        urgent = awaited(name, participants, lockstep=rig.lockstep) if len(runners) > 1 else None
         loop = Loop(
-            nodes,
+            runners,
             bus,
             urgent=urgent,
             delay_s=options.delay_s,
             delay_seed=options.delay_seed,
             refused=bus.refused,
         )
-        for topic in (topic for node in nodes for topic in node.service.outputs):
+        for topic in (topic for runner in runners for topic in runner.service.outputs):
             bus.declare(topic)
         for service in member_services(name):
             bus.declare(REQUEST_LOG, service)
@@ -216,27 +216,30 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
             for note in notes.values():
                 note.begin()
             loop.run()
-            for node, note in notes.items():
-                note.end(node.ending, node.instance)
+            for runner, note in notes.items():
+                note.end(runner.ending, runner.instance)
 
 
-def _opened(name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack) -> Sequence[Node]:
-    """The nodes of a program with their instruments, which are given back at the end."""
+def _opened(
+    name: str, rig: RigFile, data: Path, notes: Notes, stack: ExitStack
+) -> Sequence[Runner]:
+    """Return the runners of a program with their instruments, which ``stack`` closes."""
     services = [plugins.load(plugins.SERVICES, one) for one in member_services(name)]
     at_most_s = shared_timeout_s(rig, services)
-    nodes: list[Node] = []
+    runners: list[Runner] = []
     for service in services:
         counts = LineCounts()
         with counting(counts):
             device = open_device(service, rig, at_most_s)
         note = boot_note(rig, service.name, data) if service.ending is not None else None
         before = FIRST if note is None else note.found()
-        node = Node(service, rig, device, secrets.randbits(48), before=before, line_counts=counts)
-        nodes.append(node)
-        stack.callback(node.close)
+        instance = secrets.randbits(48)
+        runner = Runner(service, rig, device, instance, before=before, line_counts=counts)
+        runners.append(runner)
+        stack.callback(runner.close)
         if note is not None:
-            notes[node] = note
-    return nodes
+            notes[runner] = note
+    return runners
 
 
 def _run_other(name: str, file: RigFile, stop: threading.Event, options: Options) -> None:

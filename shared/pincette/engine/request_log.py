@@ -113,31 +113,35 @@ class RequestRecorder:
         self._service = service
         self._load: Load | None = None
         """What the next arming plays."""
-        self.newest: Sample | None = None
-        """The sample that the service stepped with last."""
 
-    def taken(self, request: Message, config: Any, state: Any) -> tuple[RequestLog, ...]:
-        """Log a request that was accepted; a program is logged with the arming of its epoch."""
+    def taken(
+        self, request: Message, config: Any, state: Any, newest: Sample | None
+    ) -> tuple[RequestLog, ...]:
+        """Log a request that was accepted; a program is logged with the arming of its epoch.
+
+        ``newest`` is the sample of the service's newest step.
+        """
         match request:
             case Load():
                 self._load = request
                 return ()
             case Arm():
                 carried = snapshot(self._service, config, state)
-                armed = self._entry(state, arm=request, state_snapshot=carried)
-                loaded = () if self._load is None else (self._entry(state, load=self._load),)
+                armed = self._entry(state, newest, arm=request, state_snapshot=carried)
+                loaded = (
+                    () if self._load is None else (self._entry(state, newest, load=self._load),)
+                )
                 return *loaded, armed
             case Action():
-                return (self._entry(state, action=request),)
+                return (self._entry(state, newest, action=request),)
             case Trip():
-                return (self._entry(state, trip=request),)
+                return (self._entry(state, newest, trip=request),)
             case Reset():
-                return (self._entry(state, reset=request),)
+                return (self._entry(state, newest, reset=request),)
             case _:
                 return ()
 
-    def _entry(self, state: Any, **request: Any) -> RequestLog:
-        sample = self.newest
+    def _entry(self, state: Any, sample: Sample | None, **request: Any) -> RequestLog:
         if sample is not None and sample.epoch != state.epoch:
             sample = None  # of the epoch before
         return RequestLog(

@@ -74,9 +74,9 @@ class Alone:
 
         ``each`` is called before every input, ``sent`` after every message.
         """
-        node, _ = service_alone(service or self.service, *self._run)
+        runner, _ = service_alone(service or self.service, *self._run)
         bus = NullBus()
-        loop = Loop([node], bus)
+        loop = Loop([runner], bus)
 
         def play() -> None:
             while loop.step():
@@ -86,7 +86,7 @@ class Alone:
                 if each is not None:
                     each()
                 bus.deliver(topic, payload)
-                loop.turn()
+                loop.run_once()
 
         return play
 

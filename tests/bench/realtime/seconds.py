@@ -11,7 +11,7 @@ from typing import cast
 
 from pincette.core.messages import Message, Timing
 from pincette.core.topics import TIMING, Topic
-from pincette.engine.node import JOIN_WAIT_PERIODS
+from pincette.engine.joiner import JOIN_WAIT_PERIODS
 from tests.bench.realtime.rigs import TOLD, Rig
 from tests.support.stalls import STALL_S, StallRecorder
 

@@ -34,7 +34,7 @@ def test_a_day_without_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
     with capsys.disabled():
         print(
             f"\n{loop.now_s / 3600.0:.1f} h of virtual time in {took_s:.0f} s, {grips} grips, "
-            f"{loop.node('sensor').steps} samples; memory grew by {growth_kB} kB"
+            f"{loop.runner('sensor').steps} samples; memory grew by {growth_kB} kB"
         )
     assert growth_kB < GROWTH_KB
 
@@ -47,7 +47,7 @@ def memory_kB() -> int:
 def live(loop: VirtualLoop, for_s: float) -> int:
     """Grip again and again; how often."""
     until_s, grips = loop.now_s + for_s, 0
-    epoch = loop.node("actuator").state.epoch
+    epoch = loop.runner("actuator").state.epoch
     loop.told = None
     while True:
         assert loop.run(loop.now_s + LONGEST_S, lambda: loop.newest.state == "idle")
@@ -64,7 +64,7 @@ def check(loop: VirtualLoop) -> None:
     """No trip, no refusal, no tick missed, and a part that was gripped."""
     states = {echo.state for _, echo in loop.applied}
     assert states <= {"latched", "idle", "armed"}, states
-    view = loop.node("controller").state.player
+    view = loop.runner("controller").state.player
     assert view.outcome == "gripped", f"{view.outcome} at {loop.now_s:.0f} s"
     for name, program in loop.programs.items():
         status = loop.call(name, StatusRequest())
@@ -72,6 +72,6 @@ def check(loop: VirtualLoop) -> None:
         assert (program.refused, status.missed) == (0, 0), status
         # Samples of the idle loop that are on their way while it is being armed are of the epoch
         # before, and rightly not taken.
-        assert status.refused <= 4 * loop.node("actuator").state.epoch, status
+        assert status.refused <= 4 * loop.runner("actuator").state.epoch, status
     loop.applied = loop.applied[-1:]
     loop.put_out = loop.put_out[-1:]

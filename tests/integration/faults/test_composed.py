@@ -138,7 +138,7 @@ def test_where_the_program_dies_the_output_s_module_is_safe_by_itself(state: str
 
 def test_what_is_no_number_inside_a_program_never_becomes_a_voltage() -> None:
     loop = loop_in("approach", "loop")
-    loop.task("estimator").node.service = _without_numbers(ESTIMATOR)
+    loop.runner("estimator").service = _without_numbers(ESTIMATOR)
     begun_s = loop.now_s
     loop.run(begun_s + 2.0 * REACTION_S)
     assert any(

@@ -25,7 +25,7 @@ def echoes(loop: VirtualLoop) -> list[Applied]:
 
 
 def newest(loop: VirtualLoop) -> int:
-    return loop.node("actuator").state.epoch
+    return loop.runner("actuator").state.epoch
 
 
 def commands(loop: VirtualLoop) -> list[Command]:
@@ -57,10 +57,10 @@ def status(loop: VirtualLoop) -> Status:
 def test_of_two_controllers_the_first_keeps_the_rig_and_the_second_is_refused() -> None:
     for state in ("approach", "hold", "paused"):
         loop = place(state).loop.fork(3)
-        owner = loop.node("controller").instance
+        owner = loop.runner("controller").instance
         loop.add_rival(PROGRAM, EPOCH)
         loop.run(loop.now_s + WATCHED_S)
-        rival = loop.node("rival").instance
+        rival = loop.runner("rival").instance
         assert rival != owner
         assert len([item for item in commands(loop) if item.owner == rival and item.valid]) > 40
         check_obeys(loop, owner)
@@ -74,7 +74,7 @@ def test_a_second_controller_is_refused_the_arming() -> None:
     loop.add_rival(PROGRAM, EPOCH)
     loop.arm(PROGRAM, EPOCH + 1)
     loop.run(loop.now_s + 0.2)
-    check_obeys(loop, loop.node("controller").instance, least_share=0.1)
+    check_obeys(loop, loop.runner("controller").instance, least_share=0.1)
 
 
 def test_old_commands_again_are_refused_one_by_one() -> None:
@@ -91,7 +91,7 @@ def test_old_commands_again_are_refused_one_by_one() -> None:
         payload = encode(forged if count % 2 else again)
         loop.call_at(at_s, partial(stranger_says, payload=payload))
     loop.run(loop.now_s + WATCHED_S)
-    check_obeys(loop, loop.node("controller").instance)
+    check_obeys(loop, loop.runner("controller").instance)
     assert status(loop).refused - before >= 190
 
 
@@ -120,14 +120,14 @@ def test_a_flood_of_other_epochs_pushes_out_nothing_that_counts(
         deed = partial(stranger_says, payload=encode(forged), to=listener)
         loop.call_at(begun_s + number * WATCHED_S / count, deed)
     loop.run(begun_s + WATCHED_S)
-    check_obeys(loop, loop.node("controller").instance)
+    check_obeys(loop, loop.runner("controller").instance)
 
 
 def test_a_flood_of_forged_and_broken_commands_is_refused_and_the_loop_goes_on() -> None:
     """Ten times the rate: other owners, other epochs, the future, the past, and no messages."""
     loop = place("approach").loop.fork(5)
     chance = random.Random(5)
-    good = Command(EPOCH, 0, loop.node("controller").instance, 3.9, True, False, False, True)
+    good = Command(EPOCH, 0, loop.runner("controller").instance, 3.9, True, False, False, True)
     begun_s, count = loop.now_s, round(TIMES_THE_RATE * WATCHED_S / T)
     for number in range(count):
         forged = replace(good, seq=chance.choice((-1, 0, 1, 2**40, chance.randrange(200))))

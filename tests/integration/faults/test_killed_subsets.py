@@ -75,7 +75,7 @@ def tries(
     for _ in range(3):
         reason = supervisor.before_a_job()
         loop.run(loop.now_s + 2.0 * T)
-        mode = loop.node("actuator").state.mode
+        mode = loop.runner("actuator").state.mode
         if tripped:
             assert mode == "latched", f"{said}: {mode} without a person"
             assert reason is not None, f"{said}: a job would begin"
@@ -85,7 +85,7 @@ def tries(
         assert isinstance(loop.call("actuator", Reset(acknowledge=False)), str), said
         supervisor.health.reset()
         loop.run(loop.now_s + 2.0 * T)
-        assert loop.node("actuator").state.mode == "idle", said
+        assert loop.runner("actuator").state.mode == "idle", said
         assert supervisor.before_a_job() is None, said
 
 
@@ -118,4 +118,4 @@ def test_a_rig_that_nobody_has_killed_asks_nobody() -> None:
     loop = VirtualLoop(place("idle").loop.rig)
     loop.run(3.0 * T)
     assert VirtualSupervisor(loop, Notes()).before_a_job() is None
-    assert loop.node("actuator").state.mode == "idle"
+    assert loop.runner("actuator").state.mode == "idle"

@@ -21,8 +21,7 @@ from pincette.core.messages import (
     Sample,
     Telemetry,
 )
-from pincette.engine.node import Node
-from pincette.engine.scheduler import Task
+from pincette.engine.runner import Runner
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_controller import SERVICE as CONTROLLER
 from pincette_estimator import SERVICE as ESTIMATOR
@@ -80,28 +79,29 @@ def in_order(seqs: Sequence[int]) -> list[int]:
     return kept
 
 
-def turns_of(service: str, output: Tape | None = None) -> Task:
+def turns_of(service: str, output: Tape | None = None) -> Runner:
     known = {"estimator": ESTIMATOR, "controller": CONTROLLER, "actuator": ACTUATOR}[service]
-    task = Task(Node(known, RIG, output, 1))
-    task.begin(0.0)
+    runner = Runner(known, RIG, output, 1)
+    runner.begin(0.0)
     questions: dict[str, list[Message]] = {
         "controller": [Load(PROGRAM)],
         "actuator": [Reset(acknowledge=True)],
     }
     owner = cast(Command, recorded()[Command][0]).owner
-    task.node.instance = owner
+    runner.instance = owner
     for question in (*questions.get(service, []), Arm(EPOCH, owner, RIG.digest())):
-        reply, _ = task.call(question, 0.0)
+        reply, _ = runner.call(question, 0.0)
         assert not isinstance(reply, str), reply
-    return task
+    return runner
 
 
-def stepped(task: Task, samples: Sequence[Sample], now: float) -> list[Message]:
+def stepped(runner: Runner, samples: Sequence[Sample], now: float) -> list[Message]:
     for sample in samples:
-        task.accept(sample, now)
+        runner.take(sample, now)
     said: list[Message] = []
-    while task.node.due(now + T):
-        said += task.node.fire(now)
+    for at_s in (now, now + T):
+        while (outputs := runner.fire(at_s)) is not None:
+            said += outputs
     return said
 
 
@@ -110,29 +110,29 @@ def by_seq(kind: type[Message], seq: int) -> list[Sample]:
 
 
 def estimates(seqs: Sequence[int]) -> list[Message]:
-    task = turns_of("estimator")
+    runner = turns_of("estimator")
     said: list[Message] = []
     for seq in seqs:
-        said += stepped(task, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
+        said += stepped(runner, [*by_seq(Applied, seq - 1), *by_seq(Position, seq)], 1.0)
     return said
 
 
 def commands(seqs: Sequence[int]) -> list[Message]:
-    task = turns_of("controller")
+    runner = turns_of("controller")
     said: list[Message] = []
     for seq in seqs:
-        said += stepped(task, by_seq(Estimate, seq), 1.0)
+        said += stepped(runner, by_seq(Estimate, seq), 1.0)
     return [message for message in said if isinstance(message, Command | Telemetry)]
 
 
 def voltages(seqs: Sequence[int]) -> list[float]:
     tape = Tape()
-    task = turns_of("actuator", tape)
+    runner = turns_of("actuator", tape)
     newest, now = -1, 0.0
     for seq in seqs:
         now += T * (seq > newest)
         newest = max(seq, newest)
-        stepped(task, [*by_seq(Position, seq), *by_seq(Command, seq)], now)
+        stepped(runner, [*by_seq(Position, seq), *by_seq(Command, seq)], now)
     return tape.put_V
 
 
@@ -178,4 +178,4 @@ def test_a_loop_whose_messages_all_come_twice_does_what_it_did(seed: int) -> Non
     assert len(once) > 45
     assert [view.x_r_um for view in once] == [view.x_r_um for view in twice]
     assert {echo.state for _, echo in loops[1].applied} == {"armed"}
-    assert loops[1].node("estimator").refused > 40
+    assert loops[1].runner("estimator").refused > 40

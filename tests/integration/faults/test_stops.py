@@ -36,7 +36,7 @@ def test_an_emergency_stop_acts_within_a_period_in_every_state(state: str, let_g
     for phase in PLACES_IN_THE_PERIOD:
         loop = place(state).loop.fork(round(100 * phase))
         loop.run(loop.now_s + phase * T)
-        held = loop.node("actuator").state.part_held
+        held = loop.runner("actuator").state.part_held
         asked_s, put_out = loop.now_s, len(loop.put_out)
         loop.must("actuator", Trip(Cause.ESTOP, release_now=let_go))
         loop.run(asked_s + T + BUS_S)
@@ -72,7 +72,7 @@ def test_after_a_trip_nothing_moves_until_a_person_has_reset_it(state: str) -> N
     latched_s = loop.now_s
     loop.restart("controller")
     loop.must("controller", Load(PROGRAM))
-    owner = loop.node("controller").instance
+    owner = loop.runner("controller").instance
     loop.must("controller", Arm(EPOCH, owner, loop.rig.digest()))
     for question in (Arm(EPOCH + 1, owner, loop.rig.digest()), Reset(acknowledge=False)):
         assert isinstance(loop.call("actuator", question), str)
@@ -117,7 +117,7 @@ def test_the_output_s_module_is_safe_by_itself_where_the_actuator_dies(state: st
     assert loop.put_out_by_module() == 0.0
     loop.restart("actuator")
     loop.run(loop.now_s + 0.5)
-    booted = loop.node("actuator").state
+    booted = loop.runner("actuator").state
     assert (booted.mode, booted.cause) == ("latched", "restart")
     reply = loop.call("actuator", Arm(EPOCH + 1, 1, loop.rig.digest()))
     assert isinstance(reply, str)
@@ -139,7 +139,7 @@ def test_a_restarted_actuator_waits_for_a_person_and_takes_over_the_voltage() ->
     loop.run(loop.now_s + 2.0 * T)
     loop.restart("actuator")
     loop.run(loop.now_s + 0.3)
-    state = loop.node("actuator").state
+    state = loop.runner("actuator").state
     assert (state.mode, state.cause) == ("latched", "restart")
     assert abs(state.arms[0].voltage_V - stood_V) <= 0.001
     assert loop.put_out[-1][1] == stood_V

@@ -15,7 +15,7 @@ import pytest
 
 from pincette.config import RigFile, read_rig
 from pincette.core.messages import Applied, Arm, Command, Position, Reset
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.instruments.icpdas_i7024 import I7024, I7024Options
 from pincette.instruments.line.memory_link import MemoryLink
 from pincette.instruments.protocols import InstrumentError, Link, VoltageOutput
@@ -118,8 +118,8 @@ class Stage:
     def __init__(self, name: str) -> None:
         self.rig = demo_rig_file()
         self.wired = Wired(name)
-        self.node = Node(SERVICE, self.rig, self.wired.output, check_timing=False)
-        self.wake_s = self.node.config.age.wake_s
+        self.runner = Runner(SERVICE, self.rig, self.wired.output, check_timing=False)
+        self.wake_s = self.runner.config.age.wake_s
         self.seq, self.epoch = 0, 0
         self.echoes: list[tuple[float, Applied]] = []
         self.wanted_V = 0.0
@@ -134,13 +134,13 @@ class Stage:
         self.echoes += [(self.now_s, one) for one in outputs if isinstance(one, Applied)]
 
     def ask(self, request: Any) -> Any:
-        reply, outputs = self.node.call(request, self.now_s)
+        reply, outputs = self.runner.call(request, self.now_s)
         self._keep(outputs)
         return reply
 
     def arm(self) -> Any:
         self.epoch, self.seq = self.epoch + 1, 0
-        self.wanted_V = self.node.state.arms[0].voltage_V
+        self.wanted_V = self.runner.state.arms[0].voltage_V
         return self.ask(Arm(self.epoch, 5, self.rig.digest()))
 
     def run(self, for_s: float, chance: random.Random, *, samples: bool = True) -> None:
@@ -152,21 +152,21 @@ class Stage:
             if samples and self.now_s >= self.due_s:
                 self.due_s = self.now_s + T
                 self._tick()
-            self._keep(self.node.wake(self.now_s))
+            self._keep(self.runner.tick(self.now_s))
 
     def _tick(self) -> None:
-        self.node.accept(Position(self.epoch, self.seq, self.now_s, 1.0, True), self.now_s)
-        self._keep(self.node.fire(self.now_s))
+        self.runner.take(Position(self.epoch, self.seq, self.now_s, 1.0, True), self.now_s)
+        self._keep(self.runner.fire(self.now_s) or ())
         self.wired.now_s += 0.003
         self.wanted_V = min(HIGH_V, self.wanted_V + 0.15)
         command = Command(self.epoch, self.seq, 5, self.wanted_V, False, False, False, True)
-        self.node.accept(command, self.now_s)
-        self._keep(self.node.fire(self.now_s))
+        self.runner.take(command, self.now_s)
+        self._keep(self.runner.fire(self.now_s) or ())
         self.seq += 1
 
     def most_step_V(self) -> float:
         """The largest step of a ramp, or of a command."""
-        limits = self.node.config
+        limits = self.runner.config
         slew_V = limits.arms[0].voltage.slew_V
         return max(slew_V, HIGH_V * 2.5 * limits.age.wake_s / limits.ramp_s) + 0.002
 
@@ -249,14 +249,14 @@ def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job
     stage.arm()
     stage.run(CLIMB_S, chance)
     final = Command(stage.epoch, stage.seq, 5, HIGH_V, False, False, True, True)
-    stage.node.accept(Position(stage.epoch, stage.seq, stage.now_s, 1.0, True), stage.now_s)
-    stage.node.fire(stage.now_s)
-    stage.node.accept(final, stage.now_s)
-    stage.node.fire(stage.now_s)
-    assert stage.node.state.mode == "idle"
+    stage.runner.take(Position(stage.epoch, stage.seq, stage.now_s, 1.0, True), stage.now_s)
+    stage.runner.fire(stage.now_s)
+    stage.runner.take(final, stage.now_s)
+    stage.runner.fire(stage.now_s)
+    assert stage.runner.state.mode == "idle"
     stage.wired.begin("power cycle", 0.0)
     stage.arm()
-    assert stage.node.state.arms[0].voltage_V == 0.0
+    assert stage.runner.state.arms[0].voltage_V == 0.0
     stage.run(CLIMB_S, chance)
     check_steps(stage, name)
 

@@ -27,7 +27,7 @@ def a_known_arm() -> VirtualLoop:
     """In the hold of its second grip, with no doubt about the arm's past."""
     loop = begun()
     ends(loop)
-    task = loop.node("estimator")
+    task = loop.runner("estimator")
     task.state = replace(task.state, unknown=replace(task.state.unknown, known=True))
     loop.arm(PROGRAM, EPOCH + 1)
     return loop
@@ -81,13 +81,13 @@ GONE: tuple[Callable[[VirtualLoop], None], ...] = (without_supply, without_cable
 def begin_again(loop: VirtualLoop) -> None:
     """Reset the rig, and begin a grip."""
     loop.run(loop.now_s + AWAY_S + FREEZE_S)
-    assert loop.node("actuator").state.mode == "latched"
+    assert loop.runner("actuator").state.mode == "latched"
     loop.reset()
     loop.arm(PROGRAM, EPOCH + 2)
 
 
 def doubts(loop: VirtualLoop) -> set[FaultCode]:
-    return {finding.code for finding in loop.node("estimator").state.findings}
+    return {finding.code for finding in loop.runner("estimator").state.findings}
 
 
 @pytest.mark.parametrize("gone", GONE, ids=lambda gone: gone.__name__)

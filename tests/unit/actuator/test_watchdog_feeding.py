@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from pincette.config import read_rig
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.instruments.protocols import InstrumentError
 from pincette_actuator import SERVICE
 
@@ -39,36 +39,36 @@ class Watched:
     def close(self) -> None: ...
 
 
-def waking(node: Node, first: int, count: int) -> None:
+def waking(runner: Runner, first: int, count: int) -> None:
     for quarter in range(first, first + count):
-        node.wake(quarter * T / 4)
+        runner.tick(quarter * T / 4)
 
 
 def test_a_latched_actuator_that_holds_its_voltage_goes_on_to_feed() -> None:
     output = Watched()
-    node = Node(SERVICE, RIG, output)
-    waking(node, 4, 40)
+    runner = Runner(SERVICE, RIG, output)
+    waking(runner, 4, 40)
     assert output.fed >= 9
 
 
 def test_a_ramp_that_the_output_does_not_confirm_is_left_to_its_watchdog() -> None:
     output = Watched()
-    node = Node(SERVICE, RIG, output)
-    waking(node, 4, 4)
+    runner = Runner(SERVICE, RIG, output)
+    waking(runner, 4, 4)
     output.garbled = True
-    node.call(Trip(Cause.ESTOP), 8 * T / 4)
-    waking(node, 8, 1)
+    runner.call(Trip(Cause.ESTOP), 8 * T / 4)
+    waking(runner, 8, 1)
     fed = output.fed
-    waking(node, 9, 40)
+    waking(runner, 9, 40)
     assert output.fed == fed
-    assert node.state.unconfirmed
-    assert node.state.mode in ("ramping", "latched")
+    assert runner.state.unconfirmed
+    assert runner.state.mode in ("ramping", "latched")
 
 
 def test_a_freeze_is_kept_alive_by_heartbeats_alone() -> None:
     output = Watched()
-    node = Node(SERVICE, RIG, output)
-    node.state = replace(node.state, mode="frozen", cause=Cause.DEVICE, unconfirmed=True)
-    waking(node, 4, 40)
+    runner = Runner(SERVICE, RIG, output)
+    runner.state = replace(runner.state, mode="frozen", cause=Cause.DEVICE, unconfirmed=True)
+    waking(runner, 4, 40)
     assert output.fed >= 9
     assert output.written_V == []

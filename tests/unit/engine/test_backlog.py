@@ -13,8 +13,8 @@ from pincette.core.messages import Applied, Estimate, Message, Position
 from pincette.core.topics import Topic
 from pincette.engine import loop as engine
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.process import loop_services
+from pincette.engine.runner import Runner
 from tests.support.rigs import DEMO
 
 SOON_S = 10.0
@@ -51,11 +51,11 @@ def test_of_a_backlog_the_newest_sample_counts(monkeypatch: pytest.MonkeyPatch) 
     """It is left to the program's own thread; who brings one alone steps with it at once."""
     monkeypatch.setattr(engine, "monotonic", lambda: 10.0)
     bus = Bus()
-    loop = Loop([Node(loop_services()["estimator"], read_rig(DEMO))], bus)
+    loop = Loop([Runner(loop_services()["estimator"], read_rig(DEMO))], bus)
     thread = threading.Thread(target=loop.run)
     thread.start()
     try:
-        with loop._inbox._turning:  # pyright: ignore[reportPrivateUsage]
+        with loop._running:  # pyright: ignore[reportPrivateUsage]
             pass  # the program's own thread waits
         for seq in range(COUNT):
             bus.deliver(replace(APPLIED, seq=seq - 1))

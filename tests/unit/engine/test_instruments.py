@@ -11,7 +11,7 @@ from pincette.core.service import CheckWave, PutOut, ReadBack, RefusedError, Set
 from pincette.core.wording import fault_text
 from pincette.engine.instrument import ReadingWatch
 from pincette.engine.instruments import Instruments
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.instruments.protocols import InstrumentError
 from pincette_sensor import SERVICE as SENSOR
 from tests.support.two_arms import two_arm_rig
@@ -128,14 +128,14 @@ def positions(*values_um: tuple[float, float]) -> list[Position]:
     rig = two_arm_rig({"second": {"sensor": {"direction": -1, "offset_um": 1.0}}})
     one, two = Device(), Device()
     devices: Any = (one, two)
-    node = Node(SENSOR, rig, devices)
-    node.call(Arm(3, 7, rig.digest()), 0.0)
+    runner = Runner(SENSOR, rig, devices)
+    runner.call(Arm(3, 7, rig.digest()), 0.0)
     found: list[Position] = []
     for number, (one.value, two.value) in enumerate(values_um):
-        (position,) = node.tick(0.02 * number)
+        (position,) = runner.tick(0.02 * number)
         assert isinstance(position, Position)
         found.append(position)
-    assert node.state.refused == sum(not position.usable for position in found)
+    assert runner.state.refused == sum(not position.usable for position in found)
     return found
 
 

@@ -11,8 +11,8 @@ from pincette.core.messages import Estimate, Message
 from pincette.core.service import Busy, Slept
 from pincette.engine import loop as engine
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.process import loop_services
+from pincette.engine.runner import Runner
 from pincette.engine.timing_budget import PATIENCE_WAKES
 from tests.support.rigs import DEMO
 
@@ -40,7 +40,7 @@ class Clocks:
     computed_s: float = 0.0
 
 
-@pytest.mark.parametrize("where", ["fire", "look_ahead"])
+@pytest.mark.parametrize("where", ["fire", "settle"])
 @pytest.mark.parametrize(
     ("looks", "computed_looks", "busy_looks"),
     [(0.9, 0.9, None), (1.4, 0.0, 1.4), (8.0, 0.1, PATIENCE_WAKES), (8.0, 7.0, 7.0)],
@@ -56,9 +56,9 @@ def test_it_is_told_what_was_no_standstill(
     clocks, told = Clocks(), list[Slept | Busy]()
     monkeypatch.setattr(engine, "monotonic", lambda: clocks.now_s)
     monkeypatch.setattr(engine, "thread_time", lambda: clocks.computed_s)
-    nodes = [Node(SERVICES["controller"], RIG), Node(SERVICES["actuator"], RIG, Output())]
-    loop, look_s = Loop(nodes, MemoryBus()), nodes[1].config.age.wake_s
-    does = getattr(nodes[0], where)
+    runners = [Runner(SERVICES["controller"], RIG), Runner(SERVICES["actuator"], RIG, Output())]
+    loop, look_s = Loop(runners, MemoryBus()), runners[1].config.age.wake_s
+    does = getattr(runners[0], where)
 
     def slow(*given: Any) -> Any:
         clocks.now_s += looks * look_s
@@ -69,13 +69,13 @@ def test_it_is_told_what_was_no_standstill(
         told.append(said)
         return ()
 
-    monkeypatch.setattr(nodes[0], where, slow)
-    monkeypatch.setattr(nodes[1], "told", tell)
-    loop.scheduler.deliver(ESTIMATE, clocks.now_s)
-    loop.turn()
+    monkeypatch.setattr(runners[0], where, slow)
+    monkeypatch.setattr(runners[1], "account_for", tell)
+    loop.deliver(ESTIMATE, clocks.now_s)
+    loop.run_once()
     wanted = [] if busy_looks is None else [busy_looks * look_s]
     assert [one.busy_s for one in told if isinstance(one, Busy)] == pytest.approx(wanted)
 
 
 def test_an_actuator_in_a_program_of_its_own_is_told_nothing() -> None:
-    assert Loop([Node(SERVICES["actuator"], RIG, Output())], MemoryBus()).scheduler.looking is None
+    assert Loop([Runner(SERVICES["actuator"], RIG, Output())], MemoryBus()).looking is None

@@ -30,9 +30,8 @@ from pincette.core.messages import (
 from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
 from pincette.engine.arming import ORDER
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.process import loop_services
-from pincette.engine.scheduler import Scheduler
+from pincette.engine.runner import Outputs, Runner
 from pincette.engine.simulated import simulated_devices
 from pincette.engine.timing_budget import PATIENCE_WAKES, shared_timeout_s
 from pincette.engine.timing_stats import PUBLISH_EVERY_S
@@ -96,8 +95,8 @@ class Outside:
 def in_lockstep(*names: str, urgent: tuple[Topic, ...] = ()) -> tuple[Loop, Outside]:
     """Services on a simulated rig, as they are before a reset."""
     devices, outside = simulated_devices(LOCKSTEP, lambda _truth: None), Outside()
-    nodes = [Node(SERVICES[name], LOCKSTEP, devices.get(name)) for name in names]
-    return Loop(nodes, outside, urgent=urgent), outside
+    runners = [Runner(SERVICES[name], LOCKSTEP, devices.get(name)) for name in names]
+    return Loop(runners, outside, urgent=urgent), outside
 
 
 def asked(
@@ -108,7 +107,7 @@ def asked(
     outside.answerers[question](
         question, request, lambda reply: replies.append((reply, list(outside.told)))
     )
-    loop.turn()
+    loop.run_once()
     return replies[0]
 
 
@@ -130,7 +129,7 @@ def test_a_tick_passes_through_one_program_in_its_order() -> None:
     armed(loop, outside)
     for _ in range(3):
         outside.told.clear()
-        loop.turn()
+        loop.run_once()
         assert kinds(outside.told) == TICK
     assert outside.sinks == {}, "nothing is taken from outside"
 
@@ -165,71 +164,77 @@ def test_what_came_of_a_question_leaves_before_its_reply() -> None:
 def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end() -> None:
     left: list[type] = []
 
-    class Watched(Node):
-        def fire(self, now: float) -> tuple[Message, ...]:
-            left.extend(kinds(outside.told))
-            outside.told.clear()
+    class Watched(Runner):
+        def fire(self, now: float) -> Outputs | None:
+            if self.ready(now):  # and not while it waits for a partner
+                left.extend(kinds(outside.told))
+                outside.told.clear()
             return super().fire(now)
 
     outside = Outside()
-    nodes = [Watched(SERVICES[name], RIG) for name in ("estimator", "controller")]
-    loop = Loop(nodes, outside, urgent=(COMMAND,))
+    runners = [Watched(SERVICES[name], RIG) for name in ("estimator", "controller")]
+    loop = Loop(runners, outside, urgent=(COMMAND,))
     applied = Applied(0, -1, 0.0, Mode.IDLE, Cause.NONE, 0, False, False, False, False, 0, 0.0)
     for sample in (applied, Position(0, 0, 0.0, 1.0, True)):
         next(sink for topic, sink in outside.sinks.items() if topic.message is type(sample))(
             COMMAND, sample
         )
-    loop.turn()
+    loop.run_once()
     assert left == []
     assert kinds(outside.told) == [Command, Estimate]
 
 
 def test_the_actuator_notes_a_sample_before_anything_is_computed_with_it() -> None:
-    scheduler = Scheduler(
-        Node(SERVICES[name], RIG, device)
-        for name, device in (
-            ("sensor", Laser()),
-            ("actuator", Output()),
-            ("estimator", None),
-            ("controller", None),
-        )
+    loop = Loop(
+        [
+            Runner(SERVICES[name], RIG, device)
+            for name, device in (
+                ("sensor", Laser()),
+                ("actuator", Output()),
+                ("estimator", None),
+                ("controller", None),
+            )
+        ],
+        Outside(),
     )
-    scheduler.begin(10.0)
-    sensor = scheduler.task("sensor")
+    loop.begin(10.0)
+    sensor = loop.runner("sensor")
     assert sensor.due(10.0 + T)
-    scheduler.share(sensor.tick(10.0 + T), 10.0 + T)
-    stepped: list[str] = []
-    while (task := scheduler.ready(10.0 + 1.3 * T)) is not None:
-        stepped.append(task.node.service.name)
-        scheduler.share(task.node.fire(10.0 + 1.3 * T), 10.0 + 1.3 * T)
+    loop.share(sensor.tick(10.0 + T), 10.0 + T)
+    now, stepped = 10.0 + 1.3 * T, list[str]()
+    while (runner := next((one for one in loop.runners if one.ready(now)), None)) is not None:
+        stepped.append(runner.service.name)
+        loop.share(runner.fire(now) or (), now)
     assert stepped == ["actuator", "estimator", "controller", "actuator"]
 
 
 def test_it_waits_for_whoever_is_first_to_be_due() -> None:
-    scheduler = Scheduler(
-        [Node(SERVICES["sensor"], RIG, Laser()), Node(SERVICES["actuator"], RIG, Output())]
-    )
-    scheduler.begin(10.0)
-    wake_s = scheduler.task("actuator").node.config.age.wake_s
-    assert scheduler.wait_s(10.0) == pytest.approx(wake_s)
-    assert scheduler.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
+    runners = [
+        Runner(SERVICES["sensor"], RIG, Laser()),
+        Runner(SERVICES["actuator"], RIG, Output()),
+    ]
+    loop = Loop(runners, Outside())
+    loop.begin(10.0)
+    wake_s = loop.runner("actuator").config.age.wake_s
+    assert loop.wait_s(10.0) == pytest.approx(wake_s)
+    assert loop.wait_s(10.0 + 0.9 * wake_s) == pytest.approx(0.1 * wake_s)
 
 
 def test_no_turn_tells_the_timing_of_two_services() -> None:
     devices: dict[str, Laser | Output] = {"sensor": Laser(), "actuator": Output()}
     outside = Outside()
-    loop = Loop([Node(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)
-    loop.scheduler.begin(monotonic() - 2.0 * PUBLISH_EVERY_S)
+    loop = Loop([Runner(SERVICES[name], RIG, devices.get(name)) for name in LOOP], outside)
+    loop.begin(monotonic() - 2.0 * PUBLISH_EVERY_S)
     told: list[str] = []
     for _ in LOOP:
         outside.told.clear()
-        loop.turn()
+        loop.run_once()
         (timing,) = [one for one in outside.told if isinstance(one, Timing)]
         told.append(timing.service)
     assert sorted(told) == sorted(LOOP)
 
 
-@pytest.mark.parametrize("where", ["fire", "look_ahead"])
+@pytest.mark.parametrize("where", ["fire", "settle"])
 def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where: str) -> None:
     """In its step, or in what it has left until the outputs of a step are published."""
 
@@ -237,11 +242,11 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
         raise ZeroDivisionError
 
     output, outside = Output(), Outside()
-    nodes = [Node(SERVICES["controller"], RIG), Node(SERVICES["actuator"], RIG, output)]
-    loop = Loop(nodes, outside)
-    state = nodes[1].state
-    nodes[1].state = replace(state, arms=(replace(state.arms[0], voltage_V=1.5),))
-    failing: Any = nodes[0]
+    runners = [Runner(SERVICES["controller"], RIG), Runner(SERVICES["actuator"], RIG, output)]
+    loop = Loop(runners, outside)
+    state = runners[1].state
+    runners[1].state = replace(state, arms=(replace(state.arms[0], voltage_V=1.5),))
+    failing: Any = runners[0]
     setattr(failing, where, fails)
     estimate = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)
     next(iter(outside.sinks.values()))(COMMAND, estimate)
@@ -270,7 +275,7 @@ def test_only_beside_an_actuator_a_sensor_is_waited_for_shortly(
     names: tuple[str, ...], shared: bool
 ) -> None:
     limit_s = shared_timeout_s(RIG, [SERVICES[name] for name in names])
-    wake_s = Node(SERVICES["actuator"], RIG, Output()).config.age.wake_s
+    wake_s = Runner(SERVICES["actuator"], RIG, Output()).config.age.wake_s
     assert limit_s == (PATIENCE_WAKES * wake_s if shared else inf)
     assert shared_timeout_s(LOCKSTEP, SERVICES.values()) == inf
 

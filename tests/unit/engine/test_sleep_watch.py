@@ -9,9 +9,9 @@ from pincette.bus.memory import MemoryBus
 from pincette.config import read_rig
 from pincette.core.messages import Arm, Reset
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
 from pincette.engine.realtime.sleep_watch import APART_S, LEAST_S, SleepWatch
 from pincette.engine.replay.service_alone import Tape
+from pincette.engine.runner import Runner
 from pincette_actuator import SERVICE
 from tests.support.rigs import DEMO
 
@@ -66,13 +66,13 @@ def test_a_program_that_is_put_off_between_the_readings_has_not_slept() -> None:
 
 def test_the_loop_tells_its_actuator_which_trips_though_its_own_clock_has_not_moved() -> None:
     rig, hand = read_rig(DEMO), Hand()
-    node = Node(SERVICE, rig, Tape())
-    loop = Loop([node], MemoryBus(), sleep_watch=SleepWatch(hand))
-    node.call(Reset(acknowledge=True), 0.0)
-    loop.scheduler.begin(0.0)
-    loop.turn()
-    node.call(Arm(1, 1, rig.digest()), 0.0)
-    assert node.state.mode == "armed"
+    runner = Runner(SERVICE, rig, Tape())
+    loop = Loop([runner], MemoryBus(), sleep_watch=SleepWatch(hand))
+    runner.call(Reset(acknowledge=True), 0.0)
+    loop.begin(0.0)
+    loop.run_once()
+    runner.call(Arm(1, 1, rig.digest()), 0.0)
+    assert runner.state.mode == "armed"
     hand.slept_s += 2.0
-    loop.turn()
-    assert (node.state.mode, node.state.cause) == ("latched", "suspend")
+    loop.run_once()
+    assert (runner.state.mode, runner.state.cause) == ("latched", "suspend")

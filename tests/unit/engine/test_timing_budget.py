@@ -8,7 +8,7 @@ from pincette.config import RigFile, parse_rig, read_rig
 from pincette.config.reading import laid_over
 from pincette.core.messages import Ack, Arm, Reset
 from pincette.core.messages.requests import ExchangeTimes
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.engine.timing_budget import budget
 from pincette_actuator import SERVICE as ACTUATOR
 from tests.support.rigs import Tree
@@ -50,9 +50,9 @@ def test_the_sum_is_that_of_the_bytes_and_of_the_response(
 def test_a_rig_whose_instruments_fit_is_armed_and_another_is_not() -> None:
     for baud, refused in ((115200, False), (38400, True), (9600, True)):
         slow = rig(baud, i7024(baud))
-        node = Node(ACTUATOR, slow, Still())
-        node.call(Reset(acknowledge=True), 0.0)
-        reply, _ = node.call(Arm(1, 1, slow.digest()), 0.0)
+        runner = Runner(ACTUATOR, slow, Still())
+        runner.call(Reset(acknowledge=True), 0.0)
+        reply, _ = runner.call(Arm(1, 1, slow.digest()), 0.0)
         if not refused:
             assert reply == Ack(-1)
             continue

@@ -1,4 +1,4 @@
-"""How punctual a service is said to be: by its task, in virtual time."""
+"""How punctual a service is said to be: by its runner, in virtual time."""
 
 from pathlib import Path
 
@@ -18,8 +18,7 @@ from pincette.core.messages import (
     Timing,
     TimingRequest,
 )
-from pincette.engine.node import Node
-from pincette.engine.scheduler import NO_CLOCK, Task
+from pincette.engine.runner import NO_CLOCK, Runner
 from pincette.engine.timing_stats import KEPT, PUBLISH_EVERY_S, TimingStats
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_controller import SERVICE as CONTROLLER
@@ -54,38 +53,38 @@ class Output:
         """Nothing to give back."""
 
 
-def timing(task: Task, now: float = 11.0) -> Timing:
-    answer, outputs = task.call(TimingRequest(), now)
+def timing(runner: Runner, now: float = 11.0) -> Timing:
+    answer, outputs = runner.call(TimingRequest(), now)
     assert isinstance(answer, Timing)
     assert outputs == ()
     return answer
 
 
-def armed(task: Task, now: float = 10.0) -> Task:
-    task.begin(now)
-    task.call(Reset(acknowledge=True), now)
-    reply, _ = task.call(Arm(1, task.node.instance, RIG.digest()), now)
+def armed(runner: Runner, now: float = 10.0) -> Runner:
+    runner.begin(now)
+    runner.call(Reset(acknowledge=True), now)
+    reply, _ = runner.call(Arm(1, runner.instance, RIG.digest()), now)
     assert not isinstance(reply, str)
-    return task
+    return runner
 
 
-def fire_all(task: Task, now: float, took_s: float = 0.001) -> list[Message]:
+def fire_all(runner: Runner, now: float, took_s: float = 0.001) -> list[Message]:
     said: list[Message] = []
-    while task.node.due(now):
-        said += task.fire(now)
+    while (outputs := runner.fire(now)) is not None:
+        said += outputs
         now += took_s
-        task.finish(now)
+        runner.settle(now)
     return said
 
 
 def test_a_sensor_is_late_against_its_own_grid_and_takes_as_long_as_it_takes() -> None:
-    task = armed(Task(Node(SENSOR, RIG, Laser())))
+    runner = armed(Runner(SENSOR, RIG, Laser()))
     lates_s = (0.0, 0.001, 0.004)
     for tick, late_s in enumerate(lates_s, start=1):
         now = 10.0 + tick * T + late_s
-        task.tick(now)
-        task.finish_tick(now + 0.003)
-    told = timing(task)
+        runner.tick(now)
+        runner.settle(now + 0.003)
+    told = timing(runner)
     assert (told.service, told.epoch, told.seq, told.missed) == ("sensor", 1, 2, 0)
     assert told.lateness.count == told.execution.count == 3
     assert told.lateness.max_s == pytest.approx(0.004)
@@ -94,27 +93,27 @@ def test_a_sensor_is_late_against_its_own_grid_and_takes_as_long_as_it_takes() -
 
 
 def test_points_that_a_sensor_missed_are_counted_from_the_arming_on() -> None:
-    task = Task(Node(SENSOR, RIG, Laser()))
-    task.begin(10.0)
-    task.tick(10.0 + 4 * T)
-    task.finish_tick(10.0 + 4 * T)
-    assert timing(task).missed == 3
-    armed(task, 11.0)
-    assert timing(task) == Timing(1, -1, "sensor", 0, *[timing(task).age] * 3)
-    task.tick(11.0 + 3 * T)
-    task.finish_tick(11.0 + 3 * T)
-    assert timing(task).missed == 2
-    assert timing(task).lateness.max_s == pytest.approx(2 * T)
+    runner = Runner(SENSOR, RIG, Laser())
+    runner.begin(10.0)
+    runner.tick(10.0 + 4 * T)
+    runner.settle(10.0 + 4 * T)
+    assert timing(runner).missed == 3
+    armed(runner, 11.0)
+    assert timing(runner) == Timing(1, -1, "sensor", 0, *[timing(runner).age] * 3)
+    runner.tick(11.0 + 3 * T)
+    runner.settle(11.0 + 3 * T)
+    assert timing(runner).missed == 2
+    assert timing(runner).lateness.max_s == pytest.approx(2 * T)
 
 
 def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() -> None:
-    task = armed(Task(Node(ESTIMATOR, RIG)))
+    runner = armed(Runner(ESTIMATOR, RIG))
     for seq, wait_s in enumerate((0.0, 0.002, 0.001)):
         came_s = 10.0 + seq * T + (0.003 if seq == 1 else 0.0)
-        task.accept(replace(POSITION, seq=seq), came_s + 0.0005, came_s)
-        task.accept(replace(APPLIED, seq=seq - 1), came_s + wait_s)
-        assert fire_all(task, came_s + wait_s)
-    told = timing(task)
+        runner.take(replace(POSITION, seq=seq), came_s + 0.0005, came_s)
+        runner.take(replace(APPLIED, seq=seq - 1), came_s + wait_s)
+        assert fire_all(runner, came_s + wait_s)
+    told = timing(runner)
     assert told.seq == 2
     assert told.lateness.count == told.age.count == told.execution.count == 3
     assert told.lateness.max_s == pytest.approx(0.003)
@@ -123,38 +122,38 @@ def test_an_estimator_is_as_late_as_its_samples_and_their_wait_is_their_age() ->
 
 
 def test_a_controller_counts_estimates() -> None:
-    task = Task(Node(CONTROLLER, RIG))
-    task.accept(replace(ESTIMATE, epoch=0), 10.004, 10.003)
-    assert fire_all(task, 10.004)
-    assert timing(task).age.max_s == pytest.approx(0.001)
+    runner = Runner(CONTROLLER, RIG)
+    runner.take(replace(ESTIMATE, epoch=0), 10.004, 10.003)
+    assert fire_all(runner, 10.004)
+    assert timing(runner).age.max_s == pytest.approx(0.001)
 
 
 def test_the_age_at_an_actuator_is_that_of_the_command_s_sample() -> None:
-    task = armed(Task(Node(ACTUATOR, RIG, Output())))
-    command = replace(COMMAND, owner=task.node.instance)
-    task.accept(POSITION, 10.001, 10.0005)
-    fire_all(task, 10.001)
-    assert timing(task).age.count == 0
-    task.accept(command, 10.004, 10.0035)
-    fire_all(task, 10.004, 0.002)
-    told = timing(task)
+    runner = armed(Runner(ACTUATOR, RIG, Output()))
+    command = replace(COMMAND, owner=runner.instance)
+    runner.take(POSITION, 10.001, 10.0005)
+    fire_all(runner, 10.001)
+    assert timing(runner).age.count == 0
+    runner.take(command, 10.004, 10.0035)
+    fire_all(runner, 10.004, 0.002)
+    told = timing(runner)
     assert told.age.count == 1
     assert told.age.max_s == pytest.approx(0.0035)
     assert told.execution.count == 2
     assert told.execution.max_s == pytest.approx(0.002)
     assert told.lateness.count == 0
-    due_s = task.due_at
+    due_s = runner.due_at
     assert due_s is not None
-    task.tick(due_s + 0.0007)
-    task.finish_tick(due_s + 0.0008)
-    assert timing(task).lateness.max_s == pytest.approx(0.0007)
+    runner.tick(due_s + 0.0007)
+    runner.settle(due_s + 0.0008)
+    assert timing(runner).lateness.max_s == pytest.approx(0.0007)
 
 
 def test_what_other_epochs_say_is_not_counted() -> None:
-    task = armed(Task(Node(ESTIMATOR, RIG)))
-    task.accept(replace(POSITION, epoch=5), 10.0)
-    fire_all(task, 10.0 + T)
-    told = timing(task)
+    runner = armed(Runner(ESTIMATOR, RIG))
+    runner.take(replace(POSITION, epoch=5), 10.0)
+    fire_all(runner, 10.0 + T)
+    told = timing(runner)
     assert told.lateness.count == told.age.count == 0
 
 
@@ -168,15 +167,15 @@ def test_an_arrival_that_is_long_past_is_not_taken_for_that_of_another_number() 
 
 
 def test_in_lockstep_nothing_is_counted() -> None:
-    task = Task(Node(ESTIMATOR, LOCKSTEP))
-    task.begin(10.0)
-    assert task.call(TimingRequest(), 10.0) == (NO_CLOCK, ())
-    assert task.timing(1e9) == ()
+    runner = Runner(ESTIMATOR, LOCKSTEP)
+    runner.begin(10.0)
+    assert runner.call(TimingRequest(), 10.0) == (NO_CLOCK, ())
+    assert runner.timing(1e9) == ()
 
 
 def test_it_is_told_about_once_a_second() -> None:
-    task = armed(Task(Node(ESTIMATOR, RIG)))
-    told = [task.timing(10.0 + 0.01 * look) for look in range(1000)]
+    runner = armed(Runner(ESTIMATOR, RIG))
+    told = [runner.timing(10.0 + 0.01 * look) for look in range(1000)]
     at = [look for look, outputs in enumerate(told) if outputs]
     assert len(at) == 9
     assert at[0] == pytest.approx(100 * PUBLISH_EVERY_S, abs=1)

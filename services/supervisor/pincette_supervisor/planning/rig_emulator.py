@@ -27,7 +27,7 @@ from pincette.core.topics import (
 from pincette.core.wording import applied_text
 from pincette.engine.arming import arm as arm_loop
 from pincette.engine.loop import Loop
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette_supervisor.planning.emulated_instruments import ArmInstruments, PairInstruments
 from pincette_supervisor.planning.identified_arm import IdentifiedArm
 from pincette_supervisor.planning.identified_pair import IdentifiedPair
@@ -55,8 +55,8 @@ class RigEmulator:
             self._instruments = ArmInstruments(rig, arm)
         self._bus = MemoryBus()
         # A plan is emulated too where the rig's instruments are too slow for it to be armed.
-        nodes = [
-            Node(
+        runners = [
+            Runner(
                 service,
                 rig,
                 self._instruments.device if service.instrument else None,
@@ -64,7 +64,7 @@ class RigEmulator:
             )
             for service in (plugins.load(plugins.SERVICES, name) for name in LOOP)
         ]
-        self._loop = Loop(nodes, self._bus, inline=True)
+        self._loop = Loop(runners, self._bus, inline=True)
         self._bus.step_when_empty(self._loop.step)
         self._command: Command | None = None
         self._applied: Applied | None = None
@@ -112,9 +112,9 @@ class RigEmulator:
         begun = None if rest is None else self._instruments.begun(cast(Applied, rest))
         if begun is not None:
             # The estimator has followed the arm to where it stands, as on a rig that was in use.
-            estimator = self._loop.scheduler.task("estimator").node
+            estimator = self._loop.runner("estimator")
             for message in begun:
-                estimator.accept(message, 0.0)
+                estimator.take(message, 0.0)
             estimator.fire(0.0)
         arm_loop(self._bus, self._program, epoch=1, digest=self._rig.digest())
 

@@ -12,10 +12,10 @@ from pincette.core.faults import Fault, FaultCode
 from pincette.core.messages import Load, Message, RequestLog, Reset, Sample
 from pincette.core.service import AnyService
 from pincette.core.topics import LOAD, LOOP, RESET, TOPIC_OF, TOPICS
-from pincette.engine.node import Node
 from pincette.engine.replay.comparison import Comparison, Findings
 from pincette.engine.replay.steps import Gap, Samples, Step, steps
 from pincette.engine.request_log import restored
+from pincette.engine.runner import Runner
 from pincette.instruments.protocols import ErrorCode, InstrumentError
 
 CAUSES: Mapping[FaultCode, ErrorCode] = {
@@ -84,7 +84,7 @@ def _play(
         item for item in messages if isinstance(item, RequestLog) and item.service == service.name
     ]
     tapes = tuple(Tape() for _ in rig.arms)
-    node = _armed_node(service, rig, requests, tapes)
+    runner = _armed(service, rig, requests, tapes)
     comparison = Comparison(service, messages, findings, lockstep=rig.lockstep)
     timeless = service.instrument is None or rig.lockstep
     waiting = deque(
@@ -95,16 +95,16 @@ def _play(
             raise _StoppedError(f"{step.topic} {step.seq} is not in the record")
         place = _place(step.samples[-1])
         while waiting and (waiting[0].seq, RANK.get(waiting[0].topic, -1)) < place:
-            _ask(node, waiting.popleft(), comparison)
+            _ask(runner, waiting.popleft(), comparison)
         failed = _tape_that_fails(tapes, step.fault)
         failed.fault = step.fault
         for sample in step.samples:
-            node.accept(sample, 0.0)
+            runner.take(sample, 0.0)
         findings.steps += 1
-        comparison.take(node.fire(_now(node, step)))
+        comparison.take(runner.fire(_now(runner, step)) or ())
         failed.fault = None
     for item in waiting:
-        _ask(node, item, comparison)
+        _ask(runner, item, comparison)
     comparison.end()
 
 
@@ -114,36 +114,36 @@ def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
     return tapes[-1 if second else 0]
 
 
-def _now(node: Node, step: Step) -> float:
+def _now(runner: Runner, step: Step) -> float:
     """A time at which the slew limit gives a command what it gave it then; else all are one."""
-    moved_s: float = getattr(node.state, "moved_s", 0.0)
+    moved_s: float = getattr(runner.state, "moved_s", 0.0)
     return moved_s + (step.slewing_s or 0.0)
 
 
-def _armed_node(
+def _armed(
     service: AnyService, rig: RigFile, requests: Sequence[RequestLog], tapes: tuple[Tape, ...]
-) -> Node:
+) -> Runner:
     """The service as the epoch found it."""
     armed = next((item for item in requests if item.arm is not None), None)
     if armed is None or armed.arm is None:
         raise _StoppedError("its arming is not in the record; older records do not hold it")
-    node = Node(service, rig, tapes, armed.arm.owner)
+    runner = Runner(service, rig, tapes, armed.arm.owner, recorded=True)
     # A newer version has another digest of the same rig file where it knows more quantities.
-    arm = replace(armed.arm, digest=node.digest)
+    arm = replace(armed.arm, digest=runner.digest)
     before: list[Message] = [Reset(acknowledge=True)] if RESET in service.requests else []
     if LOAD in service.requests:
         before += _loaded(requests)
     for request in (*before, arm):
-        reply, _ = node.call(request, 0.0)
+        reply, _ = runner.call(request, 0.0)
         if isinstance(reply, str):
             raise _StoppedError(f"it refuses to begin: {reply}")
     try:
-        node.state = restored(service, node.config, node.state, armed.state_snapshot)
+        runner.state = restored(service, runner.config, runner.state, armed.state_snapshot)
     except (KeyError, TypeError, ValueError) as error:
         raise _StoppedError(f"what it carried into the epoch cannot be read: {error}") from error
-    if hasattr(node.state, "moved_s"):
-        node.state = replace(node.state, moved_s=0.0)
-    return node
+    if hasattr(runner.state, "moved_s"):
+        runner.state = replace(runner.state, moved_s=0.0)
+    return runner
 
 
 def _loaded(requests: Sequence[RequestLog]) -> list[Load]:
@@ -158,8 +158,8 @@ def _request_of(item: RequestLog) -> Message | None:
     return item.action or item.trip or item.reset
 
 
-def _ask(node: Node, item: RequestLog, comparison: Comparison) -> None:
-    reply, outputs = node.call(cast(Message, _request_of(item)), 0.0)
+def _ask(runner: Runner, item: RequestLog, comparison: Comparison) -> None:
+    reply, outputs = runner.call(cast(Message, _request_of(item)), 0.0)
     if isinstance(reply, str):
         raise _StoppedError(f"after sample {item.seq} it refuses what it took then: {reply}")
     comparison.take(outputs)

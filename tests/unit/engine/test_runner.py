@@ -28,7 +28,7 @@ from pincette.core.messages import (
 from pincette.core.service import Input, Service, SetVoltage
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION
 from pincette.core.wording import applied_text, fault_text
-from pincette.engine.node import Node
+from pincette.engine.runner import Runner
 from pincette.instruments.protocols import Block, InstrumentError
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_estimator import SERVICE as ESTIMATOR
@@ -63,7 +63,7 @@ def handle(
     return replace(state, epoch=request.epoch), Ack(0), ()
 
 
-def joiner(rig: RigFile) -> Node:
+def joining(rig: RigFile) -> Runner:
     service: Service[RigFile, None, State, Inputs] = Service(
         name="joiner",
         summary="keeps what it gets",
@@ -76,7 +76,7 @@ def joiner(rig: RigFile) -> Node:
         step=step,
         handle=handle,
     )
-    return Node(service, rig)
+    return Runner(service, rig)
 
 
 def position(seq: int, epoch: int = 1) -> Position:
@@ -86,74 +86,74 @@ def position(seq: int, epoch: int = 1) -> Position:
 @pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
 @pytest.mark.parametrize("applied_first", [True, False])
 def test_sample_k_meets_applied_of_k_minus_one(rig: RigFile, applied_first: bool) -> None:
-    node = joiner(rig)
+    runner = joining(rig)
     messages: list[Message] = [APPLIED_0, position(1)]
     for message in messages if applied_first else reversed(messages):
-        node.accept(message, 0.0)
-    assert node.due(0.0)
-    node.fire(0.0)
-    assert node.state.seen[0][0] == Inputs(position(1), APPLIED_0)
+        runner.take(message, 0.0)
+    assert runner.ready(0.0)
+    runner.fire(0.0)
+    assert runner.state.seen[0][0] == Inputs(position(1), APPLIED_0)
 
 
 def test_other_numbers_and_epochs_are_no_partners() -> None:
-    node = joiner(LOCKSTEP)
-    node.accept(replace(APPLIED_0, seq=1), 0.0)
-    node.accept(replace(APPLIED_0, epoch=2), 0.0)
-    node.accept(position(1), 0.0)
-    assert not node.due(1e9)
+    runner = joining(LOCKSTEP)
+    runner.take(replace(APPLIED_0, seq=1), 0.0)
+    runner.take(replace(APPLIED_0, epoch=2), 0.0)
+    runner.take(position(1), 0.0)
+    assert not runner.ready(1e9)
 
 
 def test_real_time_goes_on_without_a_partner_after_a_quarter_period() -> None:
-    node = joiner(RIG)
-    node.accept(position(1), 0.0)
-    assert not node.due(0.0049)
-    assert node.patience(0.001) == pytest.approx(0.004)
-    assert node.due(0.005)
-    node.fire(0.005)
-    assert node.state.seen == ((Inputs(position(1), None), 0.005),)
+    runner = joining(RIG)
+    runner.take(position(1), 0.0)
+    assert not runner.ready(0.0049)
+    assert runner.wait_s(0.001) == pytest.approx(0.004)
+    assert runner.ready(0.005)
+    runner.fire(0.005)
+    assert runner.state.seen == ((Inputs(position(1), None), 0.005),)
 
 
 def test_real_time_plays_no_backlog() -> None:
-    node = joiner(RIG)
+    runner = joining(RIG)
     for seq in range(300):
-        node.accept(replace(APPLIED_0, seq=seq - 1), 10.0)
-        node.accept(position(seq), 10.0)
-    while node.due(10.0):
-        node.fire(10.0)
-    assert [inputs.position for inputs, _ in node.state.seen] == [position(299)]
-    assert node.missed == 299
+        runner.take(replace(APPLIED_0, seq=seq - 1), 10.0)
+        runner.take(position(seq), 10.0)
+    while runner.ready(10.0):
+        runner.fire(10.0)
+    assert [inputs.position for inputs, _ in runner.state.seen] == [position(299)]
+    assert runner.missed == 299
 
 
 def test_a_sample_that_is_repeated_pushes_out_none_that_waits() -> None:
-    node = joiner(RIG)
+    runner = joining(RIG)
     for seq in (5, 0, 5):
-        node.accept(position(seq), 10.0)
-    node.accept(replace(APPLIED_0, seq=4), 10.0)
-    node.fire(10.0)
-    assert [inputs.position for inputs, _ in node.state.seen] == [position(5)]
-    assert (node.missed, node.refused) == (0, 2)
+        runner.take(position(seq), 10.0)
+    runner.take(replace(APPLIED_0, seq=4), 10.0)
+    runner.fire(10.0)
+    assert [inputs.position for inputs, _ in runner.state.seen] == [position(5)]
+    assert (runner.missed, runner.refused) == (0, 2)
 
 
 def test_lockstep_answers_every_tick_in_virtual_time() -> None:
-    node = joiner(LOCKSTEP)
+    runner = joining(LOCKSTEP)
     for seq in range(3):
-        node.accept(replace(APPLIED_0, seq=seq - 1), 77.0)
-        node.accept(position(seq), 77.0)
-    while node.due(77.0):
-        node.fire(77.0)
-    assert [now for _, now in node.state.seen] == pytest.approx([0.0, 0.02, 0.04])
+        runner.take(replace(APPLIED_0, seq=seq - 1), 77.0)
+        runner.take(position(seq), 77.0)
+    while runner.ready(77.0):
+        runner.fire(77.0)
+    assert [now for _, now in runner.state.seen] == pytest.approx([0.0, 0.02, 0.04])
 
 
 def test_arming_is_refused_with_another_rig_file() -> None:
-    reply, _ = joiner(RIG).call(Arm(1, 1, "0000"), 0.0)
+    reply, _ = joining(RIG).call(Arm(1, 1, "0000"), 0.0)
     assert isinstance(reply, str)
     assert RIG.digest() in reply
 
 
 def test_status_tells_epoch_digest_and_instance() -> None:
-    node = joiner(RIG)
-    node.call(Arm(9, 1, RIG.digest()), 0.0)
-    reply, _ = node.call(StatusRequest(), 0.0)
+    runner = joining(RIG)
+    runner.call(Arm(9, 1, RIG.digest()), 0.0)
+    reply, _ = runner.call(StatusRequest(), 0.0)
     assert isinstance(reply, Status)
     assert (reply.epoch, reply.digest, reply.instance) == (9, RIG.digest(), 1)
 
@@ -168,36 +168,36 @@ class BrokenSensor:
 
 def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
 
-    node = Node(SENSOR, RIG, BrokenSensor())
-    (sample,) = node.tick(1.0)
+    runner = Runner(SENSOR, RIG, BrokenSensor())
+    (sample,) = runner.tick(1.0)
     assert isinstance(sample, Position)
     assert (sample.valid, fault_text(sample.fault), sample.seq) == (False, "laser off", 0)
 
 
 def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
-    node = Node(ESTIMATOR, RIG)
+    runner = Runner(ESTIMATOR, RIG)
     found = Calibration(values={"model.compliance_um_per_mN": 0.5})
-    before = node.config
-    reply, _ = node.call(Arm(2, 1, RIG.digest(), Document(found.text())), 0.0)
+    before = runner.config
+    reply, _ = runner.call(Arm(2, 1, RIG.digest(), Document(found.text())), 0.0)
     assert reply == Ack(0)
-    assert node.config == ESTIMATOR.configure(calibrated(RIG, found)) != before
-    status, _ = node.call(StatusRequest(), 0.0)
+    assert runner.config == ESTIMATOR.configure(calibrated(RIG, found)) != before
+    status, _ = runner.call(StatusRequest(), 0.0)
     assert isinstance(status, Status)
     assert status.calibration == found.digest
-    node.call(Arm(3, 1, RIG.digest()), 0.0)
-    assert node.config == before
+    runner.call(Arm(3, 1, RIG.digest()), 0.0)
+    assert runner.config == before
 
 
 def test_a_model_that_cannot_be_refuses_the_arming_and_changes_nothing() -> None:
-    node = Node(ESTIMATOR, RIG)
-    before = node.config
-    reply, _ = node.call(
+    runner = Runner(ESTIMATOR, RIG)
+    before = runner.config
+    reply, _ = runner.call(
         Arm(2, 1, RIG.digest(), Document('{"values": {"model.damping_ratio": -1}}')), 0.0
     )
     assert isinstance(reply, str)
     assert "estimator" in reply
     assert "model.damping_ratio = -1" in reply
-    assert (node.config, node.state.epoch) == (before, 0)
+    assert (runner.config, runner.state.epoch) == (before, 0)
 
 
 class Buffered:
@@ -224,21 +224,23 @@ class Buffered:
 
 def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
     sensor = Buffered()
-    node = Node(SENSOR, RIG, sensor)
-    node.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
-    position, burst = node.tick(0.0)
+    runner = Runner(SENSOR, RIG, sensor)
+    runner.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
+    position, burst = runner.tick(0.0)
     assert isinstance(position, Position)
     assert position.x_um == 4.0
     assert burst == Burst(1, 0, 150.0, (2.0, 3.0, 4.0), (0.1, 0.2, 0.3), True)
-    node.call(Arm(2, 1, RIG.digest()), 0.0)
-    (single,) = node.tick(0.02)
+    runner.call(Arm(2, 1, RIG.digest()), 0.0)
+    (single,) = runner.tick(0.02)
     assert isinstance(single, Position)
     assert single.x_um == 1.0
     assert sensor.rates == [0.0, 150.0, 0.0]
 
 
 def test_a_sensor_without_a_buffer_refuses_to_acquire() -> None:
-    reply, _ = Node(SENSOR, RIG, BrokenSensor()).call(Arm(1, 1, RIG.digest(), capture_hz=1e4), 0.0)
+    reply, _ = Runner(SENSOR, RIG, BrokenSensor()).call(
+        Arm(1, 1, RIG.digest(), capture_hz=1e4), 0.0
+    )
     assert reply == "the position sensor has no buffered acquisition"
 
 
@@ -279,16 +281,18 @@ class PartsOutput(PlainOutput):
 SHAPED = RIG.model_copy(update={"output": RIG.output.model_copy(update={"shaping": True})})
 
 
-def stepping(output: PlainOutput) -> tuple[Node, Message]:
+def stepping(output: PlainOutput) -> tuple[Runner, Message]:
     """Return an actuator that has begun a step with a part held."""
-    node = Node(ACTUATOR, SHAPED, output, check_timing=False)
-    node.call(Reset(acknowledge=True), 0.0)
-    assert node.call(Arm(1, 1, SHAPED.digest()), 0.0)[0] == Ack(-1)
-    node.accept(position(0), 0.0)
-    node.fire(0.0)
-    node.accept(Command(1, 0, 1, 0.1, True, False, False, True), 0.0)
-    (applied,) = node.fire(0.001)
-    return node, applied
+    runner = Runner(ACTUATOR, SHAPED, output, check_timing=False)
+    runner.call(Reset(acknowledge=True), 0.0)
+    assert runner.call(Arm(1, 1, SHAPED.digest()), 0.0)[0] == Ack(-1)
+    runner.take(position(0), 0.0)
+    runner.fire(0.0)
+    runner.take(Command(1, 0, 1, 0.1, True, False, False, True), 0.0)
+    outputs = runner.fire(0.001)
+    assert outputs is not None
+    (applied,) = outputs
+    return runner, applied
 
 
 def test_a_step_is_given_to_the_output_in_parts() -> None:
@@ -303,9 +307,9 @@ def test_a_step_is_given_to_the_output_in_parts() -> None:
 @pytest.mark.parametrize("broken", [False, True])
 def test_a_stop_between_two_parts_is_written_at_once(*, broken: bool) -> None:
     output = PartsOutput()
-    node, _ = stepping(output)
+    runner, _ = stepping(output)
     output.broken = broken
-    _, published = node.call(Trip(Cause.ESTOP), 0.0015)
+    _, published = runner.call(Trip(Cause.ESTOP), 0.0015)
     applied = [one for one in published if isinstance(one, Applied)][-1]
     assert applied.state == "frozen"
     if broken:
@@ -323,14 +327,16 @@ def test_an_output_that_cannot_write_parts_trips_on_them() -> None:
 
 def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
     output = PlainOutput()
-    node = Node(ACTUATOR, RIG, output)
-    node.call(Reset(acknowledge=True), 0.0)
-    assert node.call(Arm(1, 1, RIG.digest()), 0.0)[0] == Ack(-1)
-    node.accept(position(0), 0.0)
-    node.fire(0.0)
+    runner = Runner(ACTUATOR, RIG, output)
+    runner.call(Reset(acknowledge=True), 0.0)
+    assert runner.call(Arm(1, 1, RIG.digest()), 0.0)[0] == Ack(-1)
+    runner.take(position(0), 0.0)
+    runner.fire(0.0)
     sweep = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
-    node.accept(Command(1, 0, 1, 0.0, False, False, False, True, sweep=sweep), 0.0)
-    (applied,) = node.fire(0.001)
+    runner.take(Command(1, 0, 1, 0.0, False, False, False, True, sweep=sweep), 0.0)
+    outputs = runner.fire(0.001)
+    assert outputs is not None
+    (applied,) = outputs
     assert isinstance(applied, Applied)
     assert (applied.state, applied.answered) == ("latched", False)
     assert "plays no waves" in applied_text(applied)

@@ -1,4 +1,4 @@
-"""Which thread makes the turn that takes what has come, and that none is lost or made twice."""
+"""Which thread handles what has come, and that nothing is lost or handled twice."""
 
 import random
 import threading
@@ -6,43 +6,56 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from pincette.engine.inbox import Inbox
+from pincette.bus.memory import MemoryBus
+from pincette.config import read_rig
+from pincette.core.messages import Position
+from pincette.engine.loop import Item, Loop
+from pincette.engine.runner import Runner
+from pincette_estimator import SERVICE
+from tests.support.rigs import DEMO
 
 SOON_S = 10.0
 """Longer than a machine stands still."""
 LONG_S = 1000.0
 
 
-class Program:
-    """An inbox that runs in a thread of its own, and notes who took what."""
+def item(number: int) -> Item:
+    return Position(0, number, 0.0, 1.0, True), 0.0, "", None
+
+
+class Program(Loop):
+    """A loop that runs in a thread of its own, and notes which thread took what."""
 
     def __init__(self) -> None:
-        self.inbox = Inbox[int](self.turn)
+        super().__init__([Runner(SERVICE, read_rig(DEMO))], MemoryBus())
         self.taken: list[tuple[int, int]] = []
         """Thread and item."""
         self.turns = 0
-        self.wait_s: float = LONG_S
+        self.idle_s: float = LONG_S
         self.during: Callable[[int], None] | None = None
         """Called for each item that is taken."""
         self.turned = threading.Condition()
         self.raised: list[Exception] = []
         self.thread = threading.Thread(target=self._run)
 
-    def turn(self) -> float:
-        self.inbox.take(self.take)
+    def run_once(self) -> float:
+        self.drain()
         with self.turned:
             self.turns += 1
             self.turned.notify_all()
-        return self.wait_s
+        return self.idle_s
 
-    def take(self, item: int) -> None:
-        self.taken.append((threading.get_ident(), item))
+    def _take(self, item: Item) -> float:
+        message, _, _, _ = item
+        assert isinstance(message, Position)
+        self.taken.append((threading.get_ident(), message.seq))
         if self.during is not None:
-            self.during(item)
+            self.during(message.seq)
+        return 0.0
 
     def _run(self) -> None:
         try:
-            self.inbox.run()
+            self.run()
         except ArithmeticError as error:
             self.raised.append(error)
 
@@ -61,7 +74,7 @@ class Program:
             assert self.turned.wait_for(lambda: len(self.taken) >= items, SOON_S)
 
     def end(self) -> None:
-        self.inbox.stop()
+        self.stop()
         self.thread.join(SOON_S)
         assert not self.thread.is_alive()
 
@@ -76,12 +89,12 @@ def program() -> Iterator[Program]:
 
 def waiting(program: Program) -> None:
     """Let the program's thread go to wait: then another one can make a turn."""
-    with program.inbox._turning:  # pyright: ignore[reportPrivateUsage]
+    with program._running:  # pyright: ignore[reportPrivateUsage]
         pass
 
 
 def test_before_it_runs_what_comes_waits(program: Program) -> None:
-    program.inbox.bring(1)
+    program.submit(item(1))
     assert program.turns == 0
     program.start()
     assert program.taken == [(program.thread.ident, 1)]
@@ -90,55 +103,55 @@ def test_before_it_runs_what_comes_waits(program: Program) -> None:
 def test_who_brings_makes_the_turn(program: Program) -> None:
     program.start()
     waiting(program)
-    program.inbox.bring(1)
+    program.submit(item(1))
     assert program.taken == [(threading.get_ident(), 1)]
 
 
 def test_what_is_left_is_taken_by_the_program(program: Program) -> None:
     program.start()
     waiting(program)
-    program.inbox.leave(1)
-    program.inbox.leave(2)
+    program.defer(item(1))
+    program.defer(item(2))
     program.until(2)
     assert program.taken == [(program.thread.ident, 1), (program.thread.ident, 2)]
 
 
 def test_who_is_at_a_turn_takes_what_comes_meanwhile(program: Program) -> None:
-    def bring_more(item: int) -> None:
-        if item < 3:
-            other = threading.Thread(target=program.inbox.bring, args=(item + 1,))
+    def submit_more(number: int) -> None:
+        if number < 3:
+            other = threading.Thread(target=program.submit, args=(item(number + 1),))
             other.start()
             other.join(SOON_S)
             assert not other.is_alive(), "it waits for no turn"
 
     program.start()
     waiting(program)
-    program.during = bring_more
-    program.inbox.bring(1)
-    assert program.taken == [(threading.get_ident(), item) for item in (1, 2, 3)]
+    program.during = submit_more
+    program.submit(item(1))
+    assert program.taken == [(threading.get_ident(), number) for number in (1, 2, 3)]
 
 
 def test_a_timer_that_a_turn_elsewhere_has_set_wakes_the_program(program: Program) -> None:
     program.start()
     waiting(program)
-    program.wait_s = 0.001
-    program.inbox.bring(1)
+    program.idle_s = 0.001
+    program.submit(item(1))
     program.after(4)
     assert program.taken == [(threading.get_ident(), 1)], "the program had a timer alone"
 
 
 def test_a_failure_in_any_thread_ends_the_program(program: Program) -> None:
-    def fail(_item: int) -> None:
+    def fail(_number: int) -> None:
         raise ZeroDivisionError
 
     program.start()
     waiting(program)
     program.during = fail
-    program.inbox.bring(1)
+    program.submit(item(1))
     program.thread.join(SOON_S)
-    program.inbox.bring(2)
+    program.submit(item(2))
     assert [type(error) for error in program.raised] == [ZeroDivisionError]
-    assert [item for _, item in program.taken] == [1], "then no more turns are made"
+    assert [number for _, number in program.taken] == [1], "then no more turns are made"
 
 
 def test_a_stop_ends_the_longest_wait(program: Program) -> None:
@@ -152,29 +165,29 @@ def test_nothing_is_lost_or_taken_twice_and_never_are_two_at_a_turn(program: Pro
     print(f"seed {seed}")
     at_it = threading.Lock()
 
-    def alone(item: int) -> None:
+    def alone(number: int) -> None:
         assert at_it.acquire(blocking=False)
-        if item % 7 == 0:
+        if number % 7 == 0:
             threading.Event().wait(1e-5)  # another thread gets its turn
         at_it.release()
 
-    def bring(first: int) -> None:
+    def submit(first: int) -> None:
         chance = random.Random(seed + first)
         for number in range(count):
-            act = program.inbox.leave if chance.random() < 0.2 else program.inbox.bring
-            act(first * count + number)
+            act = program.defer if chance.random() < 0.2 else program.submit
+            act(item(first * count + number))
 
     program.during = alone
     program.start()
-    bringing = [threading.Thread(target=bring, args=(first,)) for first in range(threads)]
-    for thread in bringing:
+    submitting = [threading.Thread(target=submit, args=(first,)) for first in range(threads)]
+    for thread in submitting:
         thread.start()
-    for thread in bringing:
+    for thread in submitting:
         thread.join(SOON_S)
     program.until(threads * count)
-    items = [item for _, item in program.taken]
-    assert sorted(items) == list(range(threads * count))
+    taken = [number for _, number in program.taken]
+    assert sorted(taken) == list(range(threads * count))
     for first in range(threads):
-        own = [item for item in items if item // count == first]
+        own = [number for number in taken if number // count == first]
         assert own == sorted(own), "in the order in which they came"
     assert len({thread for thread, _ in program.taken}) > 1

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pincette.core.messages import Command, Estimate, Position, Sample
-from pincette.engine.synchronizer import AHEAD, SequenceFilter
+from pincette.engine.joiner import AHEAD, Joiner
+from pincette_estimator import SERVICE
 
 T = 0.02
 POSITION = Position(3, 0, 0.0, 1.0, True)
@@ -13,10 +14,14 @@ COMMAND = Command(3, 0, 1, 0.5, False, False, False, True)
 ESTIMATE = Estimate(3, 0, 1.0, 0.0, 0.0, 0.0, None, None, 0.0, -1, 0, False, False, True)
 
 
-def begun(epoch: int = 3, now: float = 100.0) -> SequenceFilter:
-    numbering = SequenceFilter(T)
-    numbering.begin(epoch, now)
-    return numbering
+def fresh() -> Joiner:
+    return Joiner(SERVICE, T, lockstep=False)
+
+
+def begun(epoch: int = 3, now: float = 100.0) -> Joiner:
+    joiner = fresh()
+    joiner.begin(epoch, now)
+    return joiner
 
 
 def numbered(sample: Sample, seq: int) -> Sample:
@@ -25,8 +30,8 @@ def numbered(sample: Sample, seq: int) -> Sample:
 
 @given(st.lists(st.integers(-2, 40), max_size=60))
 def test_what_is_taken_is_the_part_that_is_in_order(seqs: list[int]) -> None:
-    numbering = begun()
-    taken = [seq for seq in seqs if numbering.admits(numbered(POSITION, seq), 101.0)]
+    joiner = begun()
+    taken = [seq for seq in seqs if joiner.admits(numbered(POSITION, seq), 101.0)]
     in_order: list[int] = []
     for seq in seqs:
         if seq > max(in_order, default=-1):
@@ -35,16 +40,16 @@ def test_what_is_taken_is_the_part_that_is_in_order(seqs: list[int]) -> None:
 
 
 def test_each_topic_has_its_own_numbers() -> None:
-    numbering = begun()
-    assert numbering.admits(numbered(POSITION, 9), 101.0)
-    assert numbering.admits(numbered(ESTIMATE, 3), 101.0)
-    assert not numbering.admits(numbered(ESTIMATE, 3), 101.0)
+    joiner = begun()
+    assert joiner.admits(numbered(POSITION, 9), 101.0)
+    assert joiner.admits(numbered(ESTIMATE, 3), 101.0)
+    assert not joiner.admits(numbered(ESTIMATE, 3), 101.0)
 
 
 def test_an_older_command_is_left_to_the_actuator_to_judge() -> None:
-    numbering = begun()
+    joiner = begun()
     for seq in (5, 5, 4, -1):
-        assert numbering.admits(numbered(COMMAND, seq), 101.0)
+        assert joiner.admits(numbered(COMMAND, seq), 101.0)
 
 
 def test_no_sample_is_newer_than_the_grid_could_make_it() -> None:
@@ -52,34 +57,34 @@ def test_no_sample_is_newer_than_the_grid_could_make_it() -> None:
         most = AHEAD + 50
         assert not begun().admits(numbered(sample, most + 1), 101.0)
         assert begun().admits(numbered(sample, most), 101.0)
-        numbering = begun()
-        assert not numbering.admits(numbered(sample, 2**63), 101.0)
-        assert numbering.admits(numbered(sample, 12), 101.0), "one that errs shuts nobody out"
+        joiner = begun()
+        assert not joiner.admits(numbered(sample, 2**63), 101.0)
+        assert joiner.admits(numbered(sample, 12), 101.0), "one that errs shuts nobody out"
 
 
 def test_a_clock_that_is_slower_than_the_sensor_s_is_forgiven_for_ever() -> None:
-    numbering = begun(now=0.0)
+    joiner = begun(now=0.0)
     for day in range(1, 400):
         now = 86_400.0 * day
-        assert numbering.admits(numbered(POSITION, round(now * (1.0 + 2e-4) / T)), now)
+        assert joiner.admits(numbered(POSITION, round(now * (1.0 + 2e-4) / T)), now)
 
 
 def test_another_epoch_and_the_idle_loop_are_not_judged() -> None:
-    numbering = begun()
+    joiner = begun()
     other = replace(POSITION, epoch=4, seq=-7)
-    assert numbering.admits(other, 101.0)
-    assert numbering.admits(other, 101.0)
-    idle = SequenceFilter(T)
+    assert joiner.admits(other, 101.0)
+    assert joiner.admits(other, 101.0)
+    idle = fresh()
     for seq in (900, 0, 0):
         assert idle.admits(Position(0, seq, 0.0, 1.0, True), 0.0)
 
 
 def test_an_epoch_begins_without_numbers() -> None:
-    numbering = begun()
-    assert numbering.admits(numbered(POSITION, 40), 101.0)
-    numbering.begin(5, 102.0)
-    assert numbering.admits(replace(POSITION, epoch=5), 102.0)
-    twin = numbering.copy()
+    joiner = begun()
+    assert joiner.admits(numbered(POSITION, 40), 101.0)
+    joiner.begin(5, 102.0)
+    assert joiner.admits(replace(POSITION, epoch=5), 102.0)
+    twin = joiner.copy()
     assert not twin.admits(replace(POSITION, epoch=5), 102.0)
     assert twin.admits(replace(POSITION, epoch=5, seq=1), 102.0)
-    assert numbering.admits(replace(POSITION, epoch=5, seq=1), 102.0)
+    assert joiner.admits(replace(POSITION, epoch=5, seq=1), 102.0)

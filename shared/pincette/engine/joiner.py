@@ -1,0 +1,258 @@
+"""The inputs of one service: which samples are taken, and which of them a step is made of.
+
+A sample of a trigger waits for its partners, the samples of other topics that are joined to it by
+epoch and number. In lockstep nothing is lost, so every sample is taken and every step waits for all
+partners. In real time a bus may lose, repeat or reorder samples; then numbers are checked, only the
+newest sample of a stream counts, and a step is made without a partner that does not come in time.
+"""
+
+from collections import deque
+from copy import copy
+from math import floor
+from typing import Any
+
+from pincette.core.idle_sampling import idle_periods
+from pincette.core.messages import Command, Message, Sample
+from pincette.core.service import AnyService, Role
+
+KEPT = 16
+"""Largest number of samples of a topic that wait for a join, and of streams that wait for a step.
+A sample that waits longer has lost its partner."""
+AHEAD = 250
+"""Largest number by which a sample may be ahead of the time since its epoch began: 5 s at
+T = 20 ms, more than a link keeps before it is given up."""
+CLOCKS_APART = 1e-3
+"""Relative difference in speed that two monotonic clocks may have; a bad quartz has a tenth."""
+JOIN_WAIT_PERIODS = 0.25
+"""Time that a step waits for its partners in real time, in control periods."""
+
+Waiting = dict[tuple[int, int], Sample]
+"""Samples by epoch and number."""
+Row = list[Any]
+"""Inputs of a step, in the order of the service's ``inputs_type``."""
+Joined = tuple[Row, Sample | None, float]
+"""Inputs of a step; the sample that triggers it, or None for a tick of the grid; and the time at
+which that came, or the time of the tick."""
+
+
+class Joiner:
+    """The samples of one service that wait for a step; has no clock of its own."""
+
+    def __init__(
+        self, service: AnyService, period_s: float, *, lockstep: bool, recorded: bool = False
+    ) -> None:
+        """Begin without samples.
+
+        Parameters
+        ----------
+        recorded
+            True for samples of a record: they are in order, so that no number is checked, and a
+            partner that is missing will not come, so that no step waits for one.
+        """
+        self._period_s = period_s
+        self._lockstep = lockstep
+        self._checks = not (lockstep or recorded)
+        """Whether numbers of triggers are checked."""
+        self._needs_partners = lockstep and not recorded
+        """Whether no step is made without its partners."""
+        self._wait_s = 0.0 if recorded else JOIN_WAIT_PERIODS * period_s
+        self._idle_periods = idle_periods(period_s)
+        self.refused = 0
+        """Number of samples that were not taken because of their number."""
+        self.missed = 0
+        """Number of samples that were taken and then displaced by a newer one."""
+        self.pending: deque[tuple[Sample | None, float]] = deque()
+        """Triggers that wait for their partners, each with the time at which it came; None stands
+        for a tick of the grid, with the time of that tick."""
+        self.newest: Sample | None = None
+        """The sample that triggered the newest step."""
+        self._epoch = 0
+        self._since_s = 0.0
+        self._newest_seq: dict[type[Message], int] = {}
+        """Largest number of each topic in this epoch."""
+        first = int(service.instrument is not None)
+        joinable = [item for item in service.inputs if item.role != "pace"]
+        self._blank: Row = [None] * (first + len(joinable))
+        self._inputs: dict[type[Message], tuple[Role, int]] = {
+            item.topic.message: (item.role, 0) for item in service.inputs
+        }
+        """Role of each topic, and its place in a row."""
+        self._waiting: dict[type[Message], Waiting] = {}
+        self._partners: list[tuple[Waiting, int, int]] = []
+        """For each topic that is joined: its samples, its offset, and its place in a row."""
+        for place, item in enumerate(joinable, start=first):
+            kind = item.topic.message
+            self._inputs[kind] = item.role, place
+            if item.role == "join":
+                waiting = self._waiting[kind] = {}
+                self._partners.append((waiting, item.offset, place))
+
+    def take(self, sample: Any, now: float, epoch: int) -> Role | None:
+        """Take a sample, and return the role of its topic; None where its number is refused.
+
+        Parameters
+        ----------
+        epoch
+            Present epoch of the service. Of too many samples that wait for a join, those of other
+            epochs are dropped first.
+        """
+        role, _ = self._inputs[type(sample)]
+        if role == "trigger":
+            if self._checks and not self.admits(sample, now):
+                self.refused += 1
+                return None
+            if self._lockstep or not self.pending or self._displaces(sample):
+                self.pending.append((sample, now))
+        elif role == "join":
+            waiting = self._waiting[type(sample)]
+            waiting[sample.epoch, sample.seq] = sample
+            if len(waiting) > KEPT:
+                place = next((place for place in waiting if place[0] != epoch), None)
+                del waiting[next(iter(waiting)) if place is None else place]
+        elif self._lockstep and sample.seq >= 0 and not sample.final:
+            # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
+            self.pending.append((None, (sample.seq + 1) * self._period_s))
+        return role
+
+    def admits(self, sample: Sample, now: float) -> bool:
+        """Return whether a sample may be the next one of its topic, and note its number.
+
+        A sample that is not newer than one that was taken is refused. Nor can there be more samples
+        of an epoch than periods since it began: a larger number was not made by the sensor's grid,
+        and would shut out all right ones.
+
+        Commands with older numbers are admitted: the actuator checks their owner and age too.
+        Samples of other epochs are not judged. Epoch 0 is the idle loop before the first arming,
+        where the numbers of a restarted sensor begin again at 0; it is not judged either.
+        """
+        if sample.epoch != self._epoch or self._epoch == 0:
+            return True
+        made = (now - self._since_s) * (1.0 + CLOCKS_APART) / self._period_s
+        if sample.seq > floor(made) + AHEAD:
+            return False
+        kind = type(sample)
+        if kind is Command:
+            return True
+        if sample.seq <= self._newest_seq.get(kind, -1):
+            return False
+        self._newest_seq[kind] = sample.seq
+        return True
+
+    def _displaces(self, sample: Sample) -> bool:
+        """Make room for a sample; return whether it is to wait.
+
+        Only the newest sample of a stream counts; a backlog is never played. Samples of another
+        epoch or owner are a stream of their own, and a repeated sample is older: neither displaces
+        the sample that counts.
+        """
+        stream = stream_of(sample)
+        for pending in self.pending:
+            if pending[0] is not None and stream_of(pending[0]) == stream:
+                if sample.seq <= pending[0].seq:
+                    self.refused += 1
+                    return False
+                self.pending.remove(pending)
+                self.missed += 1
+                return True
+        if len(self.pending) >= KEPT:
+            self.pending.popleft()
+            self.missed += 1
+        return True
+
+    def next(self, now: float) -> Joined | None:
+        """Remove the first step that can be made and return its inputs; None where there is none.
+
+        A partner that has not come in time is None.
+        """
+        pending = self.pending
+        if not pending:
+            return None
+        sample, since_s = pending[0]
+        row = [*self._blank]
+        if sample is None:
+            pending.popleft()
+            return row, None, since_s
+        epoch, seq = sample.epoch, sample.seq
+        for waiting, offset, place in self._partners:
+            key = epoch, seq + offset
+            if key in waiting:
+                row[place] = waiting[key]
+            # The same sum as in ``wait_s``, to the last bit: or a program would wait for no time,
+            # again and again.
+            elif self._needs_partners or now < since_s + self._patience_s(sample):
+                return None
+        for waiting, offset, _ in self._partners:
+            if (epoch, seq + offset) in waiting:
+                del waiting[epoch, seq + offset]
+        row[self._inputs[type(sample)][1]] = sample
+        pending.popleft()
+        self.newest = sample
+        return row, sample, since_s
+
+    def wait_s(self, now: float) -> float | None:
+        """Return the time until a step can be made: 0.0 where it can be made now.
+
+        None where nothing but another sample can lead to a step.
+        """
+        if not self.pending:
+            return None
+        sample, since_s = self.pending[0]
+        if sample is None:
+            return 0.0
+        for waiting, offset, _ in self._partners:
+            if (sample.epoch, sample.seq + offset) not in waiting:
+                if self._needs_partners:
+                    return None
+                return max(0.0, since_s + self._patience_s(sample) - now)
+        return 0.0
+
+    def _patience_s(self, sample: Sample) -> float:
+        """Return how long a step waits for its partners in real time.
+
+        The actuator publishes the partner of an idle sensor's sample only when it has the sample,
+        so there is more time: as much as for each of the samples that are left out. A sample that
+        was lost changes nothing, since an armed loop has no time to wait.
+        """
+        newest = self.newest
+        if newest is None or newest.epoch != sample.epoch:
+            return self._wait_s
+        idle = sample.seq - newest.seq >= self._idle_periods
+        return (self._idle_periods if idle else 1) * self._wait_s
+
+    def begin(self, epoch: int, now: float) -> None:
+        """Begin an epoch at ``now``, before its first sample was made.
+
+        Nothing waits for a step then; samples of this epoch that wait for a join are kept.
+        """
+        self._epoch, self._since_s = epoch, now
+        self._newest_seq = {}
+        self.pending.clear()
+        for waiting in self._waiting.values():
+            for key in [key for key in waiting if key[0] != epoch]:
+                del waiting[key]
+
+    def begin_tick(self, at_s: float) -> None:
+        """Let a tick of the grid at a time, in s, lead to a step."""
+        self.pending.append((None, at_s))
+
+    def blank(self) -> Row:
+        """Return the inputs of a step that no sample has led to."""
+        return [*self._blank]
+
+    def copy(self) -> "Joiner":
+        """Return another joiner that continues from here independently."""
+        twin = copy(self)
+        twin.pending = deque(self.pending)
+        twin._newest_seq = dict(self._newest_seq)
+        twin._waiting = {kind: dict(waiting) for kind, waiting in self._waiting.items()}
+        kinds = list(twin._waiting)  # in the order of the partners
+        twin._partners = [
+            (twin._waiting[kind], offset, place)
+            for kind, (_, offset, place) in zip(kinds, self._partners, strict=True)
+        ]
+        return twin
+
+
+def stream_of(sample: Sample) -> tuple[type[Sample], int, int | None]:
+    """Return topic, epoch and owner: numbers of samples are compared within these."""
+    return type(sample), sample.epoch, getattr(sample, "owner", None)
