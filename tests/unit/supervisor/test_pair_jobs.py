@@ -140,10 +140,14 @@ def test_kinds_and_laws_are_for_as_many_arms_as_a_rig_has() -> None:
         type(RIG.law)(scheme="two_arms")
 
 
-MEMBERS = [(kind, *one) for kind in job_kinds().values() for one in kind.only.items()]
+MEMBERS = [
+    pytest.param(kind, arms, names, id=f"{kind.name}-{arms}")
+    for kind in job_kinds().values()
+    for arms, names in kind.only.items()
+]
 
 
-@pytest.mark.parametrize(("kind", "arms", "names"), MEMBERS, ids=lambda one: str(one)[:20])
+@pytest.mark.parametrize(("kind", "arms", "names"), MEMBERS)
 def test_a_member_of_the_other_number_of_arms_is_refused_by_its_name(
     kind: JobKind, arms: int, names: frozenset[str]
 ) -> None:
