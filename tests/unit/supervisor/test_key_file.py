@@ -22,6 +22,7 @@ from tests.support.rigs import demo_rig
 
 HERE = "127.0.0.1"
 EARLIER = """
+DROP TABLE learned;
 DROP TABLE sessions;
 DELETE FROM notes;
 CREATE TABLE keys (

@@ -135,7 +135,8 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
     [
         ({"cycles": 0}, "/cycles", "cycles = 0: must be 1 or more"),
         ({"cycles": 2.5}, "/cycles", "cycles = 2.5"),
-        ({"force_mN": 20.0}, "/force_mN", "force_mN is not a field that is known here"),
+        ({"force_N": 20.0}, "/force_N", "force_N is not a field that is known here"),
+        ({"force_mN": 20.0}, "/force_mN", "force_mN is for 2 driven arms, and this rig has 1"),
         ({"shape": "square"}, "/shape", "shape = 'square'"),
         ({"force_pp_mN": 20.0, "x_pp_um": 8.45}, "", "exclude each other"),
         ({"shape": "step", "cycles": 3}, "/cycles", "does not go with a step, which takes levels"),
