@@ -39,6 +39,8 @@ WATCHDOG_S, TICK_S, IDLE_S = 0.5, 0.1, 0.05
 ASIDE_S = TICK_S + IDLE_S + 0.04
 """By how much later one output's watchdog may act than the other's."""
 ENDS_S = 20.0
+HEALED_S = 10.0
+"""Longest time until both sensors are read again, in s."""
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +55,8 @@ def ready(rig: RunningRig, seen: Witness) -> None:
     for target in ("sensor", "output", "second_sensor", "second_output"):
         order(seen, target, "heal")
     make_ready(rig)
+    # A line that was silent may be opened again after it has been healed.
+    seen.until(Position, lambda position: position.usable, monotonic(), HEALED_S)
     place_part(seen)
 
 
