@@ -47,10 +47,8 @@ def draw():
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
         row = rows.setdefault((message["epoch"], message["seq"]), {})
-        arm = message.pop("arms")[0]
-        row.update({"t_s": message["t_s"]} if "t_s" in message else {})
-        valid = message.get("valid", arm.get("valid", True))
-        row.update(message | arm if valid and not message.get("unconfirmed") else {})  # else a gap
+        usable = message.get("valid", True) and not message.get("unconfirmed")  # else a gap
+        row.update(message if usable else {"t_s": message["t_s"]} if "t_s" in message else {})
     epoch = max(rows, default=(0, 0))[0]
     newest_s = max((row.get("t_s", 0.0) for (e, _), row in rows.items() if e == epoch), default=0.0)
     for number, row in list(rows.items()):
@@ -71,7 +69,7 @@ def draw():
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
 with zenoh.open(config) as session:
     for topic in ("position", "estimate", "telemetry", "applied"):
-        session.declare_subscriber(f"pincette/v2/{given.rig}/{topic}", arrived.put)
+        session.declare_subscriber(f"pincette/v1/{given.rig}/{topic}", arrived.put)
     while not given.png and plt.fignum_exists(figure.number):
         draw()
         plt.pause(0.1)

@@ -9,10 +9,10 @@ from typing import Any
 import pandas as untyped_pandas
 import pyarrow.parquet as untyped_parquet
 import pytest
+from msgspec.structs import replace
 
 from pincette.core.messages import Estimate, Message
 from pincette.records.tables import write_tables_of_file
-from tests.support.arms import with_arm
 from tests.support.recorded import asked, loop, write
 
 pandas: Any = untyped_pandas
@@ -27,7 +27,7 @@ def record(tmp_path: Path) -> Path:
 
     def plain(message: Message) -> Message:
         if isinstance(message, Estimate):
-            return with_arm(message, force_mN=FORCE_MN)
+            return replace(message, force_mN=FORCE_MN)
         return message
 
     write(tmp_path / "job.mcap", [asked(), *(plain(message) for message in loop(20))])

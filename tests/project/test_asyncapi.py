@@ -20,7 +20,6 @@ from pincette.core.codec import encode
 from pincette.core.codec.refusals import msgpack
 from pincette.core.faults import ActionCode, Cause, Mode
 from pincette.core.messages import Action, Applied, Load, Position
-from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import REQUESTS, ROOT, TOPICS, key, request_key
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -173,22 +172,10 @@ def test_units_and_texts_come_from_the_source() -> None:
 
 def test_what_is_sent_is_what_the_document_says() -> None:
     program = plan_job(GripJobRequest(kind="grip"), demo_rig()).program
-    applied = Applied(
-        1,
-        0,
-        (ArmApplied(1.5, 0),),
-        Mode.ARMED,
-        Cause.NONE,
-        False,
-        False,
-        False,
-        answered=True,
-        refused=0,
-        command_age_s=0.001,
-    )
+    applied = Applied(1, 0, 1.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.001)
     components = tree()["components"]
     for message in (
-        Position(1, 0, 0.0, (ArmPosition(1.5, valid=True),)),
+        Position(1, 0, 0.0, 1.5, True),
         applied,
         Load(program),
         Action(ActionCode.STOP),

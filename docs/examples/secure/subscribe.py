@@ -30,13 +30,11 @@ config = zenoh.Config.from_json5(
     )
 )
 with zenoh.open(config) as session:
-    messages = session.declare_subscriber(f"pincette/v2/{given.rig}/*")
+    messages = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
     for sample in messages:
         topic, m = str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())
         if topic.endswith("/estimate"):
-            arm = m["arms"][0]
-            found = f"{arm['x_um']:8.3f} µm {arm['force_mN']:8.3f} mN"
+            found = f"{m['x_um']:8.3f} µm {m['force_mN']:8.3f} mN"
             print(found if m["valid"] else f"not valid: {m['fault']}", flush=True)
         elif topic.endswith("/applied"):
-            found = f"{m['arms'][0]['voltage_V']:8.4f} V"
-            print("not confirmed" if m["unconfirmed"] else found, flush=True)
+            print("not confirmed" if m["unconfirmed"] else f"{m['voltage_V']:8.4f} V", flush=True)

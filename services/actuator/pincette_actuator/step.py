@@ -3,6 +3,7 @@ of the tick out."""
 
 from typing import NamedTuple
 
+from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -82,9 +83,8 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     if (position := inputs.position) is not None and position.epoch == state.epoch:
         skipped = skipped_seq(state.arrivals, position.seq)
         state = sampled(limits, state, position.seq, _measured(position), now).settled()
-        for arm in position.arms:
-            if arm.fault is not None:
-                state = explained(state, arm.fault)
+        if position.fault is not None:
+            state = explained(state, position.fault)
     command, facts = state.pending, None
     if inputs.command is not None:
         state, command, facts = _heard(state, inputs.command)
@@ -107,10 +107,10 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
 
 
 def _measured(position: Position) -> tuple[float | None, ...]:
-    measured: list[float | None] = []
-    for arm in position.arms:
-        measured.append(arm.x_um if arm.valid else None)
-    return tuple(measured)
+    first, second = position.x_um if position.valid else None, position.second
+    if second is UNSET:
+        return (first,)
+    return first, second.x_um if second.valid else None
 
 
 def _device_said(

@@ -9,7 +9,7 @@ from pincette.bus.refused import LOG_EVERY_S, SHOWN_S, RefusedMessages
 from pincette.core.faults import FaultCode
 from pincette.core.wording import fault_text
 
-PLACE = "pincette/v2/demo/position"
+PLACE = "pincette/v1/demo/position"
 
 
 class Clock:
