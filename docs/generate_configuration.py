@@ -138,7 +138,7 @@ def _rows(kind: type[Table], path: str, names: list[str]) -> str:
 
 
 def _unit_and_text(name: str, text: str) -> tuple[str, str]:
-    """The unit that a text begins with, else that of the name; and the text without it."""
+    """Return the unit at the begin of a text, or that of the name, and the rest of the text."""
     found = LEADING.match(text)
     if found is None or found[1] not in KNOWN_UNITS:
         return unit_in_file(f"_{name}"), text

@@ -206,7 +206,7 @@ def test_the_scheme_of_a_url_may_have_capital_letters() -> None:
 
 READINGS = 50
 MOST_MORE_S = 1.5e-3
-"""What a device server may add to a reading."""
+"""Longest time that a device server may add to a reading, in s."""
 
 
 @pytest.mark.parametrize("server", ["ser2net", "socat", "socat nodelay"])

@@ -176,7 +176,7 @@ class Plain:
 
 @contextmanager
 def third_party_without_patterns(url: str, delays: Delays) -> Generator[Callable[[], float]]:
-    """Read through a line whose driver does not say how answers are told apart."""
+    """Read through a line whose driver cannot assign an answer to its question."""
     instrument = Delayed(Plain(), delays)
     with (
         serve(url, instrument) as wire,

@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.usefixtures("stalls"), pytest.mark.real_time]
 
 PERIOD_S = 0.02
 MOST_MORE_S = 1.5e-3
-"""What a device server may add to a reading."""
+"""Longest time that a device server may add to a reading, in s."""
 MOST_TIMES = 2.0
 """Ratio of the 99th percentile of readings to their median."""
 WAYS = ("direct", "ser2net", "socat")

@@ -17,7 +17,7 @@ from pincette_madsci.node import failed
 
 
 def error_of(given: dict[str, Any]) -> ClientError:
-    """The error that the client raises for a job that has ended, or for a refusal."""
+    """Return the error that the client raises for an ended job or for a refusal."""
     if "job" in given:
         return JobEndedError("it has ended", Job.model_validate_json(json.dumps(given["job"])))
     return ProblemError(422, given["problem"])

@@ -133,7 +133,7 @@ def _device_said(
 
 
 def _unconfirmed(state: State, device: Fault) -> State:
-    """Tell beside the cause of a freeze, once, that the output does not confirm it any more."""
+    """Add once to the faults of a freeze that the output no longer confirms its voltage."""
     told = any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in state.faults)
     if state.mode != Mode.FROZEN or state.cause == Cause.DEVICE or told:
         return state

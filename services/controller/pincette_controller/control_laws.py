@@ -73,7 +73,7 @@ class Handover(FrozenRecord, frozen=True):
     """References of the newest sample; where the references begin anew, those of the coming one."""
     pressed: bool
     anew: bool
-    """Whether the references begin anew."""
+    """True where the references start again in this tick, so that the law must be rebased."""
     before: "ControlLaw"
     """Law that drove the arms up to the newest sample."""
 

@@ -57,7 +57,7 @@ def learn(learning: Learning, before: Player, estimate: Estimate, period_s: floa
 
 
 def correct(learning: Learning, player: Player, period_s: float) -> Learning:
-    """Find what is added to x_r of the sample to come; it blends in and out as the path does."""
+    """Update the correction of the next x_r; it blends in and out as the path does."""
     path = _cyclic_path(player.segment)
     if learning.learner is None or path is None or player.ended:
         return replace(learning, correction_um=0.0) if learning.correction_um else learning

@@ -21,7 +21,7 @@ class SeenStep(FrozenRecord, frozen=True):
     step_um: float
     """Its size, a mean over the samples since; positive towards the part."""
     force_mN: float
-    """Estimated force just before it, or since where the sensor is its cause."""
+    """Estimated force just before the step; the force after it where the sensor caused it."""
     after_mN: float
     """Estimated force just after it, a mean likewise."""
     samples: int = 1
@@ -109,7 +109,7 @@ class Touch(FrozenRecord, frozen=True):
 
 
 class Player(FrozenRecord, frozen=True):
-    """Where a program stands, and the references of the coming sample."""
+    """Current segment of the motion program, and the references of the next sample."""
 
     index: int
     segment: Segment
@@ -137,9 +137,9 @@ class Player(FrozenRecord, frozen=True):
     ends_after: str = ""
     """Phase under a law with which the program ends early; empty: none."""
     zero: bool = False
-    """Whether the command of this tick carries the zero."""
+    """True where the command of this tick requests a zero of the force."""
     bump: bool = False
-    """Whether the references begin anew in this tick, so that the law must be rebased."""
+    """True where the references start again in this tick, so that the law must be rebased."""
 
     @property
     def contact_known(self) -> bool:

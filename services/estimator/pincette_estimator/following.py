@@ -75,7 +75,7 @@ def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Follow
 def _ringing(
     config: EstimatorConfig, state: State, response: FreeResponse, applied: Applied
 ) -> Ringing:
-    """Add the ring of a step of the free place to those of the steps before."""
+    """Add the ring that a step of the free position excites to the ring of earlier steps."""
     shares = config.ring_shares
     if shares.free == 0.0:
         return state.ringing

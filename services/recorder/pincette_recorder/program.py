@@ -43,7 +43,7 @@ class Recorder:
         self._tidy_at_s = monotonic()
 
     def serve(self) -> None:
-        """Take samples and questions from the bus."""
+        """Subscribe to samples, and serve requests from the bus."""
         for topic in TOPICS:
             self._bus.subscribe(topic, self._intake.take)
         for question in (RECORD, FINISH):

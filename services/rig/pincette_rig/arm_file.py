@@ -101,7 +101,7 @@ class ArmFile:
 
 
 def _digest(rig_file: RigFile) -> str:
-    """Digest of what the memory of each arm depends on."""
+    """Return the digest of the settings that the memory of each arm depends on."""
     tables = [arm.simulation or rig_file.simulation for arm in rig_file.arms]
     kept = {"hysteresis", "relays"}
     texts = [one.model_dump_json(include=kept) for one in tables if one is not None]

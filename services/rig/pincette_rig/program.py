@@ -23,7 +23,7 @@ from pincette_rig.arm_file import ArmFile
 
 log = logging.getLogger(__name__)
 BEHIND_S = 0.1
-"""A rig that has stood still for longer goes on at its pace, and does not make up for it."""
+"""Longest standstill, in s, that a rig makes up for; after a longer one it skips the time."""
 
 
 class Pace:

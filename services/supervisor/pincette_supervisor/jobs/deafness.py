@@ -44,7 +44,7 @@ class Silence:
         self.excused = False
         """Whether what was asked last has shown that the loop is well, or has ended."""
         self.cut_off = False
-        """Whether nobody was heard and nobody has answered, and the loop ends by its lease."""
+        """True where no program was heard or has answered, so that the loop ends by its lease."""
 
     def words(self, lasts_s: float, job: str) -> str:
         """Why the loop counts as silent after so long without a sample; empty where it does not."""

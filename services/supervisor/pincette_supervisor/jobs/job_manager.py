@@ -289,7 +289,7 @@ class JobManager:
 
     @property
     def _moving(self) -> bool:
-        """Whether a job moves the arm, or is about to."""
+        """True while a job moves the arm or is about to move it."""
         live = self.active
         return live is not None and not live.status.terminal
 

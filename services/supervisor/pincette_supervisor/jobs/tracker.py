@@ -137,7 +137,7 @@ class Tracker:
 
     @property
     def part_held(self) -> bool | None:
-        """Whether the gripper holds a part, by this run; None where nothing shows it.
+        """True where this run shows that the gripper holds a part; None where nothing shows it.
 
         The actuator's samples show a part that is held, and a confirmed zero an empty gripper.
         """

@@ -107,7 +107,7 @@ class Proxy:
 
     @property
     def over_tls(self) -> bool:
-        """Whether the connection to the proxy itself is secured."""
+        """True where the connection to the proxy itself uses TLS."""
         return self.url.lower().startswith("https:")
 
     def __str__(self) -> str:

@@ -30,7 +30,7 @@ TITLES = {
     "limits_acted": "Limits that acted",
     "assumptions": "Assumptions",
 }
-"""Of parts whose name says too little."""
+"""Explanations of result parts whose names are not clear by themselves, by name."""
 WORDS = {
     "sliding_in_band": "samples in which the law's sliding function is within its band "
     "(outside of it the law brings it back)"
