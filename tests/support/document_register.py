@@ -87,6 +87,18 @@ SITTINGS: dict[str, Sitting] = {
         ),
         up=DEMO,
     ),
+    "docs/how-to/rest.md": Sitting(
+        (
+            Typed("API=http", r'"feasible":true(.|\n)*"can_start":true'),
+            Typed('curl -s --fail-with-body "$API/jobs?dry_run', r'"feasible":true', seconds=90.0),
+            Typed("JOB=", r'"state":"succeeded"(.|\n)*"name":"samples\.parquet"', seconds=90.0),
+            Typed(".venv/bin/python -c", "x_um µm"),
+            Typed('curl -s --fail-with-body "$API/jobs"', r'"state":"stopped"', seconds=90.0),
+            Typed("curl -s --fail-with-body -X POST", r'"cause":"estop"'),
+            Typed("curl -s --fail-with-body --retry", r'"acknowledged":true'),
+        ),
+        up=DEMO,
+    ),
     "docs/how-to/quick-grip.md": Sitting(
         (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
     ),
