@@ -10,7 +10,7 @@ from pincette.api.jobs import Job
 from pincette.api.results import OutcomeCode, PositionStep
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.client import JobEndedError
-from pincette_supervisor.results.job_table import csv_of, table_of
+from pincette_supervisor.results.job_table import csv_of, row_of
 from tests.unit.client.desk import example
 
 BAD = [code for code in get_args(OutcomeCode) if code not in GOOD_OUTCOMES]
@@ -36,8 +36,8 @@ def test_a_job_without_a_result_has_no_outcome() -> None:
 
 @pytest.mark.parametrize("outcome", get_args(OutcomeCode))
 def test_the_table_of_jobs_has_code_and_both_readings(outcome: str) -> None:
-    table = table_of(lambda: iter([[ended(outcome)]]))
-    head, row = "".join(csv_of(table)).splitlines()[:2]
+    content = b"".join(csv_of(lambda: iter([[row_of(ended(outcome))]])))
+    head, row = content.decode().splitlines()[:2]
     columns = dict(zip(head.split(","), row.split(","), strict=False))
     assert columns["result.outcome"] == outcome
     for name in ("cause", "force_if_slip_mN", "force_if_sensor_mN", "slips"):

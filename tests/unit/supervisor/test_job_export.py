@@ -1,19 +1,22 @@
 """The table of all jobs: complete, whatever their number, in memory that does not grow with it."""
 
+import asyncio
 import csv
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pincette.records import parquet
 from pincette_supervisor.journal import store as journal_store
-from pincette_supervisor.journal.job_filter import EVERY_JOB
+from pincette_supervisor.journal.job_filter import EVERY_JOB, JobFilter
 from pincette_supervisor.results import job_table
 
 from .harness import Harness
+from .streams import Stream
 
 PAGE = 25
 """Jobs read at once in these tests; a supervisor reads ten times as many."""
@@ -51,16 +54,54 @@ def test_every_job_is_in_the_table(journal: Harness, tmp_path: Path) -> None:
     assert len(limited.splitlines()) == 1 + PAGE + 3
 
 
+def counted_pages(journal: Harness, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return a list that grows with each page that is read from the journal."""
+    read = list[int]()
+    table_pages = journal.store.table_pages
+
+    def counted(found: JobFilter, limit: int | None) -> Iterator[list[dict[str, Any]]]:
+        for page in table_pages(found, limit):
+            read.append(len(page))
+            yield page
+
+    monkeypatch.setattr(journal.store, "table_pages", counted)
+    return read
+
+
+@pytest.mark.parametrize("form", [job_table.csv_of, job_table.parquet_of])
+def test_the_first_bytes_do_not_wait_for_the_journal(
+    journal: Harness,
+    monkeypatch: pytest.MonkeyPatch,
+    form: Callable[[job_table.Rows], Iterator[bytes]],
+) -> None:
+    read = counted_pages(journal, monkeypatch)
+    assert next(form(journal.rigs.table_rows(EVERY_JOB)))
+    assert read == []
+
+
+def test_a_client_that_hangs_up_ends_the_export(
+    journal: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = counted_pages(journal, monkeypatch)
+
+    async def scene() -> None:
+        async with Stream(journal.app, "/api/v1/jobs/export") as stream:
+            assert await stream.chunk() == ",".join(job_table.FIXED)
+
+    asyncio.run(scene())
+    assert len(read) < MANY / PAGE, "it has read all jobs once"
+
+
 @pytest.mark.parametrize("form", [job_table.csv_of, job_table.parquet_of])
 def test_memory_of_an_export_does_not_grow_with_the_jobs(
-    journal: Harness, form: Callable[[job_table.JobTable], Iterator[object]]
+    journal: Harness, form: Callable[[job_table.Rows], Iterator[bytes]]
 ) -> None:
     rigs = journal.rigs
 
     def peak_bytes(jobs: int) -> int:
         tracemalloc.reset_peak()
         before = tracemalloc.get_traced_memory()[0]
-        for _ in form(job_table.table_of(lambda: rigs.job_pages(EVERY_JOB, jobs))):
+        for _ in form(rigs.table_rows(EVERY_JOB, jobs)):
             pass
         return tracemalloc.get_traced_memory()[1] - before
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
@@ -29,7 +29,8 @@ from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play
 from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.results import archive
+from pincette_supervisor.results import archive, job_table
+from pincette_supervisor.results.job_table import Rows
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
 from pincette_supervisor.rigs.other_rigs import StopOfOthers
@@ -211,11 +212,24 @@ class Rigs:
                 self._settled.add(row.id, row.revision, encoded)
         return {name: jobs[name] for name, _ in newest if name in jobs}
 
-    def job_pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[Job]]:
-        """Pages of the jobs of all rigs, newest first; raises ProblemError."""
+    def table_rows(self, found: JobFilter, limit: int | None = None) -> Rows:
+        """Return a reader of the jobs of all rigs, newest first; raises ProblemError."""
         self._require_known(found.rig)
-        for page in self.store.pages(found, limit):
-            yield [self._view(row) for row in page]
+        return lambda: self._table_pages(found, limit)
+
+    def _table_pages(self, found: JobFilter, limit: int | None) -> Iterator[list[dict[str, Any]]]:
+        for page in self.store.table_pages(found, limit):
+            for row in page:
+                ending = row["ending"]
+                row["ending"] = None if ending is None else ending["code"]
+            yield [self._present_row(row) for row in page]
+
+    def _present_row(self, row: dict[str, Any]) -> dict[str, Any]:
+        """Replace a row that the journal may not have in its present state."""
+        manager = self.find(row["rig"])
+        if manager is None or not manager.index.has_job(row["id"]):
+            return row
+        return job_table.row_of(manager.index.view(require_job(self.store, row["id"])))
 
     def _require_known(self, rig: str | None) -> None:
         """Raise ProblemError for a rig that is not served and has no job."""

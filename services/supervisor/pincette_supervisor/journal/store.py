@@ -46,6 +46,17 @@ CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_a
 EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
 """What a person may say of a job, and where it waits."""
 
+TABLE_COLUMNS = (
+    *(JOBS.c[name] for name in ("number", "id", "rig", "kind", "state")),
+    *(JOBS.c[name] for name in ("created_at", "started_at", "ended_at")),
+    JOBS.c.requested_by.label("by"),
+    JOBS.c.ending,
+    *(JOBS.c[name] for name in ("sample", "batch", "operator", "notes", "labels")),
+    JOBS.c.plan["values"].label("values"),
+    JOBS.c.result,
+)
+"""What a table takes from a job."""
+
 
 class KeyTakenError(Exception):
     """The ``Idempotency-Key`` has created a job already."""
@@ -138,15 +149,24 @@ class Store(Database):
         with self.reading() as connection:
             return _select(connection, select(JOBS).where(JOBS.c.id.in_(names)))
 
-    def pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[JobRow]]:
-        """The same, at most ``PAGE`` jobs at once; without a limit all of them."""
+    def table_pages(
+        self, found: JobFilter, limit: int | None = None
+    ) -> Iterator[list[dict[str, Any]]]:
+        """Read what a table takes from jobs, newest first, at most ``PAGE`` jobs at once.
+
+        Requests, actions and plans, which are most of a row, stay in the database.
+        """
         left = limit
         while left is None or left > 0:
-            page = self.newest(PAGE if left is None else min(PAGE, left), found)
-            if not page:
-                return
+            size = PAGE if left is None else min(PAGE, left)
+            with self.reading() as connection:
+                query = found.newest(size, connection.dialect.name)
+                wanted = query.with_only_columns(*TABLE_COLUMNS)
+                page = [dict(row) for row in connection.execute(wanted).mappings()]
             yield page
-            found = replace(found, before_number=page[-1].number)
+            if len(page) < size:
+                return
+            found = replace(found, before_number=page[-1]["number"])
             left = None if left is None else left - len(page)
 
     def queued(self, rig: str) -> list[JobRow]:

@@ -152,10 +152,10 @@ def export(
     ] = None,
 ) -> Response:
     """Jobs as one table, the newest first; those alone that are as named."""
-    table = job_table.table_of(lambda: rigs.job_pages(wanted, limit))
-    rows = job_table.parquet_of(table) if format == "parquet" else job_table.csv_of(table)
+    rows = rigs.table_rows(wanted, limit)
+    parts = job_table.parquet_of(rows) if format == "parquet" else job_table.csv_of(rows)
     headers = {"Content-Disposition": f'attachment; filename="jobs.{format}"'}
-    return StreamingResponse(rows, media_type=job_table.MEDIA_TYPES[format], headers=headers)
+    return StreamingResponse(parts, media_type=job_table.MEDIA_TYPES[format], headers=headers)
 
 
 @router.patch(

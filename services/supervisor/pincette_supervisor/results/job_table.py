@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import IO, Any, cast
 
@@ -13,89 +13,126 @@ from pincette.records import parquet
 MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
+FIXED = (*FIRST, "ending", *SAID)
+"""Columns of every table; they come first."""
+TREES = {"label": "labels", "value": "values", "result": "result"}
+"""Maps of a job by the begin of their columns' names, in the order of the columns."""
 GROUP_ROWS = 2_000
 """Rows of a row group of a Parquet file."""
-GROUPS = ("", "label", "value", "result")
-"""Begins of the names of columns, in their order."""
+MAGIC = b"PAR1"
+"""Begin of every Parquet file."""
+EXACT: Mapping[parquet.Kind, frozenset[type[Any]]] = {
+    "text": frozenset({str, type(None)}),
+    "bool": frozenset({bool, type(None)}),
+    "float": frozenset({float, type(None)}),
+}
+"""Types that a column holds as they are."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Begins of texts that a spreadsheet would work out."""
-Pages = Callable[[], Iterator[Sequence[Job]]]
-"""Begins to read the jobs again, a page at a time."""
+Rows = Callable[[], Iterator[Sequence[Mapping[str, Any]]]]
+"""Begins to read the jobs, a page at a time: their fixed columns and their maps, by name."""
+Columns = Mapping[str, frozenset[type[Any]]]
+"""Types of the values of each column, by its name."""
+
+
+def row_of(job: Job) -> dict[str, Any]:
+    """Return what a table takes from a job."""
+    row: dict[str, Any] = {name: getattr(job, name) for name in (*FIRST, *SAID, *TREES.values())}
+    row["ending"] = None if job.ending is None else job.ending.code
+    return row
+
+
+class _Flattener:
+    """Names the values of maps in maps; each name is put together once."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, dict[str, str]] = {}
+
+    def flat(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Return every value that is neither list nor map, under the names of all that it is in."""
+        found = {name: row[name] for name in FIXED}
+        for begin, name in TREES.items():
+            if tree := row[name]:
+                self._add(begin, tree, found)
+        return found
+
+    def _add(self, begin: str, tree: Mapping[str, Any], found: dict[str, Any]) -> None:
+        names = self._names.setdefault(begin, {})
+        for key, value in tree.items():
+            kind = value.__class__
+            if kind is list:
+                continue
+            name = names.get(key)
+            if name is None:
+                name = names[key] = f"{begin}.{key}"
+            if kind is dict:
+                self._add(name, value, found)
+            else:
+                found[name] = value
 
 
 @dataclass(frozen=True, slots=True)
-class JobTable:
-    """Jobs as rows of named columns; no more than a page of them is in memory at once."""
+class _Table:
+    """The columns that were found, and what names the values of a row."""
 
-    pages: Pages
-    columns: Mapping[str, frozenset[type[Any]]]
-    """Types of the values of each column, by its name."""
+    columns: Columns
+    flattener: _Flattener
 
-    def rows(self) -> Iterator[Sequence[Mapping[str, Any]]]:
-        """Pages of rows; a row lacks the columns for which its job has no value."""
-        for page in self.pages():
-            yield [_row(job) for job in page]
-
-
-def table_of(pages: Pages) -> JobTable:
-    """Read the jobs once to find the columns; they are read again for the rows."""
-    found: dict[str, set[type[Any]]] = {}
-    for page in pages():
-        for job in page:
-            for name, value in _row(job).items():
-                kinds = found.setdefault(name, set())
-                if value is not None:
-                    kinds.add(cast("type[Any]", type(value)))
-    if not found:
-        found = {name: set() for name in (*FIRST, "ending", *SAID)}
-    names = sorted(found, key=lambda name: GROUPS.index(_group(name)))
-    return JobTable(pages, {name: frozenset(found[name]) for name in names})
+    def pages(self, rows: Rows) -> Iterator[list[dict[str, Any]]]:
+        """Read the rows, flat, a page at a time."""
+        for page in rows():
+            yield [self.flattener.flat(row) for row in page]
 
 
-def _group(name: str) -> str:
-    begin = name.partition(".")[0]
-    return begin if begin in GROUPS else ""
-
-
-def _row(job: Job) -> dict[str, Any]:
-    row: dict[str, Any] = {name: getattr(job, name) for name in FIRST}
-    row["ending"] = None if job.ending is None else job.ending.code
-    row |= {name: getattr(job, name) for name in SAID}
-    row |= {f"label.{name}": text for name, text in job.labels.items()}
-    row |= _flat("value", job.values)
-    return row | _flat("result", job.result or {})
-
-
-def _flat(name: str, tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Every value that is neither list nor map, under the names of all that it is in."""
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            found |= _flat(f"{name}.{key}", cast("Mapping[str, Any]", value))
-        elif not isinstance(value, list):
-            found[f"{name}.{key}"] = value
-    return found
-
-
-def csv_of(table: JobTable) -> Iterator[str]:
-    """Lines of a CSV; a number reads back bit for bit, and no text is a formula."""
-    yield _line(list(table.columns))
-    for page in table.rows():
+def _scan(rows: Rows) -> Generator[bytes, None, _Table]:
+    """Find the columns; yields nothing (``b""``) after each page, so that a client can hang up."""
+    flattener = _Flattener()
+    found: dict[str, set[type[Any]]] = {name: set() for name in FIXED}
+    for page in rows():
         for row in page:
-            yield _line([row.get(name) for name in table.columns])
+            for name, value in flattener.flat(row).items():
+                kinds = found.get(name)
+                if kinds is None:
+                    kinds = found[name] = set()
+                kinds.add(value.__class__)
+        yield b""
+    more = sorted([*found][len(FIXED) :], key=lambda name: [*TREES].index(name.partition(".")[0]))
+    columns = {name: frozenset(found[name] - {type(None)}) for name in (*FIXED, *more)}
+    return _Table(columns, flattener)
+
+
+def csv_of(rows: Rows) -> Iterator[bytes]:
+    """Parts of a CSV; a number reads back bit for bit, and no text is a formula.
+
+    The jobs are read twice: for the columns and for the rows. The names of the fixed columns come
+    at once. No more than a page of jobs is in memory.
+    """
+    yield ",".join(FIXED).encode()
+    table = yield from _scan(rows)
+    more = list(table.columns)[len(FIXED) :]
+    yield (f",{_lines([more])}" if more else "\n").encode()
+    plain = {name for name, kinds in table.columns.items() if not kinds & {bool, str}}
+    for page in table.pages(rows):
+        columns = [
+            [row.get(name) for row in page]
+            if name in plain
+            else [_cell(row.get(name)) for row in page]
+            for name in table.columns
+        ]
+        yield _lines(zip(*columns, strict=True)).encode()
 
 
 def _cell(value: Any) -> Any:
-    if isinstance(value, bool):
+    if value.__class__ is bool:
         return "true" if value else "false"
     if isinstance(value, str) and value.startswith(FORMULA):
         return f"'{value}"
     return value
 
 
-def _line(cells: Sequence[Any]) -> str:
+def _lines(rows: Any) -> str:
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerow([_cell(cell) for cell in cells])
+    csv.writer(stream, lineterminator="\n").writerows(rows)
     return stream.getvalue()
 
 
@@ -104,8 +141,10 @@ class _Parts:
 
     closed = False
 
-    def __init__(self) -> None:
+    def __init__(self, skipped_bytes: int) -> None:
+        """``skipped_bytes``: bytes at the begin of the file that ``take`` leaves out."""
         self._parts: list[bytes] = []
+        self._skipped_bytes = skipped_bytes
 
     def write(self, part: bytes) -> int:
         """Append a part."""
@@ -119,21 +158,29 @@ class _Parts:
         """Return what was written since the last call."""
         found = b"".join(self._parts)
         self._parts.clear()
-        return found
+        skipped = min(self._skipped_bytes, len(found))
+        self._skipped_bytes -= skipped
+        return found[skipped:]
 
 
-def parquet_of(table: JobTable) -> Iterator[bytes]:
-    """Parts of a Parquet file with the unit of each column in its metadata."""
+def parquet_of(rows: Rows) -> Iterator[bytes]:
+    """Parts of a Parquet file with the unit of each column in its metadata; see ``csv_of``."""
+    yield MAGIC
+    table = yield from _scan(rows)
     fields = [_field(name, kinds) for name, kinds in table.columns.items()]
-    file = _Parts()
+    file = _Parts(len(MAGIC))
     with parquet.writing(cast("IO[bytes]", file), fields, {}, GROUP_ROWS) as writer:
-        for page in table.rows():
-            writer.add(
-                {one.name: [_value(row.get(one.name), one) for row in page] for one in fields}
-            )
-            if part := file.take():
-                yield part
+        for page in table.pages(rows):
+            writer.add({one.name: _column(page, one) for one in fields})
+            yield file.take()
     yield file.take()
+
+
+def _column(page: Sequence[Mapping[str, Any]], field: parquet.Field) -> list[Any]:
+    column = [row.get(field.name) for row in page]
+    if set(map(type, column)) <= EXACT[field.kind]:
+        return column
+    return [_value(value, field) for value in column]
 
 
 def _field(name: str, kinds: frozenset[type[Any]]) -> parquet.Field:
