@@ -14,7 +14,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/foxglove.md": Sitting(
         (
             Typed(".venv/bin/pincette run foxglove", r"ready: Foxglove at ws://127", stays=True),
-            Typed(".venv/bin/pincette job grip", r"outcome +gripped"),
+            Typed(".venv/bin/pincette job grip", r"succeeded: gripped"),
             Typed("import json", r"estimate pincette\.Estimate[^$]*services: estop"),
         ),
         up=DEMO,

@@ -57,7 +57,7 @@ def test_there_are_two_commands(commands: list[str]) -> None:
 def test_they_end_in_a_grip(project: Project, stalls: ContainerStalls, commands: list[str]) -> None:
     done = project.shell(commands[1], GRIP_S)
     assert done.returncode == 0, f"{done.stdout}\n{stalls.stalls[-9:]}"
-    assert re.search(r"^outcome +gripped$", done.stdout, re.MULTILINE), done.stdout
+    assert re.search(r"^job \S+ succeeded: gripped\b", done.stdout, re.MULTILINE), done.stdout
     assert re.search(r"^force held +\d+\.\d+ mN ± ", done.stdout, re.MULTILINE)
     assert re.search(r"^force asked for +20\.00 mN$", done.stdout, re.MULTILINE)
     kept = project.inside("recorder", "ls", "/data/jobs")

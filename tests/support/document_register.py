@@ -29,7 +29,7 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/tutorials/first-grip.md": Sitting(
         (
-            Typed(".venv/bin/pincette job grip --force-mN 10", r"outcome +gripped"),
+            Typed(".venv/bin/pincette job grip --force-mN 10", r"succeeded: gripped"),
             Typed(
                 ".venv/bin/pincette plan grip --force-mN 100", r"above the limit 40 mN", status=5
             ),
@@ -49,7 +49,7 @@ SITTINGS: dict[str, Sitting] = {
             Typed("pincette rig part place", r"accepted, model 3", seconds=300.0),
             Typed("pincette model show", r"part\.stiffness_mN_per_um +\S+ mN/µm +20"),
             Typed("pincette plan grip", r"feasible"),
-            Typed("pincette job grip", r"outcome +gripped", seconds=200.0),
+            Typed("pincette job grip", r"succeeded: gripped", seconds=200.0),
             Typed("pincette plan grip --force-mN 35", r"above the limit 30 mN", status=5),
         ),
         slow=True,
@@ -67,13 +67,13 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/tutorials/two-arms.md": Sitting(
         (
-            Typed("make demo", r"outcome +gripped", seconds=120.0),
+            Typed("make demo", r"succeeded: gripped", seconds=120.0),
             Typed(".venv/bin/pincette up --rig", r"is up at http://127.0.0.1:8000", stays=True),
-            Typed(".venv/bin/pincette job track --place", r"outcome +tracked", seconds=90.0),
-            Typed(".venv/bin/pincette job grip --centre", r"outcome +gripped", seconds=90.0),
+            Typed(".venv/bin/pincette job track --place", r"succeeded: tracked", seconds=90.0),
+            Typed(".venv/bin/pincette job grip --centre", r"succeeded: gripped", seconds=90.0),
             Typed(
                 ".venv/bin/pincette job grip --force-mN 12 --place-um",
-                r"outcome +gripped",
+                r"succeeded: gripped",
                 seconds=90.0,
             ),
             Typed(".venv/bin/pincette plan grip", r"arm 2: position", status=5),
@@ -100,7 +100,7 @@ SITTINGS: dict[str, Sitting] = {
         up=DEMO,
     ),
     "docs/how-to/quick-grip.md": Sitting(
-        (Typed("pincette job grip --profile gentle", r"outcome +gripped"),), up=DEMO
+        (Typed("pincette job grip --profile gentle", r"succeeded: gripped"),), up=DEMO
     ),
     "docs/how-to/recipes.md": Sitting(
         (Typed("curl -s http://127.0.0.1:8000/api/v1/recipes", r'"recipe":\{?.*bead-1mm'),), up=DEMO

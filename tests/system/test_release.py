@@ -132,7 +132,7 @@ def test_the_demo_runs_from_the_wheel(environment: Path, tmp_path: Path) -> None
         check=False,
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert re.search(r"^outcome +gripped", ended.stdout, re.MULTILINE)
+    assert re.search(r"^job \S+ succeeded: gripped", ended.stdout, re.MULTILINE)
     (record,) = (place / "data/jobs").iterdir()
     assert (record / "grip.png").read_bytes().startswith(b"\x89PNG")
     await_demo_ports(5.0)

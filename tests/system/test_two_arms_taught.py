@@ -38,4 +38,4 @@ def test_the_second_arm_is_taught_accepted_and_grips_with_the_first(checkout: Pa
         done = run(["bash", "-euc", block.text], checkout, TYPED_S)
     assert done.returncode == 0, done.stdout
     assert re.search(r"second\.model\.piezo_um_per_V", done.stdout), done.stdout
-    assert re.search(r"outcome +gripped", done.stdout), done.stdout
+    assert re.search(r"succeeded: gripped", done.stdout), done.stdout

@@ -158,6 +158,8 @@ class JobKind:
     """Fields of the page's form, in order."""
     figures: tuple[ResultField, ...] = ()
     """Figures of the result that are shown, in order."""
+    brief: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Short labels of the figures that a short result shows, by member, in order; empty: all."""
     variant_field: str = ""
     """Member of the request that chooses a variant; empty where there are none."""
     variants: Mapping[str, Variant] = field(default_factory=dict[str, Variant])
@@ -225,6 +227,15 @@ class JobKind:
         """Return the figures that are shown of a result."""
         arms = result.get("arms", 1)
         return [figure for figure in self.figures if arms in figure.arms]
+
+    def brief_figures_of(self, result: Mapping[str, Any]) -> list[ResultField]:
+        """Return the figures of a short result, with their short labels and without assumptions."""
+        figures = {figure.name: figure for figure in self.figures_of(result)}
+        return [
+            figures[name].model_copy(update={"label": label, "assumed": "", "optional": True})
+            for name, label in self.brief.items()
+            if name in figures
+        ]
 
     @property
     def plot(self) -> str:

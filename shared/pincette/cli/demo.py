@@ -8,7 +8,7 @@ from typer import Option
 
 from pincette.cli import opened
 from pincette.cli.access import authority_of, key_of, refusals
-from pincette.cli.options import DATA, DataFolder
+from pincette.cli.options import DATA, DataFolder, Everything
 from pincette.cli.results import show_result
 from pincette.cli.safety import cleared
 from pincette.cli.terminal import Json, RigOption, command, emit, group, lasting_screen
@@ -35,6 +35,7 @@ def demo(
         bool, Option("--secure", help="over mutual TLS, with certificates for this once")
     ] = False,
     new_arm: NewArm = False,
+    everything: Everything = False,
 ) -> int:
     """Grip the part of a rig once, from start to end."""
     path = rig.path
@@ -44,7 +45,8 @@ def demo(
     with lasting_screen(machine=form.json) as console:
         job = _gripped(file, path, data, console, form, secure=secure)
         if not form.json:
-            show_result(job, console)
+            more = "report.html in the record; `pincette demo --all` prints them"
+            show_result(job, console, everything=everything, more=more)
     if form.json:
         emit(job)
     return status_of(job)

@@ -12,6 +12,7 @@ from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.found import ID, JobName, Labels, add_to
 from pincette.cli.options import (
+    Everything,
     Picture,
     given_fields,
     help_text,
@@ -69,6 +70,7 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         queue: Queue = False,
         labels: Labels = None,
         no_wait: NoWait = False,
+        everything: Everything = False,
         **given: Any,
     ) -> int | None:
         fields = {**fixed, **given_fields(given)}
@@ -82,7 +84,7 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         with patience("planning, predicting and starting"):
             job = rig.start(kind.name, **fields)
         if not no_wait:
-            return followed(job.patient(FOLLOWED_S), machine=target.json)
+            return followed(job.patient(FOLLOWED_S), machine=target.json, everything=everything)
         target.answer(job.job, job.id)
         return None
 
@@ -95,11 +97,12 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         queue: Queue = False,
         labels: Labels = None,
         no_wait: NoWait = False,
+        everything: Everything = False,
         **given: Any,
     ) -> int | None:
         if job is not None:
             return _act(target, job, name)  # pyright: ignore[reportArgumentType]
-        return start(target, queue, labels, no_wait, **given)
+        return start(target, queue, labels, no_wait, everything, **given)
 
     is_action = name in get_args(ActionType)
     command(below, name, more, help=about)(act_or_start if is_action else start)
@@ -233,9 +236,9 @@ def stop(
     target.answer(job.job, text)
 
 
-def show_job(job: "Job", console: "Console") -> None:
+def show_job(job: "Job", console: "Console", *, everything: bool = False) -> None:
     """Print a job: its result, its request, its actions."""
-    show_result(job, console)
+    show_result(job, console, everything=everything)
     said = {name: str(getattr(job, name)) for name in SAID} | job.labels
     given = [f"{n} = {value}" for n, value in job.request.items() if n not in (*SAID, "labels")]
     given += [f"{name}: {value}" for name, value in said.items() if value]
@@ -253,7 +256,7 @@ def show_job(job: "Job", console: "Console") -> None:
 
 
 @command(job_app, "show")
-def show(target: Target, job: JobName) -> None:
+def show(target: Target, job: JobName, everything: Everything = False) -> None:
     """Show a job: its request, its result, its actions, and the files of its record."""
     handle = target.job(job)
     found = handle.job
@@ -262,7 +265,7 @@ def show(target: Target, job: JobName) -> None:
         emit({**tree(found), "files": tree(files)})
         return
     console = screen()
-    show_job(found, console)
+    show_job(found, console, everything=everything)
     if files:
         _show_record(handle, files, console)
 

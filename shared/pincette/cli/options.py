@@ -30,6 +30,7 @@ DataFolder = Annotated[
 ]
 
 Picture = Annotated[Path | None, Option("--plot", metavar="FILE", help="draw a PNG there")]
+Everything = Annotated[bool, Option("--all", help="show every phase and figure of the result")]
 Limit = Annotated[int, Option("--limit", metavar="N", parser=integer, help="at most so many")]
 
 

@@ -7,6 +7,8 @@ from pincette.cli import working_folder
 from pincette.cli.terminal import figures, table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import Console
 
     from pincette.api.calibrations import CalibrationPlan
@@ -155,30 +157,80 @@ def outcome(job: "Job") -> str:
     return str((job.result or {}).get("outcome", ""))
 
 
-def show_result(job: "Job", console: "Console") -> None:
-    """Print the result of a job."""
+def show_result(
+    job: "Job", console: "Console", *, everything: bool = False, more: str | None = None
+) -> None:
+    """Print the result of a job: the verdict, its main figures and its record.
+
+    Parameters
+    ----------
+    job
+        The job, with its result.
+    console
+        The console to print on.
+    everything
+        Print every phase and every figure too.
+    more
+        Where a short result says that all figures are; None: the command that shows them.
+    """
     colour = "green" if job.state == "succeeded" else "red"
-    console.print(f"\njob {job.id} [bold {colour}]{job.state}[/]")
+    result: Tree | None = job.result
+    verdict = "" if result is None else "".join(f", {words}" for words in verdict_words(result))
+    colon = ":" if verdict else ""
+    console.print(f"\njob {job.id} [bold {colour}]{job.state}[/]{colon}{verdict[1:]}")
     if job.cause:
         console.print(f"  {job.cause}", markup=False)
-    result: Tree | None = job.result
     if result is None:
         return
-    rows = [
-        (phase["phase"], f"{phase['start_s']:.2f} s", f"{phase['duration_s']:.2f} s")
-        for phase in result["phases"]
-    ]
+    lines = [] if everything else brief_lines(result, job.kind)
+    is_brief = bool(lines)
     console.print()
-    console.print(table("phase", "begins", "lasts", rows=rows))
-    console.print()
-    lines: list[tuple[str, str]] = []
-    if "calibration" in result:
-        _show_findings(result, job.id, console)
-    else:
-        lines = result_lines(result, job.kind)
+    if not is_brief:
+        rows = [
+            (phase["phase"], f"{phase['start_s']:.2f} s", f"{phase['duration_s']:.2f} s")
+            for phase in result["phases"]
+        ]
+        console.print(table("phase", "begins", "lasts", rows=rows))
+        console.print()
+        if "calibration" in result:
+            _show_findings(result, job.id, console)
+        else:
+            lines = result_lines(result, job.kind)
     if result.get("held_at_end"):
         lines.append(("to let it go", "`pincette job release`"))
-    figures([*lines, *record_lines(job.record)], console)
+    kept = record_lines(job.record)
+    figures([*lines, *(kept[:1] if is_brief else kept)], console)
+    if is_brief:
+        where = f"`pincette job show {job.id} --all`" if more is None else more
+        console.print(f"\nall figures: {where}", markup=False)
+
+
+def verdict_words(result: Tree) -> list[str]:
+    """Return the outcome, and what makes its figures certain or doubtful."""
+    words = [str(result.get("outcome", "")).replace("_", " ")]
+    met = _member(result, "goal.met")
+    if met is not None:
+        words.append("goal met" if met else "goal missed")
+    returns = [_member(result, f"{arm}zero_return.verified") for arm in ("", "second_")]
+    if False in returns:
+        words.append("force not verified by the zero return")
+    elif True in returns:
+        words.append("force verified by the zero return")
+    if result.get("forces_agree") is False:
+        words.append("the forces of both arms differ")
+    if result.get("zero_unconfirmed"):
+        words.append("zero not confirmed")
+    if result.get("model_mismatch"):
+        words.append("the arm differs from its model")
+    return [text for text in words if text]
+
+
+def brief_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
+    """Return the main figures of a result; none where its kind names none, or is not installed."""
+    from pincette.api.job_kinds import job_kinds
+
+    known = job_kinds().get(kind)
+    return [] if known is None else _figure_lines(result, known.brief_figures_of(result))
 
 
 def quantity(value: Any, unit: str) -> str:
@@ -214,8 +266,14 @@ def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
     from pincette.api.job_kinds import job_kinds
 
     known = job_kinds().get(kind)
-    lines = [("outcome", str(result.get("outcome", "")))]
-    for field in () if known is None else known.figures_of(result):
+    outcome = ("outcome", str(result.get("outcome", "")))
+    return [outcome, *_figure_lines(result, () if known is None else known.figures_of(result))]
+
+
+def _figure_lines(result: Tree, shown: "Iterable[ResultField]") -> list[tuple[str, str]]:
+    """Return a label and a text for each figure of a result."""
+    lines: list[tuple[str, str]] = []
+    for field in shown:
         value = _member(result, field.name)
         if value is None and field.optional:
             continue

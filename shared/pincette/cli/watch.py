@@ -10,6 +10,7 @@ from typer import Argument, Option
 
 from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
+from pincette.cli.options import Everything
 from pincette.cli.readers import integer
 from pincette.cli.results import show_result
 from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, patience, screen
@@ -46,10 +47,12 @@ def watch(
             "--after", parser=integer, metavar="N", help="begin with the events after this number"
         ),
     ] = None,
+    everything: Everything = False,
 ) -> int | None:
     """Follow a job, a rig, or all."""
     if name and not target.json:
-        return followed(target.job(name).patient(FOLLOWED_S), machine=False)
+        job = target.job(name).patient(FOLLOWED_S)
+        return followed(job, machine=False, everything=everything)
     if name:
         events = target.job(name).patient(FOLLOWED_S).events(after or 0)
     else:
@@ -125,7 +128,7 @@ def _member(name: str, value: object) -> str:
     return f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
 
 
-def followed(job: "JobHandle", *, machine: bool) -> int:
+def followed(job: "JobHandle", *, machine: bool, everything: bool = False) -> int:
     """Follow a job to its end, and show its result; the exit status says whether it succeeded."""
     console = screen(machine=machine)
     try:
@@ -139,7 +142,7 @@ def followed(job: "JobHandle", *, machine: bool) -> int:
     if machine:
         emit(job.job)
     else:
-        show_result(job.job, console)
+        show_result(job.job, console, everything=everything)
     return status_of(job.job)
 
 

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from pincette.api.job_kinds import job_kinds, number
 from pincette.api.jobs import Job, Progress
+from pincette.api.pairs import PairResult
 from pincette.api.plans import MotionPlan, Plan
 from pincette.api.predictions import Margin, Prediction, Violation
 from pincette.api.results import MotionResult
@@ -73,12 +74,74 @@ def spaced(text: str) -> str:
     return re.sub(" +", " ", text)
 
 
+def test_a_grip_has_a_verdict_and_six_rows() -> None:
+    console, out = screen(terminal=False)
+    returned = {"force_mN": -0.11, "uncertainty_mN": 0.42, "x_um": 26.0, "verified": True}
+    result = RESULT | {"zero_return": returned, "goal": {"met": True}}
+    show_result(job_of(id="j", state="succeeded", result=result, record="data/j"), console)
+    assert spaced(out.getvalue()).splitlines() == [
+        "",
+        "job j succeeded: gripped, goal met, force verified by the zero return",
+        "",
+        "force held 19.34 mN ± 1.59 mN",
+        "force asked for 20.00 mN",
+        "peak force 20.09 mN",
+        "contact stiffness 2.035 mN/µm",
+        "zero return -0.11 mN ± 0.42 mN",
+        "record data/j",
+        "",
+        "all figures: `pincette job show j --all`",
+    ]
+
+
+def test_a_short_result_of_two_arms_has_the_figures_of_both() -> None:
+    console, out = screen(terminal=False)
+    result = desk.example(PairResult, forces_agree=False)
+    show_result(job_of(id="j", state="succeeded", result=result, record="data/j"), console)
+    assert spaced(out.getvalue()).splitlines()[1:] == [
+        "job j succeeded: tracked, the forces of both arms differ",
+        "",
+        "force held 15.00 mN ± 0.55 mN",
+        "peak force 20.40 mN",
+        "place 0.51 µm",
+        "difference of both forces 0.110 mN ± 0.800 mN",
+        "record data/j",
+        "",
+        "all figures: `pincette job show j --all`",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("members", "doubt"),
+    [
+        ({"goal": {"met": False}}, "goal missed"),
+        ({"zero_return": {"verified": False}}, "force not verified by the zero return"),
+        (
+            {"zero_return": {"verified": True}, "second_zero_return": {"verified": False}},
+            "force not verified by the zero return",
+        ),
+        ({"zero_unconfirmed": True}, "zero not confirmed"),
+        ({"model_mismatch": True}, "the arm differs from its model"),
+    ],
+)
+def test_a_verdict_says_what_is_doubtful(members: dict[str, Any], doubt: str) -> None:
+    assert results.verdict_words(RESULT | members) == ["gripped", doubt]
+
+
+def test_every_brief_figure_is_a_figure_of_its_kind() -> None:
+    for kind in job_kinds().values():
+        assert set(kind.brief) <= {figure.name for figure in kind.figures}
+        for arms in kind.arms:
+            assert len(kind.brief_figures_of({"arms": arms})) <= 6
+
+
 def test_a_result_has_every_figure_with_its_unit() -> None:
     console, out = screen(terminal=False)
-    show_result(job_of(id="j", state="succeeded", result=RESULT, record="data/j"), console)
+    job = job_of(id="j", state="succeeded", result=RESULT, record="data/j")
+    show_result(job, console, everything=True)
     text = out.getvalue()
     for line in (
-        "job j succeeded",
+        "job j succeeded: gripped",
         "hold 6.80 s 4.00 s",
         "outcome gripped",
         "contact position, mean over the load 30.77 µm",
@@ -123,6 +186,8 @@ def test_what_is_not_known_is_said() -> None:
     job = job_of(id="j", state="failed", cause="no_contact: [x]", record=None, result=nothing)
     show_result(job, console)
     assert "no_contact: [x]" in out.getvalue()
+    assert "force held" not in out.getvalue()
+    show_result(job, console, everything=True)
     assert "contact position, mean over the load not known" in spaced(out.getvalue())
     assert "force held not known" in spaced(out.getvalue())
     assert "force asked for 20.00 mN" in spaced(out.getvalue())
@@ -131,7 +196,7 @@ def test_what_is_not_known_is_said() -> None:
 def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
     console, out = screen(terminal=False)
     job = job_of(id="j", kind="track", state="succeeded", result=TRACK, record=None)
-    show_result(job, console)
+    show_result(job, console, everything=True)
     for line in (
         "shape sinusoid",
         "position, peak to peak 9.83 µm",
@@ -151,7 +216,7 @@ def test_a_tracked_path_has_its_errors_in_per_cent_of_its_height() -> None:
     nothing: dict[str, Any] = dict.fromkeys(TRACK)
     nothing |= {"outcome": "no_contact", "shape": "sinusoid", "phases": []}
     job = job_of(id="j", kind="track", state="failed", result=nothing, record=None)
-    show_result(job, console)
+    show_result(job, console, everything=True)
     assert "position, peak to peak not known" in spaced(out.getvalue())
     assert "RMSE of the position not known" in spaced(out.getvalue())
 
@@ -180,7 +245,7 @@ def test_the_plot_is_named_where_it_is(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
     console, out = screen(terminal=False)
     job = job_of(id="j", state="succeeded", result=RESULT, record=str(tmp_path))
-    show_result(job, console)
+    show_result(job, console, everything=True)
     assert f"plot {tmp_path}/{name}" in spaced(out.getvalue())
 
 

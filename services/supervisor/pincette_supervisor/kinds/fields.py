@@ -1,5 +1,6 @@
 """Form fields and figures that several kinds of job show."""
 
+from collections.abc import Mapping
 from typing import TypeVar
 
 from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
@@ -196,6 +197,11 @@ SECOND_ZERO_RETURN = tuple(
     for figure in ZERO_RETURN
 )
 """The same of the second arm."""
+BRIEF_ZERO_RETURN: Mapping[str, str] = {
+    "zero_return.force_mN": "zero return",
+    "second_zero_return.force_mN": "zero return of arm 2",
+}
+"""Labels of both zero returns in a short result."""
 MOTION: tuple[ResultField, ...] = (
     number("ends_at.x_um", "rests at", main=True),
     number("ends_at.voltage_V", "voltage kept", digits=3),

@@ -368,6 +368,15 @@ KIND = JobKind(
         *fields.POLICIES,
     ),
     figures=(*fields.for_arms(1, *FIGURES), *fields.for_arms(2, *fields.PAIR_FIGURES)),
+    brief={
+        "position_um.rmse": "RMSE of the position",
+        "place_um.rmse": "RMSE of the place",
+        "force_mN.rmse": "RMSE of the force",
+        "force_uncertainty_mN": "uncertainty of the force",
+        "peak_force_mN": "peak force",
+        "difference_mN": "difference of both forces",
+        **fields.BRIEF_ZERO_RETURN,
+    },
     predicted=True,
     goal_phase="track",
     recipe=RecipeRules(
