@@ -1,12 +1,10 @@
-"""Plot position, force and voltage of a rig as they come; needs zenoh, msgpack and matplotlib.
-
-Close the window to end it; with ``--png FILE`` it draws once, after the time to be shown.
-"""
+"""Plot position, force and voltage of a rig until Ctrl-C; needs zenoh, msgpack and matplotlib."""
 # pyright: basic
 
 import argparse
 import queue
 import time
+from contextlib import suppress
 
 import matplotlib
 import msgpack
@@ -67,7 +65,7 @@ def draw():
 
 
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
-with zenoh.open(config) as session:
+with suppress(KeyboardInterrupt), zenoh.open(config) as session:
     for topic in ("position", "estimate", "telemetry", "applied"):
         session.declare_subscriber(f"pincette/v1/{given.rig}/{topic}", arrived.put)
     while not given.png and plt.fignum_exists(figure.number):

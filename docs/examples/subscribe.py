@@ -1,11 +1,13 @@
 """Print position, force and voltage of the demo rig as they come; needs zenoh and msgpack."""
 
 # pyright: basic
+from contextlib import suppress
+
 import msgpack
 import zenoh
 
 config = zenoh.Config.from_json5('{mode: "client", connect: {endpoints: ["tcp/127.0.0.1:7447"]}}')
-with zenoh.open(config) as session:
+with suppress(KeyboardInterrupt), zenoh.open(config) as session:
     messages = session.declare_subscriber("pincette/v1/demo/*")
     for sample in messages:
         topic, m = str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())

@@ -220,15 +220,20 @@ def test_subscribe_prints_no_voltage_that_the_output_has_not_confirmed(tmp_path:
         changed = text.replace("tcp/127.0.0.1:7447", place).replace("/demo/", f"/{RIG}/")
         script.write_text(changed, encoding="utf-8")
         process = subprocess.Popen(
-            [sys.executable, str(script)], env=environment(), stdout=subprocess.PIPE, text=True
+            [sys.executable, str(script)],
+            env=environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         publisher = threading.Thread(target=publish_until_ended, args=(bus, process))
         publisher.start()
         assert process.stdout is not None
         said = [process.stdout.readline() for _ in range(400)]
-        process.terminate()
+        process.send_signal(signal.SIGINT)
         publisher.join()
-        process.communicate(timeout=PATIENCE_S)
+        _, errors = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, errors) == (0, "")
     assert not [line for line in said if f"{UNKNOWN_V:.4f} V" in line]
     assert sum("not confirmed" in line for line in said) >= 2
     assert sum("not valid" in line for line in said) >= 2

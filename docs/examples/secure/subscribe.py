@@ -3,6 +3,7 @@
 
 import argparse
 import json
+from contextlib import suppress
 
 import msgpack
 import zenoh
@@ -29,7 +30,7 @@ config = zenoh.Config.from_json5(
         }
     )
 )
-with zenoh.open(config) as session:
+with suppress(KeyboardInterrupt), zenoh.open(config) as session:
     messages = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
     for sample in messages:
         topic, m = str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())
