@@ -35,6 +35,17 @@ STATUSES = {  # of refusals, by their codes
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,
 }
+REMEDIES = (
+    "`pincette up` starts a rig with one, and starts it again where it has died",
+    "`pincette run supervisor` starts one alone, and touches neither loop nor part",
+    "--url names another",
+)
+"""What helps where no supervisor answers."""
+SILENT_REMEDIES = (
+    "ask again: the supervisor may be busy",
+    "`pincette rigs` shows whether it replies at all; `pincette estop` stops the rig without it",
+)
+"""What helps where a connection was made and no reply came."""
 Key = Annotated[str | None, Option("--key", metavar="KEY", help=KEY_HELP)]
 Authority = Annotated[
     Path | None,
@@ -120,12 +131,11 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
     except NoAnswerError as error:
         if error.delivered:
             raise CliError(f"no answer has come: {error}", Exit.NO_ANSWER) from error
-        how = (
-            "`pincette up` starts a rig with one, and starts it again where it has died; "
-            "`pincette run supervisor` starts one alone, and touches neither loop nor part; "
-            "--url names another"
-        )
-        text = f"no supervisor answers at {url}: {error}; {how}"
+        if error.silent:
+            what, remedies = f"no reply came in time from {url}", SILENT_REMEDIES
+        else:
+            what, remedies = f"no supervisor answers at {url}", REMEDIES
+        text = "\n  ".join((what, f"why: {error}", *(f"remedy: {one}" for one in remedies)))
         raise CliError(text, Exit.NO_ANSWER) from error
     except ProblemError as error:
         if as_json:

@@ -28,6 +28,8 @@ PATIENCE_S = 120.0
 It is longer than a supervisor needs that is restarted. Calls that are safe to repeat are those that
 only read, plans, a ``start``, which has an Idempotency-Key, and everything that stops.
 """
+PLANNING_S = 170.0
+"""Time, in s, that a plan may take beyond other replies: searches for gains are long."""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
 CLAIM_MIN, CLAIM_MAX = 16, 200
@@ -140,15 +142,16 @@ class Attempts:
 
     def _no_answer(self, error: httpx.TransportError) -> NoAnswerError:
         why = str(error) or type(error).__name__
+        silent = isinstance(error, httpx.ReadTimeout)
         if _is_mistrust(error):
             why += "; name the certificate of the authority that has signed this supervisor's"
         if not self._delivered:
-            return NoAnswerError(f"{self._what}: no answer ({why})")
+            return NoAnswerError(f"{self._what}: no answer ({why})", silent=silent)
         words = (
             f"{self._what}: the line broke before the answer came ({why}); "
             f"it may or may not have been taken: {self._look}"
         )
-        return NoAnswerError(words, delivered=True)
+        return NoAnswerError(words, delivered=True, silent=silent)
 
 
 def _is_mistrust(error: BaseException | None) -> bool:

@@ -32,8 +32,10 @@ class NoAnswerError(ClientError):
 
     code = "no-answer"
 
-    def __init__(self, words: str, *, delivered: bool = False) -> None:
+    def __init__(self, words: str, *, delivered: bool = False, silent: bool = False) -> None:
         super().__init__(words)
+        self.silent = silent
+        """True where a connection was made, but no reply came in time."""
         self.delivered = delivered
         """Whether what was asked may have been taken, although no answer has come."""
 

@@ -15,7 +15,7 @@ from pincette.api.plans import JobPlan
 from pincette.api.requests import JobRequest
 from pincette.api.rigs import Rig, Stopped
 from pincette.api.simulation import SimulationCommand
-from pincette.client.call import Call, content, get, model, post
+from pincette.client.call import PLANNING_S, Call, content, get, model, post
 from pincette.client.errors import ClientError, NotPermittedError, refused
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
@@ -62,13 +62,16 @@ class AsyncRigHandle:
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
         """What a job would do, feasible or not; nothing moves."""
         body = self._body(request, fields)
-        call = Call("POST", "/jobs", plan_of, {"dry_run": "true"}, body, repeatable=True)
+        query = {"dry_run": "true"}
+        call = Call("POST", "/jobs", plan_of, query, body, repeatable=True, kept_s=PLANNING_S)
         return await self._transport.send(call)
 
     async def plot(self, request: JobRequest | str, **fields: Any) -> bytes:
         """A picture of what a grip, a track or a move would do, as PNG; nothing moves."""
         body = self._body(request, fields)
-        call = Call("POST", "/trajectories/plot", content, body=body, repeatable=True)
+        call = Call(
+            "POST", "/trajectories/plot", content, body=body, repeatable=True, kept_s=PLANNING_S
+        )
         return await self._transport.send(call)
 
     async def start(

@@ -65,6 +65,7 @@ def test_a_job_is_followed_and_answered_in_json_alone(
         (desk.problem(409, "job-active"), Exit.FAILED, "Title: detail"),
         (desk.problem(422, "invalid-request"), Exit.FAILED, "Title: detail"),
         (httpx.ConnectError("refused"), Exit.NO_ANSWER, "no supervisor answers at http://127"),
+        (httpx.ConnectError("refused"), Exit.NO_ANSWER, "\n  remedy: `pincette up` starts"),
         (desk.job(state="failed", cause="lost"), Exit.FAILED, ""),
     ],
 )
@@ -74,6 +75,19 @@ def test_how_a_start_ends(
     at(answer)
     assert main(["job", "grip", *AT]) == status
     assert words in capsys.readouterr().err
+
+
+def test_a_plan_that_takes_long_is_not_called_a_missing_supervisor(
+    at: At, capsys: pytest.CaptureFixture[str]
+) -> None:
+    supervisor = at(httpx.ReadTimeout("timed out"))
+    assert main(["plan", "track", "--gains", "tuned", *AT]) == Exit.NO_ANSWER
+    said = capsys.readouterr().err
+    assert "no reply came in time from http://127" in said
+    assert "\n  remedy: ask again: the supervisor may be busy" in said
+    assert "no supervisor answers" not in said
+    assert supervisor.asked[0].extensions["timeout"]["read"] >= 180.0
+    assert supervisor.asked[0].extensions["timeout"]["connect"] <= 10.0
 
 
 def test_a_refusal_in_json_is_the_problem(at: At, capsys: pytest.CaptureFixture[str]) -> None:
