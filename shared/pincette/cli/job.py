@@ -26,6 +26,7 @@ from pincette.cli.terminal import (
     clock,
     command,
     emit,
+    fitted,
     group,
     patience,
     screen,
@@ -80,7 +81,7 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
             fields["labels"] = dict(labels)
         rig = target.rig()
         if fields and not target.json:
-            sys.stderr.write(f"asked for: {stated_fields(fields)}\n")
+            sys.stderr.write(fitted(f"asked for: {stated_fields(fields)}\n", sys.stderr))
         with patience("planning, predicting and starting"):
             job = rig.start(kind.name, **fields)
         if not no_wait:
@@ -136,7 +137,7 @@ def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str
 
     def show() -> None:
         if stated:
-            print(f"asked for: {stated}\n")
+            print(fitted(f"asked for: {stated}\n", sys.stdout))
         show_plan(plan, screen())
 
     target.answer(plan, show)

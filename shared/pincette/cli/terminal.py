@@ -68,7 +68,14 @@ def fitted(text: str, stream: TextIO) -> str:
         return text
     width = shutil.get_terminal_size().columns
     lines = [
-        wrap(line, width, break_long_words=False, break_on_hyphens=False) or [""]
+        wrap(
+            line,
+            width,
+            subsequent_indent=line[: len(line) - len(line.lstrip())],
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        or [""]
         for line in text.splitlines()
     ]
     return "\n".join(part for parts in lines for part in parts) + "\n" * text.endswith("\n")

@@ -13,7 +13,16 @@ from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.options import Everything
 from pincette.cli.readers import integer
 from pincette.cli.results import show_result
-from pincette.cli.terminal import STATE_COLOURS, clock, command, emit, group, patience, screen
+from pincette.cli.terminal import (
+    STATE_COLOURS,
+    clock,
+    command,
+    emit,
+    fitted,
+    group,
+    patience,
+    screen,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,6 +39,8 @@ MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
 """Member that says most, where it is not named as the kind is."""
 POLL_S = 0.2
 BAR_WIDTH = 24
+WITH_BAR = 74
+"""Width of a terminal, in characters, in which the numbers leave room for the bar."""
 
 app = group()
 
@@ -58,7 +69,8 @@ def watch(
     else:
         doing, events = _of_rigs(target, after)
         if not target.json:
-            sys.stderr.write(f"{doing}; events come as they happen, Ctrl-C ends\n")
+            said = f"{doing}; events come as they happen, Ctrl-C ends\n"
+            sys.stderr.write(fitted(said, sys.stderr))
     console = screen()
     for event in events:
         if target.json:
@@ -194,7 +206,7 @@ class _Bar(AbstractContextManager[None]):
 
         self._progress = Bar(
             TextColumn("{task.description:<9}"),
-            BarColumn(BAR_WIDTH),
+            *([BarColumn(BAR_WIDTH)] if console.width >= WITH_BAR else []),
             TextColumn("{task.fields[share]:>4}"),
             TextColumn("{task.fields[now]}"),
             TextColumn("{task.fields[left]}"),
