@@ -1,12 +1,11 @@
 """The supervisor of a command and the key for it."""
 
 import os
-import sys
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -71,8 +70,6 @@ class Address(Json):
 
     def supervisor(self) -> "Supervisor":
         """Return the supervisor of ``--url``, with the key of ``--key``."""
-        # httpx loads Rich and Pygments for a command line of its own, where they are installed.
-        sys.modules.setdefault("httpx._main", cast("Any", None))
         from pincette.client import Supervisor
 
         key = key_of(self.key)

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
@@ -156,6 +156,8 @@ def application() -> TyperGroup:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
+    # httpx would load Rich and Pygments for a command line of its own, where they are installed.
+    sys.modules.setdefault("httpx._main", cast("Any", None))
     prepare_streams()
     given = sys.argv[1:] if arguments is None else list(arguments)
     return run(application(), given, "pincette")

@@ -48,3 +48,12 @@ def test_a_help_text_loads_what_it_needs_alone(words: tuple[str, ...]) -> None:
     allowed = ALLOWED.get(words[0], set())
     assert [name for name in NEVER if name in loaded and name not in allowed] == []
     assert len(loaded) <= MOST
+
+
+@pytest.mark.parametrize("words", [("rigs",), ("job", "list")], ids=" ".join)
+def test_a_question_to_a_supervisor_loads_no_command_line_of_httpx(words: tuple[str, ...]) -> None:
+    line = [sys.executable, "-c", SHOW, *words, "--url", "http://127.0.0.1:9"]
+    ran = subprocess.run(line, capture_output=True, text=True, check=True, timeout=60.0)
+    loaded = set(json.loads(ran.stdout))
+    assert "httpx" in loaded
+    assert [name for name in ("rich.progress", "pygments") if name in loaded] == []
