@@ -1,11 +1,14 @@
 """Settings of the two laws of the paper, by short words."""
 
 from collections.abc import Iterable
+from typing import Any
 
 from pincette.control.laws.definition import LawDefinition, LawSettings
 from pincette.control.laws.dsmifc import LAW as DSMIFC
+from pincette.control.laws.law import Law, LawState, step
 from pincette.control.laws.parameters import ForceAge, ParameterSet
 from pincette.control.laws.pbsmic import LAW as PBSMIC
+from pincette.control.laws.sliding import LawOutput
 
 LAWS: dict[str, LawDefinition] = {"pbsmic": PBSMIC, "dsmifc": DSMIFC}
 
@@ -33,3 +36,27 @@ def in_order(values: Iterable[float]) -> dict[str, float]:
 def default_settings(scheme: str, parameter_set: ParameterSet) -> LawSettings:
     """Gains of a scheme where nothing else is known."""
     return LAWS[scheme].settings(parameter_set)
+
+
+def step_at(
+    law: Law,
+    state: LawState,
+    measured: tuple[float, float, float],
+    wanted: tuple[float, float],
+    limited: int = 0,
+    **more: Any,
+) -> tuple[LawState, LawOutput]:
+    """Step a law with x in µm, F in mN and u in V as measured, and x_r, F_r as wanted."""
+    x_um, force_mN, applied_V = measured
+    x_r_um, force_r_mN = wanted
+    return step(
+        law,
+        state,
+        x_um=x_um,
+        force_mN=force_mN,
+        applied_V=applied_V,
+        x_r_um=x_r_um,
+        force_r_mN=force_r_mN,
+        limited=limited,
+        **more,
+    )

@@ -6,8 +6,9 @@ from typing import Literal
 
 from pincette.control.arm.plant import ArmParameters, DifferenceEquation, consistent_arm, discretize
 from pincette.control.laws.definition import LawSettings
-from pincette.control.laws.law import Law, LawState, build, rebase, start, step
+from pincette.control.laws.law import Law, LawState, build, rebase, start
 from pincette.control.laws.sliding import LawOutput
+from tests.support.laws import step_at
 
 ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
 SCHEMES: tuple[Literal["pbsmic", "dsmifc"], ...] = ("pbsmic", "dsmifc")
@@ -81,14 +82,11 @@ class Loop:
         p_mN: float = 0.0,
         noise_mN: float = 0.0,
     ) -> LawOutput:
-        self.state, output = step(
+        self.state, output = step_at(
             self.law,
             self.state,
-            x_um=self.arm.x_um,
-            force_mN=self.arm.force_mN + noise_mN,
-            applied_V=self.arm.voltage_V,
-            x_r_um=x_r_um,
-            force_r_mN=force_r_mN,
+            (self.arm.x_um, self.arm.force_mN + noise_mN, self.arm.voltage_V),
+            (x_r_um, force_r_mN),
             limited=limited,
         )
         self.arm.drive(min(output.voltage_V, self.high_V), p_mN)

@@ -15,11 +15,11 @@ from pincette.control.arm.mode import sample_mode
 from pincette.control.arm.plant import consistent_arm, printed_arm
 from pincette.control.force.observers import QuasiStatic, QuasiStaticParameters
 from pincette.control.laws.definition import LawSettings
-from pincette.control.laws.law import LawState, build, start, step
+from pincette.control.laws.law import LawState, build, start
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.pbsmic import PbsmicState
 from pincette.control.laws.sliding import LawOutput
-from tests.support.laws import law_settings
+from tests.support.laws import law_settings, step_at
 
 OMEGA_N = sqrt(5.943e6)
 ZETA, D_P, S_P, T = 63.4 / OMEGA_N, 19.0, 0.46, 0.02
@@ -53,15 +53,11 @@ class Bench:
     def tick(self, x_r_um: float = 0.0, force_r_mN: float = 0.0) -> LawOutput:
         x_um = self.x_um + self.noise_um * self.chance.gauss(0.0, 1.0)
         self.observer, F = self.observer.observe(x_um, D_P * self.voltage_V, self.voltage_V)
-        self.state, output = step(
+        self.state, output = step_at(
             self.law,
             self.state,
-            x_um=x_um,
-            force_mN=self.sign * F,
-            applied_V=self.voltage_V,
-            x_r_um=x_r_um,
-            force_r_mN=self.sign * force_r_mN,
-            limited=0,
+            (x_um, self.sign * F, self.voltage_V),
+            (x_r_um, self.sign * force_r_mN),
         )
         self.voltage_V, mode = output.voltage_V, self.mode
         rest_um = D_P * self.voltage_V / (1.0 + K_E * S_P)
@@ -209,16 +205,7 @@ def test_first_step_towards_a_reference_that_is_1_um_away(K_P: float, share_15: 
     by_15 = replace(here, law=replace(here.law, x_d_um=1.0, deviation_1_um=0.0, deviation_2_um=0.0))
 
     def first(state: LawState) -> LawOutput:
-        return step(
-            law,
-            state,
-            x_um=0.0,
-            force_mN=0.0,
-            applied_V=0.0,
-            x_r_um=1.0,
-            force_r_mN=0.0,
-            limited=0,
-        )[1]
+        return step_at(law, state, (0.0, 0.0, 0.0), (1.0, 0.0))[1]
 
     assert first(here).voltage_V * D_P == pytest.approx(0.98, abs=0.002)
     assert first(here).sliding_um == 0.0

@@ -18,7 +18,7 @@ from pincette.control.laws.fpbsmic import LAW, Cascade, passed
 from pincette.control.laws.law import Law
 from pincette.control.laws.planned_motion import RESTING, PlannedMotion
 from pincette.control.laws.sliding import LawOutput
-from tests.support.laws import law_settings
+from tests.support.laws import law_settings, step_at
 
 from .fpbsmic_case import (
     CASES,
@@ -59,15 +59,11 @@ def play(case: Case) -> list[LawOutput]:
             r_mN = F_r_of(now, before) if now.K_e else 0.0
             at = {"x_um": now.x, "x_r_um": before.x_r, "force_mN": now.F, "force_r_mN": r_mN}
             state = control_law.rebase(law, state, **at)
-        state, output = control_law.step(
+        state, output = step_at(
             law,
             state,
-            x_um=now.x,
-            force_mN=now.F,
-            applied_V=now.H / D_P,
-            x_r_um=now.x_r,
-            force_r_mN=now.F_r,
-            limited=0,
+            (now.x, now.F, now.H / D_P),
+            (now.x_r, now.F_r),
             plan=PlannedMotion(now.v_r, now.a_r, now.K_e, now.x_e),
         )
         outputs.append(output)
@@ -169,16 +165,8 @@ def test_a_touch_and_its_loss_leave_the_voltage_where_it_is(pressed_mN: float) -
             at: dict[str, Any] = {"x_um": x, "x_r_um": x, "force_mN": 0.0, "force_r_mN": 0.0}
             state = control_law.rebase(law, state, **at)
         plan = PlannedMotion(v, 0.0, K_e, x_e)
-        state, output = control_law.step(
-            law,
-            state,
-            x_um=x,
-            force_mN=0.0,
-            applied_V=volts[-1],
-            x_r_um=x + v * T,
-            force_r_mN=K_e * v * T,
-            limited=0,
-            plan=plan,
+        state, output = step_at(
+            law, state, (x, 0.0, volts[-1]), (x + v * T, K_e * v * T), plan=plan
         )
         volts.append(output.voltage_V)
         x += v * T

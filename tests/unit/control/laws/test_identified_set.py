@@ -17,7 +17,7 @@ from pincette.control.laws.sliding import LawOutput
 from pincette.control.response import hysteresis
 from pincette.control.response.hysteresis import HysteresisModel, displacement_um
 from pincette.control.response.inverse import TOLERANCE_UM
-from tests.support.laws import in_order, law_settings
+from tests.support.laws import in_order, law_settings, step_at
 
 from .identified_case import (
     CASES,
@@ -66,14 +66,11 @@ def play(case: Case) -> list[LawOutput]:
     )
     outputs: list[LawOutput] = []
     for i in range(PAST, PAST + TICKS):
-        state, output = step(
+        state, output = step_at(
             law,
             state,
-            x_um=columns["x"][i - 1],
-            force_mN=columns["F"][i],
-            applied_V=columns["u"][i - 1],
-            x_r_um=columns["x_r"][i],
-            force_r_mN=columns["F_r"][i],
+            (columns["x"][i - 1], columns["F"][i], columns["u"][i - 1]),
+            (columns["x_r"][i], columns["F_r"][i]),
             limited=int(columns["limited"][i]),
             memory=memories[i - 1],
         )
@@ -118,14 +115,11 @@ def test_it_differs_from_the_line_by_what_hysteresis_makes() -> None:
     state = start(straight, **at, applied_V=columns["u"][0])
     apart: list[float] = []
     for i, output in enumerate(play(CASES[0]), start=PAST):
-        state, of_line = step(
+        state, of_line = step_at(
             straight,
             state,
-            x_um=columns["x"][i - 1],
-            force_mN=columns["F"][i],
-            applied_V=columns["u"][i - 1],
-            x_r_um=columns["x_r"][i],
-            force_r_mN=columns["F_r"][i],
+            (columns["x"][i - 1], columns["F"][i], columns["u"][i - 1]),
+            (columns["x_r"][i], columns["F_r"][i]),
             limited=int(columns["limited"][i]),
         )
         apart.append(output.voltage_V - of_line.voltage_V)

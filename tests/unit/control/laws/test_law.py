@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from pincette.control.laws.law import build, rebase, start, step
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.sliding import SlidingParameters
-from tests.support.laws import default_settings, law_settings
+from tests.support.laws import default_settings, law_settings, step_at
 
 from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
 
@@ -103,16 +103,7 @@ def test_the_low_pass_follows_the_error_and_not_the_force(scheme: str) -> None:
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=5.0, applied_V=1.0)
     for tick in range(1, 20):
         before, seen_mN = state, 5.0 + 0.3 * (tick - 1)
-        state, _ = step(
-            law,
-            state,
-            x_um=10.0,
-            force_mN=seen_mN + 1.0,
-            applied_V=1.0,
-            x_r_um=10.0,
-            force_r_mN=seen_mN + 0.3,
-            limited=0,
-        )
+        state, _ = step_at(law, state, (10.0, seen_mN + 1.0, 1.0), (10.0, seen_mN + 0.3))
         assert before.force_r_mN == pytest.approx(seen_mN)
         assert state.force_error_mN == pytest.approx(1.0 - (1.0 - share) ** tick, rel=1e-9)
         fed_mN = seen_mN + 0.3 + state.force_error_mN
@@ -125,16 +116,7 @@ def test_the_low_pass_begins_at_the_error_that_is_there(scheme: str) -> None:
     law = law_of(law_settings(scheme), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=0.0, applied_V=1.0)
     state = rebase(law, state, x_um=10.0, x_r_um=10.0, force_mN=5.0, force_r_mN=3.0)
-    state, _ = step(
-        law,
-        state,
-        x_um=10.0,
-        force_mN=5.0,
-        applied_V=1.0,
-        x_r_um=10.0,
-        force_r_mN=3.0,
-        limited=0,
-    )
+    state, _ = step_at(law, state, (10.0, 5.0, 1.0), (10.0, 3.0))
     assert state.force_error_mN == pytest.approx(2.0)
     assert state.law.history.force_mN == pytest.approx(5.0)
 
@@ -143,16 +125,7 @@ def test_the_low_pass_begins_at_the_error_that_is_there(scheme: str) -> None:
 def test_newest_feeds_the_estimate_as_it_is(scheme: str) -> None:
     law = law_of(law_settings(scheme, force_age="newest"), 0.02, 0.05)
     state = start(law, x_um=10.0, x_r_um=10.0, force_mN=5.0, applied_V=1.0)
-    state, _ = step(
-        law,
-        state,
-        x_um=10.0,
-        force_mN=6.5,
-        applied_V=1.0,
-        x_r_um=10.0,
-        force_r_mN=9.0,
-        limited=0,
-    )
+    state, _ = step_at(law, state, (10.0, 6.5, 1.0), (10.0, 9.0))
     assert state.law.history.force_mN == 6.5
 
 

@@ -5,7 +5,9 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.arm.plant import ArmParameters
-from tests.support.laws import law_settings
+from pincette.control.laws.law import start
+from pincette.control.laws.sliding import LawOutput
+from tests.support.laws import law_settings, step_at
 
 from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
 
@@ -110,3 +112,41 @@ def test_a_limit_winds_nothing_up(scheme: str) -> None:
     assert wound_um < -600.0
     assert error_um < 1e-3
     assert pushed_um == pytest.approx(2.0 / loop.arm.plant.k_bar * 0.2, rel=0.05)
+
+
+@pytest.mark.parametrize("K_S", [0.0, 0.5])
+def test_without_impedance_and_force_both_laws_are_one(K_S: float) -> None:
+    """M = B = K_f = 0: x_d = x_r and ε = K̄ e, so that with δ̃ = K̄ δ DSMIFC is PBSMIC."""
+    pbsmic = law_settings("pbsmic", K_P=2.0, K_S=K_S, delta=0.4, M=0.0, B=0.0, K_f=0.0)
+    gains = {**pbsmic.gains, "delta": 0.4 * pbsmic.gains["K"]}
+    dsmifc = law_settings("dsmifc", "consistent", "planned", **gains)
+    runs: list[list[LawOutput]] = []
+    for settings in (pbsmic, dsmifc):
+        loop = Loop(law_of(settings), resting_arm(10.0, K_e=2.0, x_e_um=8.0))
+        runs.append(loop.follow([(10.0 + 0.1 * min(tick, 20), 4.0) for tick in range(60)]))
+    for one, other in zip(*runs, strict=True):
+        assert one.voltage_V == pytest.approx(other.voltage_V, abs=1e-12)
+        assert one.sliding_um == pytest.approx(other.sliding_um, abs=1e-11)
+
+
+def test_dsmifc_keeps_its_share_of_an_error_left_at_the_start() -> None:
+    """ẽ = -1 µm as the segment begins: ε_k = K̃_P/(K̃_P + K̃_I) ε_{k-1}."""
+    loop = Loop(law_of(law_settings("dsmifc", K_P=2.0)), resting_arm(30.0))
+    loop.x_r_um = 31.0
+    loop.change(loop.law)
+    errors = [loop.tick(31.0).error_um for _ in range(12)]
+    assert errors[0] == pytest.approx(-1.9901e4 / loop.law.parameters.impedance.K_bar)
+    for before, after in pairwise(errors):
+        assert after == pytest.approx(before * 2.0 / 3.0, rel=1e-9)
+
+
+def test_pbsmic_takes_up_a_distance_left_at_the_start_with_its_impedance() -> None:
+    law = law_of(law_settings(), 0.001)
+    state = start(law, x_um=30.0, x_r_um=31.0, force_mN=0.0, applied_V=1.0)
+    desired: list[float] = []
+    for _ in range(40):
+        state, output = step_at(law, state, (30.0, 0.0, 1.0), (31.0, 0.0))
+        desired.append(output.x_d_um)
+    assert 30.0 < desired[0] < 30.8
+    assert all(before <= after + 1e-9 for before, after in pairwise(desired))
+    assert desired[-1] == pytest.approx(31.0, abs=1e-6)

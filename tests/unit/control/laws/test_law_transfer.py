@@ -1,14 +1,13 @@
 """Changing the law, or beginning a segment, without a bump in the voltage."""
 
-from collections.abc import Callable
 from math import sin
 
 import pytest
 
-from pincette.control.laws.law import Law, rebase, start, step
-from tests.support.laws import law_settings
+from pincette.control.laws.law import rebase, start
+from tests.support.laws import law_settings, step_at
 
-from .model_loop import ARM, SCHEMES, Loop, law_of, resting_arm
+from .model_loop import SCHEMES, Loop, law_of, resting_arm
 
 BOTH = pytest.mark.parametrize("scheme", SCHEMES)
 PERIODS = pytest.mark.parametrize("period_s", [0.02, 0.001])
@@ -25,16 +24,7 @@ def test_rebase_into_contact_keeps_the_voltage(scheme: str, period_s: float) -> 
 
     def tick(force_mN: float, x_r_um: float) -> float:
         nonlocal state
-        state, output = step(
-            law,
-            state,
-            x_um=30.0,
-            force_mN=force_mN,
-            applied_V=1.0,
-            x_r_um=x_r_um,
-            force_r_mN=force_mN,
-            limited=0,
-        )
+        state, output = step_at(law, state, (30.0, force_mN, 1.0), (x_r_um, force_mN))
         return output.voltage_V
 
     # A hundred ticks with a standing error: ε and e are far from 0.
@@ -63,32 +53,11 @@ def test_rebase_keeps_what_was_measured_and_applied(scheme: str) -> None:
     assert loop.tick(6.0).residual_um == pytest.approx(0.0, abs=1e-9)
 
 
-def hard_restart(loop: Loop, law: Law) -> None:
-    """A law that begins as if nothing had been: at rest, and with no force."""
-    loop.law = law
-    loop.state = start(
-        law,
-        x_um=loop.arm.x_um,
-        x_r_um=loop.x_r_um,
-        force_mN=0.0,
-        applied_V=loop.arm.voltage_V,
-    )
+def voltages(period_s: float, K_e: float, d_share: float, *, change: bool) -> list[float]:
+    """Return the voltages along a moving plan that fits the part.
 
-
-def soft(loop: Loop, law: Law) -> None:
-    loop.change(law)
-
-
-def none(_loop: Loop, _law: Law) -> None:
-    """The law that is there goes on."""
-
-
-def voltages(
-    change: Callable[[Loop, Law], None], period_s: float, K_e: float, d_share: float
-) -> list[float]:
-    """Of PBSMIC, DSMIFC, PBSMIC in turn, every 25 ticks, along a moving plan that fits the part.
-
-    The arm's d is ``d_share`` of what the laws know.
+    The law is PBSMIC throughout, or becomes DSMIFC and PBSMIC again, after 25 ticks each. The arm's
+    d is ``d_share`` of what the laws know.
     """
     laws = [law_of(law_settings(scheme, K_P=2.0), period_s, 0.03) for scheme in ORDER]
     loop = Loop(laws[0], resting_arm(25.0, period_s, K_e=K_e, x_e_um=X_E_UM))
@@ -98,8 +67,8 @@ def voltages(
     loop = Loop(laws[0], loop.arm)
     found: list[float] = []
     for tick in range(1, 76):
-        if tick in (26, 51):
-            change(loop, laws[tick // 25])
+        if change and tick in (26, 51):
+            loop.change(laws[tick // 25])
         x_r_um = 25.0 + 4.0 * sin(0.04 * tick)
         found.append(loop.tick(x_r_um, K_e * (x_r_um - X_E_UM)).voltage_V)
     return found
@@ -112,7 +81,7 @@ def steps(of: list[float]) -> list[float]:
 @PERIODS
 @pytest.mark.parametrize("K_e", [0.0, K_E])
 def test_a_change_in_motion_is_not_seen_where_the_model_holds(period_s: float, K_e: float) -> None:
-    changed, unchanged = (voltages(change, period_s, K_e, 1.0) for change in (soft, none))
+    changed, unchanged = (voltages(period_s, K_e, 1.0, change=change) for change in (True, False))
     assert changed == pytest.approx(unchanged, abs=1e-9)
     assert min(abs(step_V) for step_V in steps(unchanged)) > 2e-3
 
@@ -125,30 +94,10 @@ def test_a_change_in_motion_is_less_than_the_plans_own_step(
 ) -> None:
     """The arm's d_p is 15 % off, so that there is an error when the law changes."""
     changed, unchanged = (
-        steps(voltages(change, period_s, K_e, d_share)) for change in (soft, none)
+        steps(voltages(period_s, K_e, d_share, change=change)) for change in (True, False)
     )
     for ours, plans in zip(changed, unchanged, strict=True):
         assert abs(ours - plans) < abs(plans)
-
-
-@PERIODS
-def test_a_hard_restart_in_contact_is_a_bump(period_s: float) -> None:
-    """What rebase is for: F comes as a step, F/d̄, tens of times the plan's own."""
-    restarted, unchanged = (
-        steps(voltages(change, period_s, K_E, 1.0)) for change in (hard_restart, none)
-    )
-    for ours, plans in zip(restarted, unchanged, strict=True):
-        assert abs(ours - plans) > 0.5 * K_E * 5.0 / ARM.d
-        assert abs(ours - plans) > 5.0 * abs(plans)
-
-
-def test_a_hard_restart_in_free_motion_forgets_the_momentum() -> None:
-    """At 1 ms m̄ and b̄ count: a law that takes the arm for resting is off by a tenth and more."""
-    restarted, unchanged = (
-        steps(voltages(change, 0.001, 0.0, 1.0)) for change in (hard_restart, none)
-    )
-    for ours, plans in zip(restarted, unchanged, strict=True):
-        assert abs(ours - plans) > 0.1 * abs(plans)
 
 
 @BOTH

@@ -14,9 +14,9 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.arm.plant import consistent_arm, predict_position
-from pincette.control.laws.law import Law, build, start, step
+from pincette.control.laws.law import Law, build, start
 from pincette.control.laws.sliding import LawOutput
-from tests.support.laws import in_order, law_settings
+from tests.support.laws import in_order, law_settings, step_at
 
 from .transcription import (
     ARMS,
@@ -63,14 +63,11 @@ def play(case: Case) -> list[LawOutput]:
     )
     outputs: list[LawOutput] = []
     for i in range(PAST, PAST + TICKS):
-        state, output = step(
+        state, output = step_at(
             law,
             state,
-            x_um=given["x"][i - 1],
-            force_mN=given["F"][i],
-            applied_V=given["u"][i - 1],
-            x_r_um=given["x_r"][i],
-            force_r_mN=given["F_r"][i],
+            (given["x"][i - 1], given["F"][i], given["u"][i - 1]),
+            (given["x_r"][i], given["F_r"][i]),
             limited=int(given["limited"][i]),
         )
         outputs.append(output)

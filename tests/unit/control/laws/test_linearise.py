@@ -18,7 +18,7 @@ from pincette.control.force.observers import (
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import flatten, law_block, observer_block, refill
-from tests.support.laws import default_settings, law_settings
+from tests.support.laws import default_settings, law_settings, step_at
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
@@ -47,15 +47,8 @@ class Counted:
 def stepped(settings: LawSettings, fed: list[float]) -> list[float]:
     law = control_law.build(settings, ARM, PERIOD_S, 0.03)
     template = control_law.start(law, x_um=0.0, x_r_um=0.0, force_mN=0.0, applied_V=0.0)
-    after, output = control_law.step(
-        law,
-        refill(template, iter(fed[3:])),
-        x_um=fed[0],
-        force_mN=fed[1],
-        applied_V=fed[2],
-        x_r_um=0.0,
-        force_r_mN=0.0,
-        limited=0,
+    after, output = step_at(
+        law, refill(template, iter(fed[3:])), (fed[0], fed[1], fed[2]), (0.0, 0.0)
     )
     return [output.voltage_V, *flatten(after)]
 

@@ -19,13 +19,13 @@ from pincette.control.arm.plant import (
     predict_position,
     printed_arm,
 )
-from pincette.control.laws.law import Law, build, start, step
+from pincette.control.laws.law import Law, build, start
 from pincette.control.laws.parameters import ParameterSet
 from pincette.control.laws.sliding import LawOutput, saturation
 from pincette.control.response import hysteresis
 from pincette.control.response.hysteresis import HysteresisModel, displacement_um
 from pincette.control.response.inverse import TOLERANCE_UM
-from tests.support.laws import in_order, law_settings
+from tests.support.laws import in_order, law_settings, step_at
 
 from .model_loop import ARM, SCHEMES
 
@@ -105,16 +105,8 @@ def play(case: Case, start_um: float, errors_mN: list[float]) -> list[LawOutput]
     outputs: list[LawOutput] = []
     for tick, error_mN in enumerate([*errors_mN, 0.0]):
         force_mN = 0.5 * (tick % 7)
-        state, output = step(
-            law,
-            state,
-            x_um=x_1,
-            force_mN=force_mN,
-            applied_V=u_1,
-            x_r_um=0.2 * tick,
-            force_r_mN=0.3 * (tick % 5),
-            limited=0,
-            memory=memory,
+        state, output = step_at(
+            law, state, (x_1, force_mN, u_1), (0.2 * tick, 0.3 * (tick % 5)), memory=memory
         )
         outputs.append(output)
         voltage_step_V, before_um = output.voltage_V - u_1, displacement_um(MODEL, memory)

@@ -23,6 +23,7 @@ from pincette.control.laws.planned_motion import PlannedMotion
 from pincette.control.planning.profiles import move
 from pincette.control.stability.assessment import assess
 from pincette.control.stability.loop_matrix import Loop
+from tests.support.laws import step_at
 
 from .test_short_periods import ARM, PART, loop_of
 
@@ -114,15 +115,11 @@ def furthest_um(loop: Loop, rig: Rig, seed: int) -> float:
         # The estimator's force by its own slope, quasi-static.
         F = (ARM.d / ARM.k * z[3] - seen) * ARM.k if told else 0.0
         F_r = K_E * (x_r - X_E_UM) if told else 0.0
-        state, output = control_law.step(
+        state, output = step_at(
             law,
             state,
-            x_um=seen,
-            force_mN=F,
-            applied_V=float(z[3]),
-            x_r_um=x_r,
-            force_r_mN=F_r,
-            limited=0,
+            (seen, F, float(z[3])),
+            (x_r, F_r),
             plan=PlannedMotion(v, a, K_E if told else 0.0, X_E_UM if told else 0.0),
         )
         old_V = float(z[3])

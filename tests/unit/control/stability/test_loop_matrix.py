@@ -14,10 +14,10 @@ from pincette.control.force.observers import ForceObserver, QuasiStatic, QuasiSt
 from pincette.control.laws import law as control_law
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.loop_matrix import Loop, loop_matrices
-from tests.support.laws import law_settings
+from tests.support.laws import law_settings, step_at
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA, exponential
 
-from .margins import spectral_radii
+from .radii import spectral_radii
 
 D_P = 19.0
 ARM = consistent_arm(OMEGA_N, ZETA, D_P, S_P)
@@ -163,16 +163,7 @@ class Reality:
         self.observer, force_mN = self.observer.observe(x_um, D_P * applied_V, applied_V)
         if self.case.K_e_mN_per_um == 0.0 and not self.loop.force_when_free:
             force_mN = 0.0
-        self.state, output = control_law.step(
-            self.law,
-            self.state,
-            x_um=x_um,
-            force_mN=force_mN,
-            applied_V=applied_V,
-            x_r_um=0.0,
-            force_r_mN=0.0,
-            limited=0,
-        )
+        self.state, output = step_at(self.law, self.state, (x_um, force_mN, applied_V), (0.0, 0.0))
         self.arm = self.old @ self.arm
         self.arm[3] = output.voltage_V
         self.arm = self.fresh @ self.arm

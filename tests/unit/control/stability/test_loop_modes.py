@@ -10,7 +10,7 @@ from pincette.control.stability.loop_modes import counted_radii, settling_ticks
 from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 
-from .margins import spectral_radii
+from .radii import spectral_radii
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 CASES = (LoopCase(), LoopCase(K_e_mN_per_um=2.17))

@@ -14,7 +14,7 @@ from pincette.control.stability.worst_case import Intervals, around, worst_case
 from tests.support.laws import default_settings, law_settings
 from tests.unit.control.force.exact_arm import OMEGA_N, S_P, ZETA
 
-from .margins import spectral_radii
+from .radii import spectral_radii
 
 ARM = consistent_arm(OMEGA_N, ZETA, 19.0, S_P)
 PART = around(2.17, 0.3)
