@@ -1,6 +1,8 @@
 """The free motion of a bench, and its calibration."""
 
-from functools import cache
+from functools import cache, partial
+
+import pytest
 
 from pincette.config import Simulation, derived
 from pincette.control.planning.calibration_programs import full_cycles
@@ -12,15 +14,24 @@ from pincette.control.planning.free_response_program import (
     rehearsed_grips,
 )
 from pincette.control.planning.segments import paths_of
+from pincette.control.response import free_calibration as calibration
 from pincette.control.response.free_calibration import (
     FreeCalibration,
     FreeMotion,
     calibrate_free_response,
 )
+from pincette.control.response.identification import Candidates, identify_free_response
 
 from .bench import DEMO, PERIOD_S, Bench, drawn
 
 SAMPLES_PER_CYCLE = 1.0 / (GAIN_HZ * PERIOD_S)
+FEW = Candidates(families=((0.0,), (0.7,)), curved=(False,), bent=(False,), ridges=(1e-6,))
+
+
+def try_few_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a calibration choose among 4 models in place of 64."""
+    few = partial(identify_free_response, candidates=FEW)
+    monkeypatch.setattr(calibration, "identify_free_response", few)
 
 
 def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench, FreeMotion]:

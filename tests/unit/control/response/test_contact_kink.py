@@ -13,7 +13,7 @@ from pincette.control.response.free_calibration import calibrate_free_response
 from pincette.control.response.hysteresis_motion import Column
 from tests.support.drawn.random_rigs import random_simulation
 from tests.unit.control.calibration.bench import DEMO, PERIOD_S, Bench, base
-from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed
+from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed, try_few_models
 from tests.unit.control.response.test_measured_hysteresis import measured
 
 RIGS = [(False, None), (False, 3), (True, 4)]
@@ -103,7 +103,10 @@ def test_what_no_model_explains_is_refused() -> None:
         calibrate_free_response(replace(motion, x_um=shaken), SAMPLES_PER_CYCLE, unpoled=True)
 
 
-def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there() -> None:
+def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    try_few_models(monkeypatch)
     _, motion = freed(base())
     x = np.asarray(motion.x_um)
     bent = replace(motion, x_um=x - 0.12 * np.maximum(0.0, x - 31.0))

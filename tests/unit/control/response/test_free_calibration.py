@@ -7,7 +7,12 @@ import pytest
 
 from pincette.control.response.free_calibration import calibrate_free_response
 from tests.unit.control.calibration.bench import base, drawn, percent, table, truth
-from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, free_calibration, freed
+from tests.unit.control.calibration.freeing import (
+    SAMPLES_PER_CYCLE,
+    free_calibration,
+    freed,
+    try_few_models,
+)
 
 
 def judge(seeds: range) -> None:
@@ -63,7 +68,8 @@ def test_an_arm_that_was_moved_before_is_known_for_one() -> None:
     assert moved.model_residual_um < 0.15
 
 
-def test_a_record_without_its_step_is_refused() -> None:
+def test_a_record_without_its_step_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    try_few_models(monkeypatch)
     _, motion = freed(base())
     rest = slice(motion.after_step.start, motion.after_step.start + 100)
     still = slice(motion.after_step.start + 100, motion.after_step.stop)

@@ -286,12 +286,19 @@ AWKWARD: dict[str, Column] = {
     "no samples": np.empty(0),
     "one sample": np.zeros(1),
     "steps of the output": np.round(np.array(drive(2000)) / 0.1) * 0.1,
+    "rests between": np.concatenate(
+        [drive(1000), np.full(1000, drive(1000)[-1]), drive(2000)[1000:]]
+    ),
+    "one late step": np.concatenate([rests(32.0), np.full(400, 2.0)]),
+    "one swing": np.concatenate([np.linspace(0.0, 3.0, 1000), np.linspace(3.0, 0.0, 1000)]),
+    "faster than creep": 1.5 * np.sin(2.9 * np.arange(2000)),
 }
 
 
-@pytest.mark.parametrize("period_s", [0.005, 0.02])
 @pytest.mark.parametrize(
-    ("unpoled", "still"), [(False, False), (True, False), (False, True)], ids=["", "unpoled", "x"]
+    ("unpoled", "still", "period_s"),
+    [(False, False, 0.02), (True, False, 0.005), (False, True, 0.02)],
+    ids=["", "unpoled, 5 ms", "still"],
 )
 @pytest.mark.parametrize("record", AWKWARD)
 def test_an_awkward_record_gives_a_good_model_or_a_sentence(
