@@ -11,7 +11,6 @@ from pincette.control.planning.calibration_programs import (
     full_cycles,
     noise_program,
 )
-from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.contact_stiffness_program import (
     LEVELS_V,
@@ -22,31 +21,20 @@ from pincette.control.planning.contact_stiffness_program import (
     crest_force_mN,
     levels_within,
 )
-from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.free_response_program import cycles_mean_V, free_response_program
 from pincette.control.planning.path_shapes import KNOTS_MAX, peaks
 from pincette.control.planning.program import Program, Segment
 from pincette.control.planning.segments import Drive, PlayedSweep, Press, paths_of
 from pincette.control.response.hysteresis import HysteresisModel
 
-LIMITS = PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5)
-RIG = PlannedRig(LIMITS, piezo_um_per_V=19.0, compliance_um_per_mN=0.46, period_s=0.02)
+from .bench import CONTACT, LIMITS, RIG
+
 ROOMY = replace(
     RIG, limits=replace(LIMITS, force_max_mN=60.0, voltage_max_V=4.5, position_max_um=90.0)
 )
 PERIOD_S = 0.02
 
-REQUEST = ContactRequest(
-    load_s=2.0,
-    approach_um_per_s=20.0,
-    seek_um_per_s=4.0,
-    contact_force_mN=2.0,
-    zero_s=0.4,
-    contact_um=30.0,
-    contact_tolerance_um=3.0,
-    stiffness_mN_per_um=2.17,
-    stiffness_tolerance=0.3,
-)
+REQUEST = ContactRequest(**CONTACT | {"stiffness_mN_per_um": 2.17})
 
 
 def voltages(program: Program, segments: tuple[Segment, ...] | None = None) -> list[float]:

@@ -6,34 +6,15 @@ from typing import Any
 
 import pytest
 
-from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
+from pincette.control.planning.contact_plan import ContactPlan
 from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.control.response.hysteresis import HysteresisModel
 
-REQUEST = GripRequest(
-    force_mN=20.0,
-    hold_s=4.0,
-    load_s=2.0,
-    approach_um_per_s=20.0,
-    seek_um_per_s=4.0,
-    contact_force_mN=2.0,
-    zero_s=0.4,
-    contact_um=30.0,
-    contact_tolerance_um=3.0,
-    stiffness_mN_per_um=2.0,
-    stiffness_tolerance=0.3,
-)
-LIMITS = PlanLimits(
-    voltage_min_V=-1.0,
-    voltage_max_V=4.0,
-    position_min_um=-20.0,
-    position_max_um=70.0,
-    force_max_mN=40.0,
-    slew_V_per_s=10.0,
-    acceleration_um_per_s2=1e5,
-)
+from .bench import CONTACT, LIMITS, RIG
+
+REQUEST = GripRequest(force_mN=20.0, hold_s=4.0, **CONTACT)
 NARROW = HysteresisModel((0.0, 0.4), (15.0, 6.0))
 WIDE = HysteresisModel((0.0, 0.5, 1.5), (8.0, 8.0, 8.0))
 """Loops whose arms need about -0.3 and -0.9 V to come back to where they were."""
@@ -46,14 +27,7 @@ def planned(
     taught_V: tuple[float, float] | None = None,
     period_s: float = 0.02,
 ) -> ContactPlan:
-    rig = PlannedRig(
-        limits,
-        piezo_um_per_V=19.0,
-        compliance_um_per_mN=0.46,
-        period_s=period_s,
-        x_start_um=x_start_um,
-        taught_V=taught_V,
-    )
+    rig = replace(RIG, limits=limits, period_s=period_s, x_start_um=x_start_um, taught_V=taught_V)
     return plan_grip(request, rig)
 
 
@@ -82,15 +56,7 @@ def test_segments_in_order() -> None:
 
 def back(free_response: HysteresisModel, **rig: Any) -> tuple[float, float]:
     """Return where a grip ends, and the voltage there."""
-    arm = PlannedRig(
-        LIMITS,
-        piezo_um_per_V=19.0,
-        compliance_um_per_mN=0.46,
-        period_s=0.02,
-        free_response=free_response,
-        **rig,
-    )
-    plan = plan_grip(REQUEST, arm)
+    plan = plan_grip(REQUEST, replace(RIG, free_response=free_response, **rig))
     retreat = plan.program.segments[-1]
     assert isinstance(retreat, Move)
     assert retreat.to_um[0] is not None
@@ -113,8 +79,7 @@ def test_an_arm_of_large_remanence_goes_back_to_where_it_rests_at_0_V() -> None:
 
 def test_an_arm_that_cannot_go_below_0_V_does_not_go_back_below_its_remanence() -> None:
     unipolar = replace(LIMITS, voltage_min_V=0.0)
-    rig = PlannedRig(unipolar, 19.0, 0.46, 0.02, free_response=NARROW)
-    plan = plan_grip(REQUEST, rig)
+    plan = plan_grip(REQUEST, replace(RIG, limits=unipolar, free_response=NARROW))
     assert plan.violations == ()
     assert plan.phases[-1].voltage_V == pytest.approx(0.0, abs=0.05)
 
@@ -128,11 +93,8 @@ def test_the_way_back_follows_a_reading_that_drifts(rest_um: float) -> None:
 
 
 def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
-    rig = PlannedRig(
-        LIMITS,
-        19.0,
-        0.46,
-        0.02,
+    rig = replace(
+        RIG,
         stands_um=60.0,
         rest_um=60.0,
         free_response=NARROW,
@@ -146,7 +108,7 @@ def test_strokes_of_an_arm_at_0_V_break_no_limit_whatever_its_reading() -> None:
 
 
 def test_an_arm_in_front_of_the_part_opens_to_the_same_place() -> None:
-    rig = PlannedRig(LIMITS, 19.0, 0.46, 0.02, stands_um=35.0, free_response=WIDE)
+    rig = replace(RIG, stands_um=35.0, free_response=WIDE)
     first, *_, last = plan_grip(REQUEST, rig).program.segments
     assert isinstance(first, Move)
     assert isinstance(last, Move)

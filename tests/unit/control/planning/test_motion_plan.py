@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from pincette.control.planning.contact_plan import MotionPlan, PlannedRig
-from pincette.control.planning.feasibility import PlanLimits
+from pincette.control.planning.contact_plan import MotionPlan
 from pincette.control.planning.motion_plan import (
     Cycles,
     MoveRequest,
@@ -17,8 +16,9 @@ from pincette.control.planning.motion_plan import (
 )
 from pincette.control.planning.segments import Drive, Move, Ramp, paths_of
 
-LIMITS = PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5)
-RIG = PlannedRig(LIMITS, piezo_um_per_V=20.0, compliance_um_per_mN=0.5, period_s=0.02)
+from .bench import RIG as BENCH
+
+RIG = replace(BENCH, piezo_um_per_V=20.0, compliance_um_per_mN=0.5)
 REST, AWAY = Stand(0.0, 0.0), Stand(10.0, 0.5)
 POINTERS = {
     "move": "/target",

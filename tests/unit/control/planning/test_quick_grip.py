@@ -7,7 +7,6 @@ import pytest
 
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import force_at_touch_mN
-from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
 from pincette.control.planning.profiles import move, run_up
 from pincette.control.planning.quick_grip import (
@@ -24,11 +23,11 @@ from pincette.control.planning.quick_grip import (
 )
 from pincette.control.planning.segments import Press, Seek
 
+from .bench import CONTACT, RIG
+
 NOTHING = AskedSpeeds(None, None, None, None)
 USUAL = UsualSpeeds(120.0, 40.0, 40.0)
 TOUCH = Touch(20.0, 2.0, 2.17, 2.17 * 1.3)
-LIMITS = PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5)
-RIG = PlannedRig(LIMITS, 19.0, 0.46, 0.02)
 
 
 def speeds(
@@ -128,18 +127,8 @@ def test_a_run_up_is_smooth_and_ends_where_it_should() -> None:
 
 def test_the_plan_has_no_step_of_speed_from_the_seek_to_the_end_of_the_load() -> None:
     found = speeds()
-    request = GripRequest(
-        force_mN=20.0,
-        hold_s=4.0,
-        contact_force_mN=2.0,
-        zero_s=0.3,
-        contact_um=30.0,
-        contact_tolerance_um=3.0,
-        stiffness_mN_per_um=2.17,
-        stiffness_tolerance=0.3,
-        quick=True,
-        **found.values(),
-    )
+    part = CONTACT | {"stiffness_mN_per_um": 2.17, "zero_s": 0.3}
+    request = GripRequest(force_mN=20.0, hold_s=4.0, quick=True, **part | found.values())
     plan = plan_grip(request, RIG)
     assert not plan.violations
     assert plan.duration_s - 4.0 < 3.0

@@ -6,11 +6,12 @@ from itertools import pairwise
 import pytest
 
 from pincette.control.planning.contact_plan import ContactPlan, PlannedRig
-from pincette.control.planning.feasibility import PlanLimits
 from pincette.control.planning.path_shapes import sinusoid, steps
 from pincette.control.planning.segments import Move, Press, Seek, Track
 from pincette.control.planning.track_plan import TrackRequest, plan_track
 from pincette.control.response.hysteresis import HysteresisModel
+
+from .bench import CONTACT, RIG
 
 PATH = sinusoid("force", 12.0, 20.0, 0.5, 2)
 REQUEST = TrackRequest(
@@ -18,21 +19,7 @@ REQUEST = TrackRequest(
     rate_um_per_s=60.0,
     acceleration_um_per_s2=2000.0,
     pointer="/force_pp_mN",
-    load_s=2.0,
-    approach_um_per_s=20.0,
-    seek_um_per_s=4.0,
-    contact_force_mN=2.0,
-    zero_s=0.4,
-    contact_um=30.0,
-    contact_tolerance_um=3.0,
-    stiffness_mN_per_um=2.0,
-    stiffness_tolerance=0.3,
-)
-RIG = PlannedRig(
-    PlanLimits(-1.0, 4.0, -20.0, 70.0, 40.0, 10.0, 1e5),
-    piezo_um_per_V=19.0,
-    compliance_um_per_mN=0.46,
-    period_s=0.02,
+    **CONTACT,
 )
 
 
