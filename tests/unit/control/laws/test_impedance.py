@@ -50,13 +50,6 @@ def test_impossible_impedance_is_refused() -> None:
         discretize_impedance(ImpedanceParameters(1e-3, 8.9, 2e4, -1.0), 0.02)
 
 
-def test_steady_errors_vanish_for_a_consistent_plan() -> None:
-    errors = steady_state_errors(
-        force_r_mN=20.0, x_r_um=40.0, x_e_um=30.0, K_e=2.0, K=1.9901e4, K_f=5000.0
-    )
-    assert errors == pytest.approx((0.0, 0.0), abs=1e-12)
-
-
 @pytest.mark.parametrize("K_f", [0.0, 1000.0, 5000.0, 1e7])
 def test_steady_errors_satisfy_impedance_and_contact(K_f: float) -> None:
     E_x, E_f = steady_state_errors(
