@@ -25,6 +25,7 @@ import serial
 
 from pincette.config.instruments import NO_RFC2217
 from pincette.instruments.line.arrivals import BITS_PER_BYTE, Arrivals
+from pincette.instruments.line.connecting import connected
 from pincette.instruments.line.counts import current_counts
 from pincette.instruments.line.exclusive import (
     device_in_use,
@@ -202,9 +203,10 @@ def _open_port(url: str, baud: int, timeout_s: float, where: _Address, within_s:
             port = serial.serial_for_url(
                 url, baudrate=baud, timeout=0, write_timeout=timeout_s, exclusive=True
             )
+            locks.callback(port.close)
             if isinstance(port, serial.Serial):
                 _lower_latency(url, port)
-            return _SerialPort(port, timeout_s, locks.pop_all())
+            return _SerialPort(port, timeout_s, locks)
     except InstrumentError:
         raise
     except Exception as error:  # a handler of pyserial's urls may raise anything
@@ -257,13 +259,15 @@ class _AnyPort(Protocol):
 class _SerialPort:
     """A port of pyserial, whose errors are of one kind."""
 
-    def __init__(self, port: _AnyPort, timeout_s: float, locks: ExitStack) -> None:
-        self._port, self._locks = port, locks
+    def __init__(self, port: _AnyPort, timeout_s: float, held: ExitStack) -> None:
+        """Take the port over, and ``held``, which closes it and frees its locks."""
+        self._port = port
         try:
             self._descriptor = port.fileno()
         except io.UnsupportedOperation:
             self._descriptor = None
             port.timeout = timeout_s
+        self._held = held.pop_all()
 
     def write(self, data: bytes) -> None:
         with _of_one_kind():
@@ -278,8 +282,8 @@ class _SerialPort:
             return self._port.read(READ_SIZE) if ready else b""
 
     def close(self) -> None:
-        with self._locks, _of_one_kind():
-            self._port.close()
+        with _of_one_kind():
+            self._held.close()
 
 
 @contextmanager
@@ -330,15 +334,17 @@ class _SocketPort:
     def __init__(self, url: str, where: _Address, timeout_s: float, write_timeout_s: float) -> None:
         host, port = where.found or _host_and_port(url)
         # Many serial servers end one client's connection, or mix both, where a second one comes.
-        with lock_address(url, host, port) as lock:
-            self._socket = socket.create_connection((host, port), timeout=max(timeout_s, 1e-3))
-            self._lock = lock.pop_all()
-        where.found = _address_of(self._socket), port
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Or what was sent to a host that is gone is sent again for a quarter of an hour.
-        most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, most_ms)
-        self._socket.settimeout(write_timeout_s)
+        with lock_address(url, host, port) as held:
+            self._socket = held.enter_context(connected(host, port, timeout_s))
+            # Each of these raises OSError where the other end has reset the connection meanwhile.
+            found = _address_of(self._socket), port
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            # Or what was sent to a host that is gone is sent again for a quarter of an hour.
+            most_ms = round(1000.0 * max(UNSENT_PERIODS * write_timeout_s, LEAST_UNSENT_S))
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, most_ms)
+            self._socket.settimeout(write_timeout_s)
+            self._held = held.pop_all()
+        where.found = found
 
     def write(self, data: bytes) -> None:
         """Send all of it; raises TimeoutError where the other end does not read."""
@@ -359,5 +365,4 @@ class _SocketPort:
 
     def close(self) -> None:
         """End the connection and free the instrument for other programs."""
-        self._socket.close()
-        self._lock.close()
+        self._held.close()
