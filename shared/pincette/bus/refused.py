@@ -1,6 +1,7 @@
 """Messages from the bus that a program refused: their number, the last reason, and bounded logs."""
 
 import logging
+from collections import deque
 from collections.abc import Callable
 from threading import Lock
 from time import monotonic
@@ -12,6 +13,9 @@ LOG_EVERY_S = 10.0
 """Shortest time between two log lines, however many messages are refused."""
 SHOWN_S = 60.0
 """Time for which a refusal stays a finding of its program."""
+MANY, MANY_WITHIN_S = 5, 10.0
+"""Samples of one topic that are refused because of their numbers within so many seconds, from which
+on they become a finding. The bus itself may repeat or reorder a few."""
 
 
 class RefusedMessages:
@@ -20,17 +24,24 @@ class RefusedMessages:
     def __init__(self, program: str, clock: Callable[[], float] = monotonic) -> None:
         self._program, self._clock, self._lock = program, clock, Lock()
         self.count = 0
-        """Number of refused messages since the program started."""
+        """Number of refused messages since the program started, without those of ``also``."""
+        self._also = 0
         self.reason = ""
         """Reason of the last refusal."""
         self._refused_s = self._logged_s = float("-inf")
         self._unlogged = 0
 
-    def note(self, place: str, reason: str) -> None:
-        """Count a message on the key ``place``, and log the reason unless one was just logged."""
+    def note(self, place: str, reason: str, *, also: bool = False) -> None:
+        """Count a message on the key ``place``, and log the reason unless one was just logged.
+
+        ``also``: the caller counts it in a number of its own.
+        """
         with self._lock:
             now_s = self._clock()
-            self.count += 1
+            if also:
+                self._also += 1
+            else:
+                self.count += 1
             self.reason, self._refused_s = f"{place}: {reason}", now_s
             self._unlogged += 1
             if now_s - self._logged_s < LOG_EVERY_S:
@@ -46,4 +57,26 @@ class RefusedMessages:
             age_s = self._clock() - self._refused_s
             if age_s >= SHOWN_S:
                 return None
-            return fault(FaultCode.MESSAGES_REFUSED, self.reason, messages=self.count, age_s=age_s)
+            messages = self.count + self._also
+            return fault(FaultCode.MESSAGES_REFUSED, self.reason, messages=messages, age_s=age_s)
+
+
+class RefusedNumbers:
+    """Reports samples that a program refused because of their numbers, where there are many."""
+
+    def __init__(self, refused: RefusedMessages, clock: Callable[[], float] = monotonic) -> None:
+        """``refused``: receives the report."""
+        self._refused, self._clock = refused, clock
+        self._times_s: dict[str, deque[float]] = {}
+        """Times of the newest refusals, by topic."""
+
+    def note(self, topic: str, producer: str, seq: int) -> None:
+        """Note a sample of a topic, which ``producer`` publishes and another program may, too."""
+        times_s = self._times_s.setdefault(topic, deque(maxlen=MANY))
+        times_s.append(self._clock())
+        if len(times_s) == MANY and times_s[-1] - times_s[0] <= MANY_WITHIN_S:
+            reason = (
+                f"{MANY} samples within {MANY_WITHIN_S:g} s had numbers that were taken already or "
+                f"lie ahead, the last was {seq}: a program beside the {producer} publishes them"
+            )
+            self._refused.note(topic, reason, also=True)

@@ -21,8 +21,8 @@ from time import monotonic, sleep, thread_time
 from msgspec.structs import replace
 
 from pincette.bus.protocol import Bus
-from pincette.bus.refused import RefusedMessages
-from pincette.core.messages import Message, Status
+from pincette.bus.refused import RefusedMessages, RefusedNumbers
+from pincette.core.messages import Message, Sample, Status
 from pincette.core.service import Busy, Slept
 from pincette.core.topics import LOOP, Request, Topic
 from pincette.engine.realtime.gc_tuning import Collector
@@ -121,6 +121,8 @@ class Loop:
         self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
         self._refused = refused
+        if refused is not None:
+            self._report_numbers(refused)
 
         self._queue: deque[Item] = deque()
         self._running = threading.Lock()
@@ -371,6 +373,18 @@ class Loop:
         self._flush()
         reply(self._with_refused(answer) if isinstance(answer, Status) else answer)
         return self._now()
+
+    def _report_numbers(self, refused: RefusedMessages) -> None:
+        """Report samples of other programs that are refused because of their numbers."""
+        numbers = RefusedNumbers(refused)
+        topics = {topic.message: topic for topic in self.inputs}
+
+        def note(sample: Sample) -> None:
+            if (topic := topics.get(type(sample))) is not None:
+                numbers.note(topic.name, topic.producer, sample.seq)
+
+        for runner in self.runners:
+            runner.on_refused = note
 
     def _with_refused(self, status: Status) -> Status:
         """Add to a status what the program's bus has refused."""

@@ -99,6 +99,8 @@ class Runner:
         self._drives = service.instrument == "voltage_output"
         self._urls = [arm.output.url if self._drives else arm.sensor.url for arm in rig.arms]
         self.joiner = Joiner(service, self.period_s, lockstep=self.lockstep, recorded=recorded)
+        self.on_refused: Callable[[Any], object] | None = None
+        """Called with each sample that is refused because of its number."""
         self._paced = any(item.role == "pace" for item in service.inputs)
         self._requests = RequestRecorder(service)
         self._told_to_end: Predecessor | None = None
@@ -177,8 +179,11 @@ class Runner:
         if role == "join":
             if self.service.ahead is not None:
                 self.state = self.service.ahead(self.config, self.state, sample)
-        elif role == "trigger" and self.stats is not None:
-            self.stats.came(sample, now if came_at is None else came_at)
+        elif role == "trigger":
+            if self.stats is not None:
+                self.stats.came(sample, now if came_at is None else came_at)
+        elif role is None and self.on_refused is not None:
+            self.on_refused(sample)
 
     def ready(self, now: float) -> bool:
         """Return whether ``fire`` would make a step."""

@@ -5,7 +5,14 @@ import threading
 
 import pytest
 
-from pincette.bus.refused import LOG_EVERY_S, SHOWN_S, RefusedMessages
+from pincette.bus.refused import (
+    LOG_EVERY_S,
+    MANY,
+    MANY_WITHIN_S,
+    SHOWN_S,
+    RefusedMessages,
+    RefusedNumbers,
+)
 from pincette.core.faults import FaultCode
 from pincette.core.wording import fault_text
 
@@ -53,6 +60,19 @@ def test_a_refusal_is_a_finding_for_a_minute() -> None:
     }
     assert PLACE in fault_text(found)
     clock.now_s += 0.2 * SHOWN_S
+    assert refused.finding() is None
+
+
+@pytest.mark.parametrize(("topics", "apart_s"), [(1, MANY_WITHIN_S / (MANY - 2)), (MANY, 0.0)])
+def test_refused_numbers_of_different_times_or_topics_are_no_finding(
+    topics: int, apart_s: float
+) -> None:
+    clock = Clock()
+    refused = RefusedMessages("demo/estimator", clock)
+    numbers = RefusedNumbers(refused, clock)
+    for count in range(2 * MANY if topics == 1 else MANY):
+        numbers.note(f"topic {count % topics}", "sensor", count)
+        clock.now_s += apart_s
     assert refused.finding() is None
 
 

@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.bus.protocol import RequestHandler, Sink
+from pincette.bus.refused import MANY, RefusedMessages
 from pincette.config import ConfigError, read_rig
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import (
@@ -28,6 +29,7 @@ from pincette.core.messages import (
     Timing,
 )
 from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
+from pincette.core.wording import fault_text
 from pincette.engine.arming import ORDER
 from pincette.engine.loop import Loop
 from pincette.engine.process import loop_services
@@ -232,6 +234,30 @@ def test_no_turn_tells_the_timing_of_two_services() -> None:
         (timing,) = [one for one in outside.told if isinstance(one, Timing)]
         told.append(timing.service)
     assert sorted(told) == sorted(LOOP)
+
+
+@pytest.mark.parametrize("first", [7, 200], ids=["repeated", "ahead"])
+def test_samples_of_another_program_become_a_finding_that_names_the_topic(first: int) -> None:
+    """They carry numbers that were taken already, or shut the sensor's own samples out."""
+    bus, refused = Outside(), RefusedMessages("demo/estimator")
+    sensor = Loop([Runner(SERVICES["sensor"], RIG, Laser())], bus)
+    sensor.begin(monotonic() - 2.0 * T)
+    sensor.run_once()
+    (sample,) = [one for one in bus.told if isinstance(one, Position)]
+    loop = Loop([Runner(SERVICES["estimator"], RIG)], Outside(), refused=refused)
+    now_s = monotonic()
+    loop.runner("estimator").joiner.begin(1, now_s)
+    loop.deliver(replace(sample, epoch=1, seq=first), now_s)
+    for seq in range(7 - MANY + 1, 7):
+        loop.deliver(replace(sample, epoch=1, seq=seq), now_s)
+        assert refused.finding() is None, "the bus may repeat or reorder a few samples"
+    loop.deliver(replace(sample, epoch=1, seq=7), now_s)
+    assert loop.runner("estimator").refused == MANY
+    found = refused.finding()
+    assert found is not None
+    assert refused.count == 0, "the runner counts them"
+    words = fault_text(found)
+    assert all(part in words for part in ("position", "beside the sensor", "last was 7")), words
 
 
 @pytest.mark.parametrize("where", ["fire", "settle"])

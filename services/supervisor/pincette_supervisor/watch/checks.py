@@ -185,7 +185,9 @@ def _recorder(context: RigContext) -> Check:
     lost = None if answer is None else answer.missed
     words = "recorder does not answer"
     if answer is not None:
-        words = f"recorder: {status_text(answer) or 'idle'}; {lost} messages lost"
+        # The status states how many messages were lost, unless there were none.
+        none = "" if lost else "; no message was lost"
+        words = f"recorder: {status_text(answer) or 'idle'}{none}"
     return _check(
         "recorder.lost", lost == 0, words, needed=False, value=lost, limit=0, unit="messages"
     )
