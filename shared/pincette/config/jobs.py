@@ -21,7 +21,7 @@ class QuickGrip(Table):
     load_um_per_s: Positive = 40.0
     """Peak speed while the part is loaded and unloaded."""
     zero_s: Positive = 0.3
-    """Time at rest in which the force estimate is set to zero."""
+    """Time at rest in which the force estimate is set to zero; at least 10 periods."""
 
 
 Condition = Literal["auto", "always", "never"]
@@ -50,7 +50,8 @@ class Grip(Table):
     contact_force_mN: Positive = 2.0
     """Estimated force that counts as touch."""
     zero_s: Positive = 0.4
-    """Time at rest before the arm moves, in which the force estimate is set to zero."""
+    """Time at rest before the arm moves, in which the force estimate is set to zero; at least 10
+    periods."""
     condition: Condition = "auto"
     """Whether a grip or a path begins with conditioning strokes to the lowest voltage identified.
     They bring the hysteresis of the arm to a known state, and compare its stroke with that of the

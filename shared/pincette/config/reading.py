@@ -18,6 +18,10 @@ from pincette.config.toml_file import (
 )
 from pincette.core.validation_wording import place, refusal
 
+ZERO_PERIODS = 10
+"""Least number of periods for a zero of the force."""
+ROUNDING = 1e-6
+"""Periods by which a product of two decimal numbers may be off."""
 SHOWN, MOST_FAULTS = 300, 20
 """Characters of a value that a fault repeats, and faults that are listed."""
 _SHORT = reprlib.Repr()
@@ -40,6 +44,7 @@ def read_rig(path: Path) -> RigFile:
             raise ConfigError(f"rig file {path}: tables within tables without end") from error
     try:
         rig = parse_rig(tables)
+        _check_zeros(rig)
     except ConfigError as error:
         raise ConfigError(f"rig file {path}:\n{error}") from error
     for name, table in {"sila": rig.sila, "foxglove": rig.foxglove}.items():
@@ -47,6 +52,23 @@ def read_rig(path: Path) -> RigFile:
             certificate = {"certificate": str(path_beside(path, table.certificate))}
             rig = rig.model_copy(update={name: table.model_copy(update=certificate)})
     return rig if rig.bus.pki is None else rig.secured(path_beside(path, rig.bus.pki))
+
+
+def _check_zeros(rig: RigFile) -> None:
+    """Refuse a time for the zero of the force that a file states and that is too short.
+
+    Raises ConfigError. Rig files that programs send and records contain state all defaults, and are
+    not refused for them.
+    """
+    period_s = rig.rig.period_s
+    least_s = ZERO_PERIODS * period_s
+    for name, table in (("grip", rig.grip), ("grip.quick", rig.grip.quick)):
+        if "zero_s" in table.model_fields_set and table.zero_s < least_s - ROUNDING * period_s:
+            raise ConfigError(
+                f"  {name}.zero_s = {table.zero_s:g} s: below {least_s:g} s, {ZERO_PERIODS} "
+                f"periods of {1e3 * period_s:g} ms, which a zero of the force is made of; choose "
+                f"{least_s:g} s or more, or leave it out"
+            )
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}

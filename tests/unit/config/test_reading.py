@@ -78,3 +78,22 @@ def test_a_rig_has_its_own_router_or_joins_one() -> None:
     assert left.supervisor == right.supervisor
     inner = right.bus.model_copy(update={"router": "[::1]:7447"})
     assert inner.router_at == ("::1", 7447)
+
+
+@pytest.mark.parametrize("table", ["grip", "grip.quick"])
+def test_a_zero_of_fewer_than_ten_periods_is_refused_with_value_limit_and_remedy(
+    table: str, folder: Path
+) -> None:
+    text = f'base = "base.toml"\n[{table}]\nzero_s = '
+    assert read_rig(written(folder, f"{text}0.2")).rig.period_s == 0.02
+    words = rf"{table}\.zero_s = 0\.19 s: below 0\.2 s, 10 periods of 20 ms.*or more"
+    with pytest.raises(ConfigError, match=words):
+        read_rig(written(folder, f"{text}0.19"))
+
+
+def test_a_slow_rig_that_states_no_zero_is_read_from_files_and_programs(folder: Path) -> None:
+    tree = BASE.replace("period_s = 0.02", "period_s = 0.05")
+    tree = "".join(line for line in tree.splitlines(True) if not line.startswith("zero_s"))
+    rig = read_rig(written(folder, tree))
+    assert rig.rig.period_s == 0.05
+    assert parse_rig_json(rig.model_dump_json()) == rig
