@@ -100,6 +100,9 @@ def test_a_supervisor_that_starts_on_a_full_disk_takes_stops(rig: RunningRig) ->
         restart(rig, "supervisor")
         answer = rig.post("/rigs/demo/estop")
         assert answer.status_code == 200, answer.text
+        deadline = monotonic() + LAST_S
+        while rig.view()["latch"]["cause"] != "estop" and monotonic() < deadline:
+            sleep(0.2)
         assert rig.view()["latch"]["cause"] == "estop"
     ballast.unlink()
     deadline = monotonic() + LAST_S

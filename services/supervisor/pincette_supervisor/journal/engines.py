@@ -22,7 +22,7 @@ from sqlalchemy import (
     make_url,
     text,
 )
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.exc import ArgumentError, DBAPIError
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from pincette.core.files import make_folder
@@ -151,7 +151,13 @@ def work_alone(engine: Engine, path: Path) -> Callable[[], None]:
     if connection.scalar(query, {"key": ALONE}):
 
         def let_go() -> None:
-            connection.detach()  # it ends, and with it the lock
+            # The server ends the lock of a closed connection some time later; a supervisor that
+            # starts again at once must not meet it.
+            with suppress(DBAPIError):
+                connection.scalar(
+                    text("SELECT pg_advisory_unlock(:key, hashtext(current_schema()))"),
+                    {"key": ALONE},
+                )
             connection.close()
 
         return let_go
