@@ -136,7 +136,7 @@ def test_odd_headers_are_refused_or_passed_over(
 ) -> None:
     for method, path, body in (
         ("GET", f"/api/v1/jobs/{job}", b""),
-        ("GET", f"/api/v1/jobs/{job}/events?format=json", b""),
+        ("GET", f"/api/v1/jobs/{job}/events/list", b""),
         ("GET", f"/api/v1/jobs/{job}/artifacts/manifest.json", b""),
         ("GET", f"/api/v1/jobs/{job}/artifacts/samples.csv", b""),
         ("POST", "/api/v1/jobs?dry_run=true&predict=false", f"{{{GRIP}}}".encode()),

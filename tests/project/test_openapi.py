@@ -26,6 +26,18 @@ def test_every_model_has_an_example() -> None:
     assert not without
 
 
+def test_an_operation_has_one_content_type_with_a_schema() -> None:
+    for path, operations in json.loads(document())["paths"].items():
+        for method, operation in operations.items():
+            for status, answer in operation["responses"].items():
+                content = answer.get("content", {})
+                assert len(content) <= 1, (method, path, status)
+                for media_type, body in content.items():
+                    assert body.keys() & {"schema", "itemSchema"}, (method, path, status)
+                    binary = media_type in ("application/octet-stream", "image/png")
+                    assert (body.get("schema", {}).get("format") == "binary") == binary, path
+
+
 def test_every_reference_leads_somewhere() -> None:
     text = document()
     schemas = json.loads(text)["components"]["schemas"]

@@ -51,7 +51,7 @@ def questions(rig: str, job: str) -> list[tuple[str, str, Json | None]]:
         ("GET", f"/jobs/{job}/artifacts", None),
         ("GET", f"/jobs/{job}/artifacts/samples.parquet", None),
         ("GET", f"/jobs/{job}/artifacts/grip.png", None),
-        ("GET", f"/jobs/{job}/events?format=json", None),
+        ("GET", f"/jobs/{job}/events/list", None),
         ("POST", "/jobs?dry_run=true", plan),
     ]
 

@@ -58,8 +58,8 @@ TRAVERSALS = (
 )  # fmt: skip
 PLACES = (
     "/api/v1/jobs/{}", "/api/v1/jobs/{}/artifacts", "/api/v1/jobs/{job}/artifacts/{}",
-    "/api/v1/jobs/{}/artifacts/manifest.json", "/api/v1/jobs/{}/events?format=json",
-    "/api/v1/trajectories/{}", "/api/v1/trajectories/{}/samples?format=csv",
+    "/api/v1/jobs/{}/artifacts/manifest.json", "/api/v1/jobs/{}/events/list",
+    "/api/v1/trajectories/{}", "/api/v1/trajectories/{}/samples.csv",
     "/api/v1/trajectories/{}/plot", "/api/v1/recipes/{}", "/api/v1/recipes/{}/1",
     "/api/v1/recipes/bead/{}", "/api/v1/rigs/{}", "/api/v1/rigs/{}/model",
     "/api/v1/calibrations/{}",

@@ -18,7 +18,7 @@ def test_the_end_of_the_first_job_waits_for_no_picture(tmp_path: Path) -> None:
     with running_rig(paced_rig(SHORT), tmp_path) as rig:
         names = [_released(rig) for _ in range(2)]
         for name in names:
-            events: list[Json] = rig.get(f"/jobs/{name}/events", format="json")["events"]
+            events: list[Json] = rig.get(f"/jobs/{name}/events/list")["events"]
             kinds = [
                 one["kind"] if one["kind"] != "state" else one["body"]["state"] for one in events
             ]

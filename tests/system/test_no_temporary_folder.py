@@ -65,5 +65,5 @@ def test_operators_who_come_first_stop_the_rig(tmp_path: Path) -> None:
                 assert monotonic() < until_s
             assert desk.state().latch.cause == "estop"
             assert any(one.name.endswith(".png") for one in job.artifacts())
-            url = f"{rig.supervisor.url}/api/v1/jobs/export?format=parquet"
+            url = f"{rig.supervisor.url}/api/v1/jobs/export.parquet"
             assert httpx.get(url, trust_env=False, timeout=60.0).content.endswith(b"PAR1")

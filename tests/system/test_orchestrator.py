@@ -121,7 +121,7 @@ def test_a_hundred_grips_in_a_row(rig: RunningRig, figures: list[str]) -> None:
                 cell.restart_supervisor()
                 repeated(cell, number)
             cell.ended(key)
-        newest = rig.get("/events", format="json")["newest"]
+        newest = rig.get("/events/list")["newest"]
         follower.until(newest)
     figures.append(
         f"{GRIPS} grips, 3 supervisors killed, {follower.lines} lines for {len(follower.events)} "

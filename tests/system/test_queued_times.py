@@ -73,7 +73,7 @@ def test_a_queued_job_states_when_it_was_requested_started_and_ended(paced: Runn
     assert list(map(utc, inside)) == sorted(map(utc, inside))
     text = rig.client.get(f"{path}.csv").text
     assert stated["sample_0_at"] in text
-    exported = rig.client.get("/jobs/export", params={"sample": "B7", "format": "csv"}).text
+    exported = rig.client.get("/jobs/export.csv", params={"sample": "B7"}).text
     rows = {row["id"]: row for row in csv.DictReader(io.StringIO(exported))}
     for name in ("created_at", "started_at", "ended_at"):
         assert utc(rows[second][name]) == utc(b[name])

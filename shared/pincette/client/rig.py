@@ -292,6 +292,6 @@ async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[A
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
     """Events at a path, after a number; without one, after the newest that there is."""
-    read, query = model(EventList), {"format": "json", "limit": 1}
-    newest = Call("GET", path, lambda answer: read(answer).newest, query, repeatable=True)
+    read, query = model(EventList), {"limit": 1}
+    newest = Call("GET", f"{path}/list", lambda answer: read(answer).newest, query, repeatable=True)
     return transport.events(path, newest if after is None else after)

@@ -130,10 +130,8 @@ class AsyncSupervisor:
 
     async def export(self, form: Literal["csv", "parquet"] = "csv", **filters: str | int) -> bytes:
         """Many jobs as one table, by the filters of ``jobs``."""
-        query = {"format": form, **filters}
-        return await self.transport.send(
-            Call("GET", "/jobs/export", content, query, repeatable=True)
-        )
+        call = Call("GET", f"/jobs/export.{form}", content, filters, repeatable=True)
+        return await self.transport.send(call)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
         """Events of every rig as they come, after a number; new ones only if it is left out."""

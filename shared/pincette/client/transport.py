@@ -25,6 +25,9 @@ from pincette.client.errors import ClientError, problem_of
 from pincette.client.live import LiveBookmark, LiveSample
 from pincette.client.streaming import Bookmark, Download, require_stream, stream_details
 
+NO_CONTENT = 204
+"""Status of a stream of which nothing can follow, as of a job that is over."""
+
 T = TypeVar("T")
 
 
@@ -174,12 +177,13 @@ class Transport:
         while True:
             try:
                 async with self._stream(bookmark.details(self.timeout_s)) as response:
-                    require_stream(response)
                     attempts.succeeded()
-                    async for message in self._connection.messages(response):
-                        event = bookmark.read(message)
-                        if event is not None:
-                            yield event
+                    if response.status_code != NO_CONTENT:
+                        require_stream(response)
+                        async for message in self._connection.messages(response):
+                            event = bookmark.read(message)
+                            if event is not None:
+                                yield event
             except httpx.TransportError as error:
                 await self.sleep(attempts.delay_s(error))
                 continue

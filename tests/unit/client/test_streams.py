@@ -45,6 +45,12 @@ def test_a_stream_goes_on_where_it_broke() -> None:
     assert job.state == "succeeded"
 
 
+def test_a_job_of_which_nothing_can_follow_has_no_more_events() -> None:
+    over = desk.job(state="succeeded")
+    supervisor = Desk(desk.job(), desk.stream(event(7), broken=True), httpx.Response(204), over)
+    assert [item.number for item in supervisor.supervisor().job("j").events()] == [7]
+
+
 def test_the_other_client_reads_the_same() -> None:
     supervisor = answers()
 

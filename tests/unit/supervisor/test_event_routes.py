@@ -108,7 +108,40 @@ def test_a_job_that_is_over_tells_what_it_was(bench: Bench, app: FastAPI) -> Non
     kinds = [(str(number), "state" if number < 4 else "result") for number in range(1, 5)]
     assert events(get(app, "/jobs/a/events").text) == kinds
     assert events(get(app, "/jobs/a/events", **{"Last-Event-ID": "3"}).text) == kinds[3:]
-    assert events(get(app, "/jobs/a/events?after=4").text) == []
+
+
+def test_a_stream_is_refused_with_204_once_nothing_can_follow(
+    bench: Bench, app: FastAPI, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A standard EventSource connects again after every end, except after a 204."""
+    monkeypatch.setattr(event_log, "LISTENERS_MAX", 1)  # no refusal keeps a place
+    bench.job("a", "succeeded")
+    assert get(app, "/jobs/a/events").status_code == 204  # its events are deleted
+    bench.log.append("state", "a", state="succeeded")
+    assert get(app, "/jobs/a/events", **{"Last-Event-ID": "0"}).status_code == 200
+    for answer in (
+        get(app, "/jobs/a/events", **{"Last-Event-ID": "1"}),
+        get(app, "/jobs/a/events?after=1"),
+    ):
+        assert (answer.status_code, answer.content) == (204, b"")
+    bench.active.append("a")  # it has ended and holds a part: more of it is to come
+
+    async def scene() -> None:
+        async with Stream(app, "/jobs/a/events?after=1") as stream:
+            assert await stream.chunk() == ": listening\n"
+            assert stream.status == 200
+
+    asyncio.run(scene())
+
+
+def test_an_empty_last_event_id_is_none(bench: Bench, app: FastAPI) -> None:
+    bench.job("a", "succeeded")
+    for state in ("queued", "succeeded"):
+        bench.log.append("state", "a", state=state)
+    for path in ("/jobs/a/events", "/jobs/a/events?after=0"):
+        answer = get(app, path, **{"Last-Event-ID": ""})
+        assert [number for number, _ in events(answer.text)] == ["1", "2"]
+    assert get(app, "/jobs/a/events?after=2", **{"Last-Event-ID": ""}).status_code == 204
 
 
 def test_a_silent_stream_gives_a_sign_of_life(
@@ -155,8 +188,8 @@ def test_so_many_may_listen(bench: Bench, app: FastAPI, monkeypatch: pytest.Monk
         refused = get(app, path)
         assert refused.status_code == 503
         assert refused.json()["type"].endswith("too-many-listeners")
-        assert "format=json" in refused.json()["detail"]
-        assert get(app, f"{path}?format=json").status_code == 200
+        assert "/events/list" in refused.json()["detail"]
+        assert get(app, f"{path}/list").status_code == 200
 
 
 def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
@@ -165,15 +198,15 @@ def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
         bench.log.append("state", job, state="running")
     EventLog(bench.store, "other").append("rig")
     wanted = {
-        "/events": [1, 2, 3, 4],
-        "/events?after=2": [3, 4],
-        "/events?after=1&limit=2": [2, 3],
-        "/rigs/demo/events": [1, 2, 3],
-        "/jobs/a/events": [1],
-        "/jobs/a/events?after=1": [],
+        "/events/list": [1, 2, 3, 4],
+        "/events/list?after=2": [3, 4],
+        "/events/list?after=1&limit=2": [2, 3],
+        "/rigs/demo/events/list": [1, 2, 3],
+        "/jobs/a/events/list": [1],
+        "/jobs/a/events/list?after=1": [],
     }
     for path, found in wanted.items():
-        answer = get(app, path, Accept="application/json")
+        answer = get(app, path)
         assert answer.headers["content-type"] == "application/json"
         assert [event["number"] for event in answer.json()["events"]] == found, path
         assert (answer.json()["oldest"], answer.json()["newest"]) == (1, 4)
@@ -181,9 +214,9 @@ def test_a_list_has_what_is_kept(bench: Bench, app: FastAPI) -> None:
 
 def test_what_cannot_be_found_or_read_is_refused(app: FastAPI) -> None:
     for path in ("/jobs/none/events", "/rigs/none/events"):
-        for query in ("", "?format=json"):
-            assert get(app, path + query).status_code == 404
-    for path in ("/events?after=-1", "/events?after=9223372036854775808", "/events?format=xml"):
+        for more in ("", "/list"):
+            assert get(app, path + more).status_code == 404
+    for path in ("/events?after=-1", "/events?after=9223372036854775808", "/events?format=json"):
         assert get(app, path).status_code == 422
     refused = get(app, "/events", **{"Last-Event-ID": "x"})
     assert refused.status_code == 422
@@ -211,7 +244,7 @@ def test_the_states_of_a_grip_are_told_in_their_order(harness: Harness) -> None:
     assert states == ["queued", "preparing", "ready", "running", "succeeded"]
     numbers = [event["number"] for event in told if event["number"] is not None]
     assert numbers == sorted(set(numbers))
-    listed = harness.get(f"/jobs/{job}/events", format="json")["events"]
+    listed = harness.get(f"/jobs/{job}/events/list")["events"]
     assert [event["number"] for event in listed] == numbers
 
 
@@ -220,10 +253,10 @@ def test_the_events_of_a_job_are_those_of_its_rig(
 ) -> None:
     job = harness.ended(harness.grip()["id"])["id"]
     harness.freed(job)  # its result is told after its end
-    before = harness.get("/rigs/demo/events", format="json")["events"]
+    before = harness.get("/rigs/demo/events/list")["events"]
     assert job in {event["job"] for event in before}
     again = open_harness(rig_file)
-    after = again.get("/events", format="json", after=before[-1]["number"])
+    after = again.get("/events/list", after=before[-1]["number"])
     assert [event for event in after["events"] if event["job"] == job] == []
     assert after["newest"] >= before[-1]["number"]
 

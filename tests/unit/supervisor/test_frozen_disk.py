@@ -299,8 +299,8 @@ def test_no_request_reads_the_journal_on_the_event_loop(harness: Harness) -> Non
             asyncio.get_running_loop()
             on_loop.append(statement)
 
-    paths = ("/jobs", f"/jobs/{job}", f"/jobs/{job}?wait=change&since=0", "/events?format=json")
-    paths += (f"/jobs/{job}/events", f"/jobs/{job}/events?format=json", f"/jobs/{job}/artifacts")
+    paths = ("/jobs", f"/jobs/{job}", f"/jobs/{job}?wait=change&since=0", "/events/list")
+    paths += (f"/jobs/{job}/events", f"/jobs/{job}/events/list", f"/jobs/{job}/artifacts")
     paths += ("/rigs", rig, f"{rig}/samples", f"{rig}/timing", f"{rig}/history", f"{rig}/model")
     paths += ("/session", "/alarms", "/recipes", "/calibrations")
     event.listen(Engine, "before_cursor_execute", note)

@@ -41,16 +41,16 @@ def journal(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
 
 
 def test_every_job_is_in_the_table(journal: Harness, tmp_path: Path) -> None:
-    rows = list(csv.DictReader(journal.call("GET", "/api/v1/jobs/export").text.splitlines()))
+    rows = list(csv.DictReader(journal.call("GET", "/api/v1/jobs/export.csv").text.splitlines()))
     assert len(rows) == len({row["id"] for row in rows}) == MANY
     assert float(rows[0]["result.extra_mN"]) == 0.5 * (MANY - 2)
     assert rows[-1]["result.extra_mN"] == ""  # the first job has no such figure
     path = tmp_path / "jobs.parquet"
-    path.write_bytes(journal.call("GET", "/api/v1/jobs/export?format=parquet").content)
+    path.write_bytes(journal.call("GET", "/api/v1/jobs/export.parquet").content)
     table = parquet.opened(path).read()
     assert table["id"].to_pylist() == [row["id"] for row in rows]
     assert table.schema.field("result.extra_mN").metadata[b"unit"] == b"mN"
-    limited = journal.call("GET", f"/api/v1/jobs/export?limit={PAGE + 3}").text
+    limited = journal.call("GET", f"/api/v1/jobs/export.csv?limit={PAGE + 3}").text
     assert len(limited.splitlines()) == 1 + PAGE + 3
 
 
@@ -85,7 +85,7 @@ def test_a_client_that_hangs_up_ends_the_export(
     read = counted_pages(journal, monkeypatch)
 
     async def scene() -> None:
-        async with Stream(journal.app, "/api/v1/jobs/export") as stream:
+        async with Stream(journal.app, "/api/v1/jobs/export.csv") as stream:
             assert await stream.chunk() == ",".join(job_table.FIXED)
 
     asyncio.run(scene())

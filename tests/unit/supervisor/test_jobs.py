@@ -41,6 +41,12 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
     response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
+    for name in ("grip.png", "samples.parquet", "samples.csv"):
+        path = f"/api/v1/jobs/{job['id']}/artifacts/{name}"
+        binary = harness.call("GET", f"{path}/content")
+        assert binary.headers["content-type"] == "application/octet-stream"
+        assert binary.content == harness.call("GET", path).content
+    assert harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/x/content").status_code == 404
 
 
 @pytest.mark.usefixtures("drawn")

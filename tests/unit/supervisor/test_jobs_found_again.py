@@ -125,7 +125,7 @@ def test_jobs_are_found_by_what_was_said_of_them(harness: Harness) -> None:
 def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
     first = gripped(harness, **{**SAID, "notes": "=1+1"})
     second = gripped(harness, force_mN=12.5)
-    text = harness.call("GET", "/api/v1/jobs/export").text
+    text = harness.call("GET", "/api/v1/jobs/export.csv").text
     rows = list(csv.DictReader(io.StringIO(text)))
     assert [row["id"] for row in rows] == [second, first]
     result = harness.get(f"/jobs/{first}")["result"]
@@ -133,12 +133,12 @@ def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
     assert (rows[1]["label.glue"], rows[0]["label.glue"]) == ("none", "")
     assert rows[1]["notes"] == "'=1+1"
     assert float(rows[0]["value.force_mN"]) == 12.5
-    answer = harness.call("GET", "/api/v1/jobs/export?format=parquet&sample=B7")
+    answer = harness.call("GET", "/api/v1/jobs/export.parquet?sample=B7")
     (tmp_path / "jobs.parquet").write_bytes(answer.content)
     table = parquet.opened(tmp_path / "jobs.parquet").read()
     assert table["id"].to_pylist() == [first]
     assert table.schema.field("result.peak_force_mN").metadata[b"unit"] == b"mN"
-    empty = harness.call("GET", "/api/v1/jobs/export?sample=none")
+    empty = harness.call("GET", "/api/v1/jobs/export.csv?sample=none")
     assert empty.text.startswith("id,rig,kind,state")
 
 

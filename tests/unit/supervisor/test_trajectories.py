@@ -81,7 +81,7 @@ def test_samples_come_in_three_forms_with_their_units(harness: Harness) -> None:
     assert samples["t_s"][1] == tree["period_s"]
     assert max(samples["force_mN"]) == pytest.approx(20.0, abs=0.3)
 
-    text = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=csv")
+    text = harness.call("GET", f"/api/v1/trajectories/{digest}/samples.csv")
     assert text.headers["Content-Type"].startswith("text/csv")
     lines = text.text.splitlines()
     assert f"# trajectory: {digest}" in lines
@@ -92,12 +92,12 @@ def test_samples_come_in_three_forms_with_their_units(harness: Harness) -> None:
     last = dict(zip(lines[head].split(","), lines[-1].split(","), strict=True))
     assert float(last["voltage_V"]) == samples["voltage_V"][-1]
 
-    raw = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=parquet").content
+    raw = harness.call("GET", f"/api/v1/trajectories/{digest}/samples.parquet").content
     table = parquet.read_table(BytesIO(raw))
     assert table.to_pydict() == samples
     assert table.schema.field("x_um").metadata[b"unit"].decode() == "µm"
     assert table.schema.metadata[b"trajectory"].decode() == digest
-    unknown = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=xlsx")
+    unknown = harness.call("GET", f"/api/v1/trajectories/{digest}/samples?format=csv")
     assert unknown.status_code == 422
 
 

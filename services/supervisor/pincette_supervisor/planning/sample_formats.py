@@ -3,15 +3,13 @@
 import csv
 from collections.abc import Sequence
 from io import BytesIO, StringIO
-from typing import Any, Literal
+from typing import Any
 
 from pincette.api.trajectories import SampleColumn
 from pincette.records import parquet
 from pincette_supervisor.planning.dry_run import DryRun
 from pincette_supervisor.planning.predicted_samples import Samples
 
-Format = Literal["json", "csv", "parquet"]
-MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 COLUMNS = (
     SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
     SampleColumn(name="phase", unit="", meaning="phase of the program"),

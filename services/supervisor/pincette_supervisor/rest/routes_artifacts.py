@@ -8,6 +8,7 @@ from pincette.api.problems import responses
 from pincette.records import csv_export, folder
 from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_index import WRITTEN_S
+from pincette_supervisor.rest.contents import BINARY
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
 
@@ -57,3 +58,19 @@ def artifact(job: str, name: str, rigs: AllRigs) -> Response:
         more = [CSV] if samples.is_file() else []
         raise problems.not_found("artifact", name, [*there, *more])
     return FileResponse(path, media_type=media_type, filename=name)
+
+
+@router.get(
+    "/{job}/artifacts/{name}/content",
+    response_class=Response,
+    responses={
+        200: {"description": "the bytes of the file, whatever its kind", "content": BINARY},
+        **responses(404),
+    },
+    dependencies=[OBSERVE, WRITTEN],
+)
+def artifact_content(job: str, name: str, rigs: AllRigs) -> Response:
+    """One file of a job's record as bytes, for clients that are generated from this document."""
+    response = artifact(job, name, rigs)
+    (response.headers["Content-Type"],) = BINARY
+    return response

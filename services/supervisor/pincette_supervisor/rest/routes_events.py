@@ -1,4 +1,4 @@
-"""Events over REST: as a stream of server-sent events, or as a list.
+"""Events over REST: streams of server-sent events, and lists.
 
 The streams wait on the event loop; the journal is read in threads.
 """
@@ -6,13 +6,12 @@ The streams wait on the event loop; the journal is read in threads.
 import asyncio
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
-from dataclasses import dataclass
 from time import monotonic
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Query, Response
-from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, format_sse_event
+from pydantic import BeforeValidator
 
 from pincette.api.events import Event, EventList
 from pincette.api.problems import responses
@@ -33,117 +32,146 @@ MOST = 500
 LARGEST = 2**63 - 1
 HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 """Nothing on the way may keep events back."""
-JSON = "application/json"
 POLL_S = 0.5
 """How often a stream of one job looks whether the job is over."""
 GREETING, KEEP_ALIVE = b": listening\n", b": alive\n"
 """Comments; without an empty line, which some clients take for an event without data."""
-ANSWERS: dict[int | str, dict[str, Any]] = {
+STREAM: dict[int | str, dict[str, Any]] = {
     200: {
-        "model": EventList,
-        "description": "a stream whose data are events, or a list of those that are kept",
+        "description": "a stream without an end",
         "content": {
             EventSourceResponse.media_type: {
-                "schema": {"type": "string"},
+                "itemSchema": {  # as FastAPI describes streams
+                    "type": "object",
+                    "properties": {
+                        "data": {
+                            "type": "string",
+                            "contentMediaType": "application/json",
+                            "contentSchema": {"$ref": "#/components/schemas/Event"},
+                        },
+                        "event": {"type": "string"},
+                        "id": {"type": "string"},
+                    },
+                    "required": ["data"],
+                },
                 "example": 'event: state\ndata: {"number": 318, …}\nid: 318\n\n',
             }
         },
     }
 }
+STREAM_OF_JOB: dict[int | str, dict[str, Any]] = {
+    200: {**STREAM[200], "description": "a stream that ends when the job is over"},
+    204: {"description": "the job is over, and all its events are known: do not ask again"},
+    **responses(404),
+}
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What a listener asks for."""
-
-    after: int | None
-    listed: bool
-    limit: int
+After = Annotated[int | None, Query(ge=0, le=LARGEST, description="only events beyond this number")]
 
 
-def _wish(
-    form: Annotated[
-        Literal["sse", "json"] | None,
-        Query(alias="format", description="json: a list, as with Accept: application/json"),
-    ] = None,
-    after: Annotated[
-        int | None, Query(ge=0, le=LARGEST, description="only events beyond this number")
-    ] = None,
-    limit: Annotated[int, Query(ge=1, le=MOST, description="of a list: no more than these")] = MOST,
+def _none_if_empty(text: Any) -> Any:
+    return None if text == "" else text
+
+
+def _position(
+    after: After = None,
     last_event_id: Annotated[
         int | None,
-        Header(alias="Last-Event-ID", ge=0, le=LARGEST, description="comes before `after`"),
+        Header(
+            alias="Last-Event-ID",
+            ge=0,
+            le=LARGEST,
+            description="comes before `after`; empty: none",
+        ),
+        BeforeValidator(_none_if_empty),  # last: the bounds are of the number alone
     ] = None,
-    accept: Annotated[str, Header(include_in_schema=False)] = "",
-) -> Wish:
-    listed = JSON in accept and EventSourceResponse.media_type not in accept
-    return Wish(
-        after=after if last_event_id is None else last_event_id,
-        listed=listed if form is None else form == "json",
-        limit=limit,
-    )
+) -> int | None:
+    return after if last_event_id is None else last_event_id
 
 
-Wished = Annotated[Wish, Depends(_wish)]
+Position = Annotated[int | None, Depends(_position)]
+"""Number after which a stream begins."""
+Limit = Annotated[int, Query(ge=1, le=MOST, description="no more than these")]
 
 
 router = APIRouter(tags=["events"], route_class=StrictRoute)
 
 
+@router.get("/jobs/{job}/events/list", dependencies=[OBSERVE], responses=responses(404))
+def list_of_job(job: str, rigs: AllRigs, after: After = None, limit: Limit = MOST) -> EventList:
+    """Events of one job that are kept, the oldest first."""
+    _state(rigs.store, job)
+    return _list(rigs.store, after, limit, job=job)
+
+
+@router.get("/rigs/{rig}/events/list", dependencies=[OBSERVE], responses=responses(404))
+def list_of_rig(
+    manager: Manager, store: Journal, after: After = None, limit: Limit = MOST
+) -> EventList:
+    """Events of a rig and its jobs that are kept, the oldest first."""
+    return _list(store, after, limit, rig=manager.name)
+
+
+@router.get("/events/list", dependencies=[OBSERVE])
+def list_of_all(rigs: AllRigs, after: After = None, limit: Limit = MOST) -> EventList:
+    """Events of every rig that are kept, the oldest first."""
+    return _list(rigs.store, after, limit)
+
+
 @router.get(
     "/jobs/{job}/events",
+    response_class=Response,
     response_model=None,
     dependencies=[OBSERVE],
-    responses={**ANSWERS, **responses(404)},
+    responses=STREAM_OF_JOB,
 )
-async def of_job(job: str, wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
-    """Events of one job, from its first or beyond a number on; ends when the job is over."""
-    if wish.listed:
-        await asyncio.to_thread(_state, rigs.store, job)
-        return await _list(rigs.store, wish, job=job)
+async def of_job(job: str, after: Position, rigs: AllRigs, permitted: Permitted) -> Response:
+    """Events of one job, from its first or beyond a number on; ends when the job is over.
+
+    A standard EventSource connects again after the end, gets 204, and stops then.
+    """
     # Begun before the job is looked at, so that no change falls in between.
-    subscription = await _listen(rigs.own.context.events, wish.after or 0, job, every_rig=True)
-    try:
-        state = await asyncio.to_thread(_state, rigs.store, job)
-    except ProblemError:
-        subscription.close()
-        raise
+    subscription = await _listen(rigs.own.context.events, after or 0, job, every_rig=True)
 
     def busy() -> bool:
         active = rigs.with_live_job(job).active
         return active is not None and active.id == job
 
-    over = STATES[state].terminal
+    try:
+        state = await asyncio.to_thread(_state, rigs.store, job)
+        over = STATES[state].terminal
+        if over and not busy() and not await asyncio.to_thread(_has_more, rigs.store, job, after):
+            subscription.close()
+            return Response(status_code=204, headers=HEADERS)
+    except BaseException:
+        subscription.close()
+        raise
     return _stream(until_over(subscription, busy, over=over), permitted)
 
 
 @router.get(
     "/rigs/{rig}/events",
+    response_class=Response,
     response_model=None,
     dependencies=[OBSERVE],
-    responses={**ANSWERS, **responses(404)},
+    responses={**STREAM, **responses(404)},
 )
-async def of_rig(
-    rig: str, manager: Manager, wish: Wished, store: Journal, permitted: Permitted
-) -> Response:
+async def of_rig(manager: Manager, after: Position, permitted: Permitted) -> Response:
     """Events of a rig and its jobs: those to come, and where it is named, beyond a number."""
-    if wish.listed:
-        return await _list(store, wish, rig=rig)
-    subscription = await _listen(manager.context.events, wish.after)
+    subscription = await _listen(manager.context.events, after)
     return _stream(endless(subscription), permitted)
 
 
 @router.get(
     "/events",
+    response_class=Response,
     response_model=None,
     dependencies=[OBSERVE],
-    responses=ANSWERS,
+    responses=STREAM,
 )
-async def of_all(wish: Wished, rigs: AllRigs, permitted: Permitted) -> Response:
+async def of_all(after: Position, rigs: AllRigs, permitted: Permitted) -> Response:
     """Events of every rig: those to come, and where it is named, beyond a number."""
-    if wish.listed:
-        return await _list(rigs.store, wish)
-    subscription = await _listen(rigs.own.context.events, wish.after, every_rig=True)
+    subscription = await _listen(rigs.own.context.events, after, every_rig=True)
     return _stream(endless(subscription), permitted)
 
 
@@ -169,6 +197,10 @@ def _state(store: Store, job: str) -> JobState:
     return row.state
 
 
+def _has_more(store: Store, job: str, after: int | None) -> bool:
+    return bool(store.events_after(after or 0, job=job, limit=1))
+
+
 async def _listen(
     log: EventLog, after: int | None, job: str | None = None, *, every_rig: bool = False
 ) -> EventSubscription:
@@ -181,21 +213,22 @@ async def _listen(
             503,
             "too-many-listeners",
             "Too many listeners",
-            f"{error}; end one, or ask for a list with format=json",
+            f"{error}; end one, or read lists (…/events/list)",
         ) from error
     return subscription
 
 
-async def _list(
-    store: Store, wish: Wish, *, rig: str | None = None, job: str | None = None
-) -> JSONResponse:
-    def read() -> EventList:
-        oldest, newest = store.event_span()
-        rows = store.events_after(wish.after or 0, rig=rig, job=job, limit=wish.limit)
-        return EventList(events=rows, newest=newest, oldest=oldest)
-
-    found = await asyncio.to_thread(read)
-    return JSONResponse(found.model_dump(mode="json"), headers=HEADERS)
+def _list(
+    store: Store,
+    after: int | None,
+    limit: int,
+    *,
+    rig: str | None = None,
+    job: str | None = None,
+) -> EventList:
+    oldest, newest = store.event_span()
+    rows = store.events_after(after or 0, rig=rig, job=job, limit=limit)
+    return EventList(events=rows, newest=newest, oldest=oldest)
 
 
 async def endless(subscription: EventSubscription) -> AsyncGenerator[bytes]:

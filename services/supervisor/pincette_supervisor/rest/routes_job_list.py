@@ -1,8 +1,9 @@
 """Jobs found again over REST: listed, exported as one table, described, their records deleted."""
 
 import json
+from collections.abc import Iterator
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import StreamingResponse
@@ -17,6 +18,7 @@ from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.kinds.bodies import KindName
 from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.contents import BINARY, CSV, Content
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     OBSERVE,
@@ -105,6 +107,11 @@ async def _filter(
 Wanted = Annotated[JobFilter, Depends(_filter)]
 """Which jobs are asked for."""
 
+TABLE = "a row for each job: what was said and asked, and every figure; units are in the names"
+MostJobs = Annotated[
+    int | None, Query(ge=1, description="the newest ones alone; all of them by default")
+]
+
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
@@ -127,35 +134,31 @@ def jobs(
 
 
 @router.get(
-    "/export",
+    "/export.csv",
     response_class=Response,
-    responses={
-        200: {
-            "description": "a row for each job: what was said and asked, and every figure; units "
-            "are in the names",
-            "content": {
-                kind: {"schema": {"type": "string"}} for kind in job_table.MEDIA_TYPES.values()
-            },
-        },
-        **responses(404),
-    },
+    responses={200: {"description": TABLE, "content": CSV}, **responses(404)},
     dependencies=[OBSERVE],
 )
-def export(
-    rigs: AllRigs,
-    wanted: Wanted,
-    format: Annotated[  # noqa: A002 - the name of the query over REST
-        Literal["csv", "parquet"], Query(description="of the table")
-    ] = "csv",
-    limit: Annotated[
-        int | None, Query(ge=1, description="the newest ones alone; all of them by default")
-    ] = None,
-) -> Response:
-    """Jobs as one table, the newest first; those alone that are as named."""
-    rows = rigs.table_rows(wanted, limit)
-    parts = job_table.parquet_of(rows) if format == "parquet" else job_table.csv_of(rows)
-    headers = {"Content-Disposition": f'attachment; filename="jobs.{format}"'}
-    return StreamingResponse(parts, media_type=job_table.MEDIA_TYPES[format], headers=headers)
+def export_csv(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
+    """Jobs as one table, the newest first, as CSV; those alone that are as named."""
+    return _attached(job_table.csv_of(rigs.table_rows(wanted, limit)), CSV, "jobs.csv")
+
+
+@router.get(
+    "/export.parquet",
+    response_class=Response,
+    responses={200: {"description": TABLE, "content": BINARY}, **responses(404)},
+    dependencies=[OBSERVE],
+)
+def export_parquet(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
+    """Jobs as one table, the newest first, as Parquet; those alone that are as named."""
+    return _attached(job_table.parquet_of(rigs.table_rows(wanted, limit)), BINARY, "jobs.parquet")
+
+
+def _attached(parts: Iterator[bytes], content: Content, name: str) -> Response:
+    (media_type,) = content
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return StreamingResponse(parts, media_type=media_type, headers=headers)
 
 
 @router.patch(

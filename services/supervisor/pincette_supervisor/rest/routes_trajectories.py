@@ -1,5 +1,6 @@
 """Trajectories over REST: plan, check, predict, keep, look at, and make jobs of them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, cast
@@ -24,15 +25,15 @@ from pincette_supervisor.jobs.refusals import require_feasible
 from pincette_supervisor.jobs.trajectory_store import TrajectoryStore
 from pincette_supervisor.journal.library import TrajectoryRow
 from pincette_supervisor.kinds.bodies import TrajectoryBody
+from pincette_supervisor.planning.dry_run import DryRun
 from pincette_supervisor.planning.sample_formats import (
-    MEDIA_TYPES,
-    Format,
     as_csv,
     as_parquet,
     columns_of,
     table,
 )
 from pincette_supervisor.plugin import Planned
+from pincette_supervisor.rest import contents
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
@@ -49,15 +50,9 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
 PNG: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"image/png": {}}, "description": "a picture, 1400 by 1180 pixels"}
+    200: {"content": contents.PNG, "description": "a picture, 1400 by 1180 pixels"}
 }
-FORMATS: dict[int | str, dict[str, Any]] = {
-    200: {
-        "model": TrajectorySamples,
-        "content": {media_type: {} for media_type in MEDIA_TYPES.values()},
-        "description": "one sample each control period",
-    }
-}
+SAMPLES = "one sample each control period"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,37 +162,65 @@ def trajectory(stored: StoredTrajectory) -> Trajectory:
 @router.get(
     "/{digest}/samples",
     dependencies=[OBSERVE],
-    response_model=None,
-    responses={**FORMATS, **responses(404, 409)},
+    responses={200: {"description": SAMPLES}, **responses(404, 409)},
 )
-def samples(
-    stored: StoredTrajectory,
-    form: Annotated[Format, Query(alias="format", description="of the answer")] = "json",
-) -> TrajectorySamples | Response:
+def samples(stored: StoredTrajectory) -> TrajectorySamples:
     """References, and what is predicted of position, force and voltage, sample by sample."""
-    row = stored.row
-    planned = stored.store.require_planned(row)
-    dry_run, rig = stored.manager.predictions.dry_run(planned), planned.model.rig
-    if form == "json":
-        return TrajectorySamples(
-            digest=row.digest,
-            period_s=rig.rig.period_s,
-            cut=dry_run.cut,
-            columns=list(columns_of(dry_run.samples)),
-            samples=table(dry_run.samples),
-        )
+    planned, dry_run = _played(stored)
+    return TrajectorySamples(
+        digest=stored.row.digest,
+        period_s=planned.model.rig.rig.period_s,
+        cut=dry_run.cut,
+        columns=list(columns_of(dry_run.samples)),
+        samples=table(dry_run.samples),
+    )
+
+
+@router.get(
+    "/{digest}/samples.csv",
+    dependencies=[OBSERVE],
+    response_class=Response,
+    responses={200: {"description": SAMPLES, "content": contents.CSV}, **responses(404, 409)},
+)
+def samples_csv(stored: StoredTrajectory) -> Response:
+    """The samples as CSV, after comments that name the columns with their units."""
+    return _file(stored, as_csv, contents.CSV, "csv")
+
+
+@router.get(
+    "/{digest}/samples.parquet",
+    dependencies=[OBSERVE],
+    response_class=Response,
+    responses={200: {"description": SAMPLES, "content": contents.BINARY}, **responses(404, 409)},
+)
+def samples_parquet(stored: StoredTrajectory) -> Response:
+    """The samples as Parquet, with the units of the columns in its metadata."""
+    return _file(stored, as_parquet, contents.BINARY, "parquet")
+
+
+def _played(stored: Stored) -> tuple[Planned, DryRun]:
+    planned = stored.store.require_planned(stored.row)
+    return planned, stored.manager.predictions.dry_run(planned)
+
+
+def _file(
+    stored: Stored,
+    encode: Callable[[DryRun, dict[str, str]], bytes],
+    content: contents.Content,
+    suffix: str,
+) -> Response:
+    row, (planned, dry_run) = stored.row, _played(stored)
     about = {
         "trajectory": row.digest,
         "rig": row.rig,
         "rig_file_digest": row.rig_file_digest,
         "model_digest": row.model_digest,
-        "period_s": repr(rig.rig.period_s),
+        "period_s": repr(planned.model.rig.rig.period_s),
         "cut": dry_run.cut,
     }
-    content = (as_csv if form == "csv" else as_parquet)(dry_run, about)
-    name = f'attachment; filename="{row.digest}.{form}"'
-    headers = {"Content-Disposition": name}
-    return Response(content, media_type=MEDIA_TYPES[form], headers=headers)
+    (media_type,) = content
+    headers = {"Content-Disposition": f'attachment; filename="{row.digest}.{suffix}"'}
+    return Response(encode(dry_run, about), media_type=media_type, headers=headers)
 
 
 @router.get(

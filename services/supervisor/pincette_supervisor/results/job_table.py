@@ -10,7 +10,6 @@ from pincette.api.jobs import Job
 from pincette.core.units import unit_of
 from pincette.records import parquet
 
-MEDIA_TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
 FIXED = (*FIRST, "ending", *SAID)

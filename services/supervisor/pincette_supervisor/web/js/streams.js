@@ -114,7 +114,7 @@ export class Feed {
 
   async pollEvents() {
     const from = this.newest === null ? "limit=1" : `after=${this.newest}`;
-    const { events, newest } = await poll(`${RIG_PATH}/events?format=json&${from}`);
+    const { events, newest } = await poll(`${RIG_PATH}/events/list?${from}`);
     if (this.newest !== null) events.forEach((event) => this.event(event));
     this.newest = Math.max(newest, ...events.map(({ number }) => number));
   }
