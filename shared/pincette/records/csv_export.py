@@ -23,7 +23,7 @@ def _lines(source: Any) -> Iterator[str]:
     # A value that never came is empty, and numbers read back bit for bit.
     schema = source.schema_arrow
     try:
-        for name, value in parquet.texts(schema.metadata).items():
+        for name, value in parquet.about_of(schema).items():
             yield _comment(f"{name}: {value}")
         for field in schema:
             metadata = parquet.texts(field.metadata)

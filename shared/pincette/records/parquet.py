@@ -1,6 +1,7 @@
 """Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
 
 import base64
+import json
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ class Field:
     kind: Kind
 
 
+COLUMNS = "columns"
+"""Key of a file for readers without Arrow's metadata: unit and meaning of each column, as JSON."""
 PART_ROWS = 8192
 """Rows that are read at once where a table is read part by part."""
 GROUP_ROWS = 65_536
@@ -31,6 +34,7 @@ class Writer:
 
     def __init__(self, source: Any, schema: Any, group_rows: int) -> None:
         self._writer, self._schema, self._group_rows = source, schema, group_rows
+        self._columns = texts(schema.metadata)[COLUMNS]
         self._parts: list[Any] = []
         """Rows of the next row group."""
 
@@ -64,7 +68,8 @@ class Writer:
     def describe(self, about: Mapping[str, str]) -> None:
         """Replace the metadata with which the table was begun; called before it is closed."""
         # Readers take the schema's metadata from the copy of the schema in "ARROW:schema".
-        schema = self._schema.with_metadata(dict(about))
+        about = {**about, COLUMNS: self._columns}
+        schema = self._schema.with_metadata(about)
         copy = base64.b64encode(schema.serialize().to_pybytes()).decode("ascii")
         self._writer.add_key_value_metadata({**about, "ARROW:schema": copy})
 
@@ -97,9 +102,14 @@ def writer(
             )
             for one in fields
         ],
-        metadata=dict(about),
+        metadata={**about, COLUMNS: _described(fields)},
     )
     return Writer(files.ParquetWriter(target, schema, compression="zstd"), schema, group_rows)
+
+
+def _described(fields: Sequence[Field]) -> str:
+    columns = {one.name: {"unit": one.unit, "meaning": one.meaning} for one in fields}
+    return json.dumps(columns, ensure_ascii=False)
 
 
 @contextmanager
@@ -137,9 +147,14 @@ def read_about(path: Path) -> dict[str, str]:
     """Read the metadata of a table; raises as ``parts`` does."""
     source = opened(path)
     try:
-        return texts(source.schema_arrow.metadata)
+        return about_of(source.schema_arrow)
     finally:
         source.close()
+
+
+def about_of(schema: Any) -> dict[str, str]:
+    """Return the metadata with which a table was written, without that of its columns."""
+    return {name: text for name, text in texts(schema.metadata).items() if name != COLUMNS}
 
 
 def texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:

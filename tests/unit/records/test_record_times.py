@@ -1,5 +1,6 @@
 """The files of a record state when sample 0 arrived, and when the record began and ended."""
 
+import json
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -50,6 +51,24 @@ def record(path: Path, messages: Sequence[tuple[Message, int]], *, finish: bool 
 def times_in(path: Path) -> dict[str, str]:
     about = parquet.read_about(path)
     return {name: about[name] for name in TIMES if name in about}
+
+
+@pytest.mark.parametrize("finish", [True, False], ids=["closed", "killed"])
+def test_the_tables_of_a_file_state_unit_and_meaning_of_each_column(
+    tmp_path: Path, *, finish: bool
+) -> None:
+    """As one key of the file, for readers that do not have Arrow's metadata of columns."""
+    record(tmp_path / "job.mcap", arrivals(loop(40)), finish=finish)
+    write_tables_of_file(tmp_path)
+    for name in ("samples.parquet", "burst.parquet"):
+        table = parquet.opened(tmp_path / name)
+        keys = parquet.texts(table.metadata.metadata)
+        assert json.loads(keys["columns"]) == {
+            field.name: parquet.texts(field.metadata) for field in table.schema_arrow
+        }
+        assert keys["columns"] == parquet.texts(table.schema_arrow.metadata)["columns"]
+        table.close()
+        assert "columns" not in parquet.read_about(tmp_path / name)
 
 
 @pytest.mark.parametrize("finish", [True, False], ids=["closed", "killed"])
