@@ -82,6 +82,13 @@ def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
         Where the request asks for strokes that the model in use does not allow.
     """
     low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
+    if condition == "always" and low_V is None and rig.limits.voltage_min_V >= 0.0:
+        raise FaultyRequestError(
+            "/condition",
+            f"limits.voltage_min_V = {rig.limits.voltage_min_V:g} V leaves no room for "
+            "conditioning strokes below 0 V: this rig cannot be conditioned; ask for condition = "
+            '"auto" or "never"',
+        )
     if condition == "always" and low_V is None:
         raise FaultyRequestError(
             "/condition",

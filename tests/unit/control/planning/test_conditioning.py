@@ -115,6 +115,24 @@ def test_a_plan_without_strokes_states_what_an_unknown_past_makes_of_the_force()
     assert any(f"±{stated_mN:.2g} mN" in one for one in planned(15.0, False, "never").warnings)
 
 
+def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_is_told_so() -> None:
+    """Its force has the uncertainty of an unknown past, but no force is refused for it."""
+    rig = demo_rig({**TAUGHT, "limits": {"voltage_min_V": 0.0}})
+    assert conditioning_V(rig) is None
+    present = Present(x_um=0.0, memory_known=False)
+    plan = plan_job(GripJobRequest(kind="grip"), rig, present).plan
+    assert isinstance(plan, Plan)
+    assert plan.violations == []
+    assert plan.phases[0].phase == "zero"
+    past_mN = past_uncertainty_mN(rig, 20.0)
+    (said,) = [warning for warning in plan.warnings if "the arm's past is not known" in warning]
+    assert "voltage_min_V = 0 V leaves no room for conditioning strokes" in said
+    assert f"±{past_mN:.2g} mN" in said
+    assert past_mN > 0.0
+    with pytest.raises(FaultyRequestError, match=r"limits\.voltage_min_V = 0 V leaves no room"):
+        plan_job(GripJobRequest(kind="grip", condition="always"), rig, present)
+
+
 def test_a_rig_file_may_do_without_strokes() -> None:
     rig = demo_rig({**TAUGHT, "grip": {"condition": "never"}})
     plan = plan_job(GripJobRequest(kind="grip"), rig, Present(memory_known=False)).plan
