@@ -29,7 +29,7 @@ def uncertainty_mN(
     age_s = t_s if zero_s is None else t_s - zero_s
     # Any drift up to the largest is equally likely.
     drift_um = config.drift_um_per_s * max(0.0, age_s) / sqrt(3.0)
-    free_um = max(memories.response.error_um(), _way_back_um(config, memories.response))
+    free_um = _free_error_um(config, memories.response)
     share = forgotten_share(memories.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
     if config.residual is not None and missed is not None and zero_s is not None:
@@ -61,15 +61,22 @@ def ring_um(config: EstimatorConfig, ringing: Ringing) -> float:
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
 
-def _way_back_um(config: EstimatorConfig, response: FreeResponse) -> float:
-    """Return the error of x_1 on the way back from the furthest voltage since the zero, in µm.
+def _free_error_um(config: EstimatorConfig, response: FreeResponse) -> float:
+    """Return the standard error of x_1 since the zero, in µm.
 
-    The error by the way since a zero was measured on ways up alone.
+    The error by the way since a zero was measured on ways up, that on the way back at the place of
+    the zero. In between its square grows with the way back, as it does on the way up. A fall of
+    ``FRESH_V``, such as creep makes in a hold, is no way back.
     """
-    if not isinstance(response, IdentifiedResponse):
-        return 0.0
-    fell_V = response.reach_V - (response.voltage_V - response.zero_V)
-    return config.return_error_um if fell_V > FRESH_V else 0.0
+    error_um = response.error_um()
+    if not isinstance(response, IdentifiedResponse) or config.return_error_um <= error_um:
+        return error_um
+    reach_V = response.reach_V
+    fell_V = reach_V - (response.voltage_V - response.zero_V)
+    if fell_V <= FRESH_V:
+        return error_um
+    share = 1.0 if fell_V >= reach_V else (fell_V - FRESH_V) / (reach_V - FRESH_V)
+    return sqrt(error_um**2 + share * (config.return_error_um**2 - error_um**2))
 
 
 def past_creep_um(config: EstimatorConfig, response: FreeResponse) -> float:

@@ -9,10 +9,12 @@ from .bench import TAUGHT, Bench, a_rig
 
 RETURN_UM = 0.8
 ZERO_V, TOP_V, STEP_V = 1.0, 2.0, 0.02
+CREPT_V = 0.12
+"""Fall of the voltage that creep makes in a hold."""
 
 
 def stated_mN(return_error_um: float | None) -> dict[str, float]:
-    """Return U at the top of a press, a small step below it, and back at the place of the zero."""
+    """Return U at the top of a press, two falls below it, and U back at the place of the zero."""
     taught = TAUGHT.model_copy(update={"return_error_um": return_error_um})
     bench = Bench(configure(a_rig(taught)))
 
@@ -26,7 +28,8 @@ def stated_mN(return_error_um: float | None) -> dict[str, float]:
     steps = round((TOP_V - ZERO_V) / STEP_V)
     rising = [at(ZERO_V + STEP_V * step) for step in range(1, steps + 1)]
     falling = [at(TOP_V - STEP_V * step) for step in range(1, steps + 1)]
-    return {"top": rising[-1], "below": falling[1], "back": falling[-1]}
+    crept = falling[round(CREPT_V / STEP_V) - 1]
+    return {"top": rising[-1], "below": falling[1], "crept": crept, "back": falling[-1]}
 
 
 def test_U_on_the_way_back_is_at_least_the_error_of_rehearsed_ways_back() -> None:
@@ -37,3 +40,11 @@ def test_U_on_the_way_back_is_at_least_the_error_of_rehearsed_ways_back() -> Non
     by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN
     more_mN2 = stated["back"] ** 2 - without["back"] ** 2
     assert more_mN2 == pytest.approx((by_um * RETURN_UM) ** 2, rel=1e-6)
+
+
+def test_creep_in_a_hold_does_not_bring_the_error_of_the_whole_way_back() -> None:
+    """Where the voltage of a hold had crept down by 0.1 V, U rose from 1.5 to 2 mN in one tick."""
+    without, stated = stated_mN(None), stated_mN(RETURN_UM)
+    by_um = COVERAGE / a_rig(TAUGHT).model.compliance_um_per_mN
+    more_mN2 = stated["crept"] ** 2 - without["crept"] ** 2
+    assert 0.0 < more_mN2 < 0.03 * (by_um * RETURN_UM) ** 2
