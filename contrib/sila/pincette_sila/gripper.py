@@ -286,7 +286,7 @@ async def _gripped(job: AsyncJobHandle, instance: Execution) -> Responses:
 
 
 async def _held(job: AsyncJobHandle, instance: Execution) -> Responses:
-    await motion.until_held(job, instance)
+    await motion.follow(job.to_hold(), instance)
     return job.id
 
 

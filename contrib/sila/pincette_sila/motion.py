@@ -1,7 +1,6 @@
 """A motion from its request to its end, as an observable command of SiLA follows it."""
 
 from collections.abc import AsyncGenerator
-from contextlib import aclosing
 from datetime import timedelta
 from typing import Any, NamedTuple
 from uuid import UUID
@@ -9,12 +8,7 @@ from uuid import UUID
 from sila2.server import ObservableCommandInstanceWithIntermediateResponses
 
 from pincette.api.jobs import Progress
-from pincette.client import (
-    AsyncJobHandle,
-    AsyncRigHandle,
-    JobEndedError,
-    left_s,
-)
+from pincette.client import AsyncJobHandle, AsyncRigHandle, left_s
 
 LABEL = "sila"
 """Label of a job: the command and the execution UUID that have begun it."""
@@ -80,16 +74,6 @@ async def follow(moments: AsyncGenerator[Progress], execution: Execution) -> Pro
     async for now in moments:
         _report(execution, now)
     return now
-
-
-async def until_held(job: AsyncJobHandle, execution: Execution) -> None:
-    """Report a job that goes on holding a part, until it holds; it tells no mean force."""
-    async with aclosing(job.to_success()) as moments:
-        async for now in moments:
-            _report(execution, now)
-            if now.phase == "hold":
-                return
-    raise JobEndedError(f"job {job.id} has ended, and holds nothing", job.job)
 
 
 def _report(execution: Execution, now: Progress) -> None:

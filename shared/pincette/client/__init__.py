@@ -14,6 +14,7 @@ from pincette.client.blocking import JobHandle, RigHandle, Supervisor
 from pincette.client.errors import (
     ClientError,
     DamagedFileError,
+    ForceNotReachedError,
     ForeignAnswerError,
     InfeasiblePlanError,
     InvalidRequestError,
@@ -45,6 +46,7 @@ __all__ = [
     "AsyncSupervisor",
     "ClientError",
     "DamagedFileError",
+    "ForceNotReachedError",
     "ForeignAnswerError",
     "InfeasiblePlanError",
     "InvalidRequestError",

@@ -85,9 +85,20 @@ class JobEndedError(ClientError):
 
     code = "job-failed"
 
-    def __init__(self, words: str, job: Job) -> None:
+    def __init__(
+        self,
+        words: str,
+        job: Job,
+        *,
+        force_mN: float | None = None,
+        asked_mN: float | None = None,
+    ) -> None:
         super().__init__(words)
         self.job = job
+        self.force_mN = force_mN
+        """Force with which the part is held now, in mN; None if none is held, or it is unknown."""
+        self.asked_mN = asked_mN
+        """Force that the job was asked for, in mN; None if it was asked for none."""
         if self.cancelled:
             self.code = "cancelled"
 
@@ -117,7 +128,15 @@ class JobEndedError(ClientError):
             "state": self.job.state,
             "outcome": self.outcome,
             "ending": None if ending is None else ending.model_dump(mode="json"),
+            "force_mN": self.force_mN,
+            "asked_mN": self.asked_mN,
         }
+
+
+class ForceNotReachedError(JobEndedError):
+    """The force held is not the one that was asked for, within its tolerance."""
+
+    code = "force-not-reached"
 
 
 class RigLatchedEndError(JobEndedError):

@@ -1,15 +1,24 @@
-"""A motion followed to what an orchestrator waits for: a part that is held, or that is let go."""
+"""Follow a motion to what an orchestrator waits for: a part that is held, or that is released.
+
+What is reached is decided by the job's own state and by the force that the job was asked for. A
+phase alone does not show it: a job that is stopped while it loads holds its part too, with less.
+"""
 
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pincette.api.jobs import Progress
+from pincette.api.jobs import Job, Progress
 from pincette.api.plans import JobPlan
 from pincette.api.rigs import Rig
 from pincette.api.states import STATES
 from pincette.client.call import PATIENCE_S, get
-from pincette.client.errors import InfeasiblePlanError, JobEndedError, RigLatchedEndError
+from pincette.client.errors import (
+    ForceNotReachedError,
+    InfeasiblePlanError,
+    JobEndedError,
+    RigLatchedEndError,
+)
 from pincette.client.transport import Transport
 
 if TYPE_CHECKING:
@@ -17,7 +26,14 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.1
 TERMINAL = frozenset(name for name, state in STATES.items() if state.terminal)
+ENDING = frozenset({"stopping", "aborting"})
+"""States of a job that will not reach any more what it was asked for."""
 LATCHED = ("frozen", "ramping", "latched")
+TOLERANCE = 0.02
+"""Tolerance of a force whose request has none, as a share of the force asked for. The stated
+uncertainty of the force is the tolerance where it is larger."""
+SETTLES_S = 5.0
+"""Time for which a hold may be outside the tolerance before it has failed, in s."""
 
 
 def require_feasible(plan: JobPlan) -> JobPlan:
@@ -38,30 +54,86 @@ async def progress(job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
     The events of a job that was stopped with a part held go on until the part is released, but its
     progress ends with the stop.
     """
+    async with aclosing(_progress_and_state(job)) as moments:
+        async for now, _ in moments:
+            yield now
+
+
+async def _progress_and_state(job: "AsyncJobHandle") -> AsyncGenerator[tuple[Progress, str]]:
+    """Yield the progress of a job with the newest state of its events, until it has ended."""
+    state: str = job.state
     async with aclosing(job.patient(PATIENCE_S).events()) as events:
         async for event in events:
             if event.kind == "progress":
-                yield Progress.model_validate(event.body, extra="ignore")
-            elif event.kind == "state" and event.body.get("state") in TERMINAL:
-                return
+                yield Progress.model_validate(event.body, extra="ignore"), state
+            elif event.kind == "state":
+                state = str(event.body.get("state"))
+                if state in TERMINAL:
+                    return
+
+
+def force_asked_mN(job: Job) -> float | None:
+    """Return the force that a job was asked to hold, in mN; None if it was asked for none."""
+    return _number(job.values.get("force_mN"))
+
+
+def force_tolerance_mN(job: Job, uncertainty_mN: float | None) -> float:
+    """Return how far the force held may be from the one asked for, in mN."""
+    stated_mN = _number(job.request.get("force_tolerance_mN"))
+    if stated_mN is not None:
+        return stated_mN
+    return max(TOLERANCE * (force_asked_mN(job) or 0.0), uncertainty_mN or 0.0)
+
+
+def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -> bool:
+    """Return whether a force held is the one that a job was asked for, within its tolerance."""
+    asked_mN = force_asked_mN(job)
+    if asked_mN is None:
+        return True
+    if force_mN is None:
+        return False
+    return abs(force_mN - asked_mN) <= force_tolerance_mN(job, uncertainty_mN)
 
 
 async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Where a job is, until it holds and the force has settled; the last one has it."""
-    async for now in progress(job):
-        yield now
-        if now.phase == "hold" and now.force_held_mN is not None:
-            return
+    """Yield the progress of a job until it holds the force that it was asked for, settled.
+
+    The last progress has the force held. A job that was asked for no force holds whatever there is.
+    """
+    began_s: float | None = None
+    async with aclosing(_progress_and_state(job)) as moments:
+        async for now, state in moments:
+            yield now
+            if now.phase != "hold" or state in ENDING:
+                continue
+            if force_asked_mN(job.job) is None:
+                return
+            if now.force_held_mN is None:
+                continue
+            if is_reached(job.job, now.force_held_mN, now.force_uncertainty_mN):
+                return
+            began_s = now.elapsed_s if began_s is None else began_s
+            if now.elapsed_s - began_s >= SETTLES_S:
+                raise _not_reached(job.job, now.force_held_mN, now.force_uncertainty_mN)
     raise await _ended(transport, job)
 
 
 async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Where a job is, until it has succeeded."""
+    """Yield the progress of a job until it has succeeded, with the force that it was asked for."""
     async for now in progress(job):
         yield now
-    job.job = await job.patient(PATIENCE_S).refresh()
+    found = job.job = await job.patient(PATIENCE_S).refresh()
     if job.state != "succeeded":
         raise await _ended(transport, job)
+    result = found.result or {}
+    if "force_held_mN" not in result:
+        return
+    held_mN = _number(result["force_held_mN"])
+    uncertainty_mN = _number(result.get("force_uncertainty_mN"))
+    # A hold that is too short to settle has no mean force, but it was played as planned.
+    unsettled = held_mN is None and result.get("outcome") != "released"
+    if not unsettled and not is_reached(found, held_mN, uncertainty_mN):
+        raise _not_reached(found, held_mN, uncertainty_mN)
 
 
 async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
@@ -79,7 +151,7 @@ async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
         if rig.latch.state in LATCHED:
             raise _latched(job, rig)
         if job.ended and rig.active_job != job.id:
-            if rig.part == "none" or rig.active_job is not None:
+            if rig.part == "none" or _has_released(known):
                 return
             raise await _ended(transport, job)
         if job.ended and not had_ended and "release" in known.allowed_actions:
@@ -94,9 +166,37 @@ async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
     if rig.latch.state in LATCHED and found.state != "succeeded":
         return _latched(job, rig)
     words = f"job {found.id} {found.state}, part {rig.part}: {found.cause}".rstrip(": ")
+    force_mN, asked_mN = None, force_asked_mN(found)
     if rig.part == "held":
+        force_mN = None if found.progress is None else found.progress.force_mN
+        if force_mN is not None and asked_mN is not None:
+            words += f"; {force_mN:.2f} of {asked_mN:g} mN act on it"
         words += "; the part is still held: release it, or hold it by another job"
-    return JobEndedError(words, found)
+    return JobEndedError(words, found, force_mN=force_mN, asked_mN=asked_mN)
+
+
+def _not_reached(
+    job: Job, force_mN: float | None, uncertainty_mN: float | None
+) -> ForceNotReachedError:
+    asked_mN = force_asked_mN(job)
+    held = "no settled force" if force_mN is None else f"{force_mN:.2f} mN"
+    within_mN = force_tolerance_mN(job, uncertainty_mN)
+    words = f"job {job.id} {job.state}: {held} held, {asked_mN:g} ± {within_mN:.2g} mN asked for"
+    return ForceNotReachedError(words, job, force_mN=force_mN, asked_mN=asked_mN)
+
+
+def _has_released(job: Job) -> bool:
+    """Return whether a job that has ended was the one that released its part."""
+    if job.state == "succeeded":
+        return True
+    return any(one.type == "release" and one.applied_at is not None for one in job.actions)
+
+
+def _number(value: Any) -> float | None:
+    """Return a value as a number; None if it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value)
 
 
 def _latched(job: "AsyncJobHandle", rig: Rig) -> RigLatchedEndError:

@@ -129,17 +129,20 @@ class AsyncJobHandle:
         return self._transport.events(f"/jobs/{self.id}/events", after, ended)
 
     def to_hold(self) -> AsyncGenerator[Progress]:
-        """Progress until the part is held and its force has settled.
+        """Progress until the part is held, settled, with the force that was asked for.
 
         Raises
         ------
         JobEndedError
-            It has ended before; RigLatchedEndError where the rig was latched.
+            It has ended or was stopped before; RigLatchedEndError where the rig was latched.
+        ForceNotReachedError
+            The force held stays outside the tolerance of the request; without one, outside its
+            stated uncertainty or 2 % of the force.
         """
         return following.to_hold(self._transport, self)
 
     def to_success(self) -> AsyncGenerator[Progress]:
-        """Progress until it has succeeded; raises as ``to_hold``."""
+        """Progress until it has succeeded with the force asked for; raises as ``to_hold``."""
         return following.to_success(self._transport, self)
 
     def to_release(self) -> AsyncGenerator[Progress]:
