@@ -22,7 +22,7 @@ LEAVES: tuple[ActionType, ...] = ("stop", "stop", "abort", "resume")
 """What may end a pause."""
 PLACES = st.integers(0, 110)
 """Ticks of a grip, up to the middle of its hold."""
-RESTING = ("stopping", "hold")
+RESTING = ("stopping", "stopped", "hold")
 """Phases of a stop in which nothing moves."""
 TRIPPED = ("frozen", "latched")
 POLICIES = st.fixed_dictionaries(

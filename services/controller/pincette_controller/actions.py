@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Move, Press, Seek
 from pincette.control.record import FrozenRecord
-from pincette.core.faults import Acted, ActionCode, FaultCode, Outcome, Phase, fault
+from pincette.core.faults import KEPT, Acted, ActionCode, FaultCode, Outcome, Phase, fault
 from pincette.core.messages import Action, Lease
 from pincette_controller.guarding import STOP_S
 from pincette_controller.player_state import (
@@ -51,10 +51,11 @@ def stop(player: Player) -> Player:
         ends_after="",
     )
     if player.held:
+        phase = Phase.HOLD if player.segment.phase == Phase.HOLD else Phase.STOPPED
         if not player.contact_known or (resting and open_loop):
-            return enter(player, -1, Drive(Phase.HOLD, None))
+            return enter(player, -1, Drive(phase, None))
         force_mN = None if resting else player.ref.force_mN
-        return enter(player, -1, Press(Phase.HOLD, None, law, to_mN=force_mN, move_s=STOP_S))
+        return enter(player, -1, Press(phase, None, law, to_mN=force_mN, move_s=STOP_S))
     to_um, stop_s = _rest(player, speed)
     player = with_watch(player, zeroing=False)
     return enter(player, -1, Move(Phase.STOPPING, stop_s, law, to_um=to_um))
@@ -109,7 +110,7 @@ def keep(player: Player) -> Player:
 
 def may_keep(player: Player) -> bool:
     """Whether a part is held, and nothing moves."""
-    return player.held and (player.pause.active or player.segment.phase == Phase.HOLD)
+    return player.held and (player.pause.active or player.segment.phase in KEPT)
 
 
 def waits(player: Player) -> bool:

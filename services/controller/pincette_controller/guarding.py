@@ -23,7 +23,7 @@ from pincette.control.planning.segments import (
     Rest,
     Seek,
 )
-from pincette.core.faults import Outcome, Phase
+from pincette.core.faults import KEPT, Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import (
@@ -62,7 +62,7 @@ UNGUARDED = (
 """Outcomes after which a free way is not watched: it leads back, or the force is not known."""
 CONFIRMED_PERIODS = 0.5
 """Age, in periods, that a zero which answers the newest request stays below."""
-WATCHED = (Phase.HOLD, Phase.SETTLE, Phase.TRACK)
+WATCHED = (*KEPT, Phase.SETTLE, Phase.TRACK)
 """Phases in which a part can be lost; in a pause it can be in any."""
 
 

@@ -23,7 +23,7 @@ from pincette.control.planning.load_line import (
 )
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Press, paths_of
-from pincette.core.faults import Outcome, Phase
+from pincette.core.faults import KEPT, Outcome, Phase
 from pincette.core.messages import Estimate
 from pincette_controller.player_state import (
     NO_PAUSE,
@@ -199,7 +199,7 @@ def rests(player: Player) -> bool:
     segment = player.segment
     if isinstance(segment, Drive):
         return segment.stays
-    return segment.phase == Phase.HOLD or player.pause.active
+    return segment.phase in KEPT or player.pause.active
 
 
 def _moved_line(player: Player, estimate: Estimate, K_e: float) -> Player:

@@ -8,6 +8,7 @@ from pincette.control.safety.causes import AT_REST, CAUSES, TRIPPED, Cause, Mode
 __all__ = [
     "AT_REST",
     "CAUSES",
+    "KEPT",
     "TRIPPED",
     "Acted",
     "ActionCode",
@@ -58,6 +59,12 @@ class Phase(StrEnum):
     UNLOAD = "unload"
     RETREAT = "retreat"
     STOPPING = "stopping"
+    STOPPED = "stopped"
+    """A part is kept with the force that it had when the program was stopped on its way."""
+
+
+KEPT = (Phase.HOLD, Phase.STOPPED)
+"""Phases in which a part is kept at rest."""
 
 
 class ActionCode(StrEnum):

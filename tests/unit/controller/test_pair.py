@@ -175,8 +175,8 @@ def test_the_way_to_a_part_goes_on_until_its_touch_shows() -> None:
 
 def test_a_stop_holds_both_references_and_a_release_lets_go() -> None:
     pair = IdealPair(track())
-    told = pair.play({"track": ActionCode.STOP, "hold": ActionCode.RELEASE})
-    held = [each for each in told if each.phase == "hold"]
+    told = pair.play({"track": ActionCode.STOP, "stopped": ActionCode.RELEASE})
+    held = [each for each in told if each.phase == "stopped"]
     assert held
     assert held[-1].second is not UNSET
     assert held[-1].second.place_um == pytest.approx(held[-1].second.place_r_um, abs=0.02)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pincette.api.rig_states import MOTION, OCCUPANTS, RIG_STATES, MotionState, Occupant, RigState
 from pincette.api.rigs import PartState, Standing
 from pincette.api.states import JobState
-from pincette.core.faults import Cause, Phase
+from pincette.core.faults import KEPT, Cause
 from pincette.core.messages import Applied, Estimate, Telemetry
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.job import JobStatus
@@ -122,7 +122,7 @@ def motion_of(
         return "at_rest"
     if telemetry is None:
         return "unreported"
-    if not telemetry.paused and telemetry.phase != Phase.HOLD:
+    if not telemetry.paused and telemetry.phase not in KEPT:
         return "moving"
     if estimate is None or not estimate.valid:
         return "force_unknown"

@@ -175,7 +175,7 @@ class Tracker:
     def _hold_in_s(self) -> float | None:
         if self.phase == Phase.HOLD:
             return 0.0
-        if self._hold_at_s is None or self._hold_seq is not None:
+        if self.phase == Phase.STOPPED or self._hold_at_s is None or self._hold_seq is not None:
             return None
         return max(0.0, self._hold_at_s - self.played_s)
 

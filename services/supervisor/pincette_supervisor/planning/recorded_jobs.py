@@ -29,7 +29,7 @@ COLUMNS = (
 )
 MOST_SAMPLES = 500_000
 """Samples of a motion that is read; more need too much memory."""
-PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD)
+PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD, Phase.STOPPED)
 """Phases in which a part is pressed."""
 MOST_PRESSED = 400
 """Pressed samples that are kept of a job."""

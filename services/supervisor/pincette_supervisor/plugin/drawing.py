@@ -38,6 +38,7 @@ SHADES: Mapping[str, str] = {
     "move": "#e4ebf2",
     "rest": "#eef1f4",
     "stopping": "#f2dada",
+    "stopped": "#f2dada",
 }
 SHORT_SHARE = 0.045
 """A phase narrower than this share of the time is named upright."""

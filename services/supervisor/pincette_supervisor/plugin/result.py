@@ -20,7 +20,7 @@ from pincette_supervisor.plugin.law_result import law_figures
 from pincette_supervisor.plugin.position_step import position_step_of
 from pincette_supervisor.plugin.sample_figures import Series, series, within
 
-PRESSED = ("load", "hold", "settle", "track", "unload")
+PRESSED = ("load", "hold", "settle", "track", "unload", "stopped")
 LIMITS = {
     VOLTAGE_MAX: "voltage_max",
     VOLTAGE_MIN: "voltage_min",

@@ -21,7 +21,7 @@ HELD_ROWS = 32_768
 """Rows of holds that are kept at most; eleven minutes at 50 Hz are kept in full."""
 PART_ROWS = 8192
 """Rows that are kept in one piece at most."""
-THINNED = frozenset({"hold"})
+THINNED = frozenset({"hold", "stopped"})
 """Phases without an end, of which evenly spaced rows are enough."""
 EXTREME_ROWS, EXTREMES_OF = 4096, 32
 """Rows of extremes that are kept at most, and rows of which the extremes are kept beyond that."""

@@ -1,0 +1,164 @@
+"""A motion has reached what was asked for, or it ends with an error that states both forces."""
+
+from typing import Any
+
+import pytest
+
+from pincette.api.events import Event
+from pincette.api.jobs import Progress
+from pincette.client import ForceNotReachedError, JobEndedError
+
+from . import desk
+from .desk import Desk
+
+ASKED_MN = 15.0
+VALUES = {"force_mN": ASKED_MN, "hold_s": None}
+REQUESTED: dict[str, Any] = {"code": "requested", "values": {}, "problem": ""}
+STOPPED: dict[str, Any] = {
+    "state": "stopped",
+    "values": VALUES,
+    "allowed_actions": ["release"],
+    "ending": REQUESTED,
+    "cause": "",
+}
+
+
+def event(number: int | None, kind: str, **body: Any) -> dict[str, Any]:
+    return desk.example(Event, number=number, kind=kind, body=body)
+
+
+def progress(phase: str, **changes: Any) -> dict[str, Any]:
+    body = desk.example(Progress, phase=phase, force_held_mN=None, force_uncertainty_mN=0.1)
+    return event(None, "progress", **{**body, **changes})
+
+
+def stopped_with(phase: str, force_mN: float) -> Desk:
+    """Return a supervisor whose job is stopped in a phase, and keeps its part where it has one."""
+    held = force_mN > 0.0
+    kept = {"force_mN": force_mN, "force_held_mN": force_mN if phase == "hold" else None}
+    newest = desk.example(Progress, phase="stopped", force_mN=force_mN, held=held)
+    stream = desk.stream(
+        event(1, "state", state="running"),
+        progress(phase, force_mN=force_mN),
+        event(2, "state", state="stopping"),
+        # The hold of a stop, as an older supervisor reports it: it never counts.
+        progress("hold" if held else "stopping", **{**kept, "force_held_mN": force_mN}),
+        event(3, "state", state="stopped"),
+        broken=True,
+    )
+    end = desk.job(**STOPPED, progress=newest)
+    rig = desk.rig(part="held" if held else "none", can_start=False, reasons=["held"])
+    return Desk(desk.job(state="running", values=VALUES), stream, rig, end)
+
+
+@pytest.mark.parametrize(
+    ("phase", "force_mN"),
+    [
+        ("approach", 0.0),
+        ("contact", 0.0),
+        ("load", 7.5),
+        ("settle", 14.9),
+        ("hold", 15.0),
+        ("unload", 5.0),
+    ],
+)
+def test_a_grip_that_is_stopped_is_not_reached(phase: str, force_mN: float) -> None:
+    job = stopped_with(phase, force_mN).supervisor().job("j")
+    with pytest.raises(JobEndedError) as caught:
+        list(job.to_hold())
+    assert (caught.value.code, caught.value.asked_mN) == ("cancelled", ASKED_MN)
+    assert caught.value.force_mN == (force_mN or None)
+    if force_mN:
+        assert f"{force_mN:.2f} of 15 mN" in str(caught.value)
+
+
+def holding(held_mN: float, elapsed_s: float, **changes: Any) -> dict[str, Any]:
+    return progress("hold", force_held_mN=held_mN, elapsed_s=elapsed_s, **changes)
+
+
+def following(*moments: dict[str, Any], **job: Any) -> Desk:
+    stream = desk.stream(event(1, "state", state="running"), *moments, broken=True)
+    return Desk(desk.job(state="running", **{"values": VALUES, **job}), stream)
+
+
+@pytest.mark.parametrize(
+    ("held_mN", "request_", "uncertainty_mN", "reached"),
+    [
+        (14.8, {}, 0.1, True),
+        (14.6, {}, 0.1, False),
+        (14.6, {}, 0.5, True),
+        (14.8, {"force_tolerance_mN": 0.1}, 0.5, False),
+    ],
+)
+def test_a_force_is_reached_within_its_tolerance(
+    held_mN: float, request_: dict[str, Any], uncertainty_mN: float, reached: bool
+) -> None:
+    moments = [
+        holding(held_mN, at_s, force_uncertainty_mN=uncertainty_mN) for at_s in (9.0, 13.9, 14.1)
+    ]
+    job = following(*moments, request={"kind": "grip", **request_}).supervisor().job("j")
+    if reached:
+        assert [now.elapsed_s for now in job.to_hold()] == [9.0]
+        return
+    with pytest.raises(ForceNotReachedError) as caught:
+        list(job.to_hold())
+    assert (caught.value.force_mN, caught.value.asked_mN) == (held_mN, ASKED_MN)
+    assert (caught.value.code, caught.value.cancelled) == ("force-not-reached", False)
+    assert caught.value.codes["force_mN"] == held_mN
+
+
+def test_a_force_that_settles_late_is_reached() -> None:
+    job = following(holding(14.0, 9.0), holding(14.95, 10.0)).supervisor().job("j")
+    assert [now.elapsed_s for now in job.to_hold()] == [9.0, 10.0]
+
+
+def test_a_job_that_was_asked_for_no_force_is_held_by_its_phase() -> None:
+    moments = (progress("approach"), progress("hold", force_mN=None))
+    job = following(*moments, kind="hold", values={"hold_s": None}).supervisor().job("j")
+    assert [now.phase for now in job.to_hold()] == ["approach", "hold"]
+
+
+@pytest.mark.parametrize(
+    ("result", "reached"),
+    [
+        ({"outcome": "gripped", "force_held_mN": 14.9, "force_uncertainty_mN": 0.1}, True),
+        ({"outcome": "gripped", "force_held_mN": None, "force_uncertainty_mN": None}, True),
+        ({"outcome": "gripped", "force_held_mN": 12.0, "force_uncertainty_mN": 0.1}, False),
+        ({"outcome": "released", "force_held_mN": None, "force_uncertainty_mN": None}, False),
+        ({"outcome": "moved"}, True),
+        (None, True),
+    ],
+)
+def test_a_job_has_succeeded_with_the_force_that_was_asked_for(
+    result: dict[str, Any] | None, reached: bool
+) -> None:
+    stream = desk.stream(event(1, "state", state="succeeded"))
+    ended = {"state": "succeeded", "values": VALUES, "result": result}
+    supervisor = Desk(desk.job(values=VALUES), stream, desk.job(**ended))
+    job = supervisor.supervisor().job("j")
+    if reached:
+        list(job.to_success())
+        return
+    with pytest.raises(ForceNotReachedError):
+        list(job.to_success())
+
+
+@pytest.mark.parametrize("released", [True, False])
+def test_another_job_on_the_rig_is_no_release(released: bool) -> None:
+    ended: dict[str, Any] = {
+        **STOPPED,
+        "allowed_actions": [],
+        "actions": [
+            {"type": "release", "requested_at": "a", "by": "b", "applied_at": "c", "seq": 9}
+        ]
+        if released
+        else [],
+    }
+    taken = desk.rig(part="held", active_job="other")
+    supervisor = Desk(desk.job(**ended), taken, desk.job(**ended), taken, desk.job(**ended))
+    job = supervisor.supervisor().job("j")
+    if released:
+        list(job.to_release())
+        return
+    with pytest.raises(JobEndedError):
+        list(job.to_release())
