@@ -31,7 +31,7 @@ def start(rig: RigHandle, part: str, force_mN: float) -> JobHandle:
         try:
             return rig.start("grip", force_mN=force_mN, until_released=True, idempotency_key=part)
         except ProblemError as problem:
-            if problem.code != "job-active":
+            if problem.code not in ("job-active", "part-held"):
                 raise
             print(f"{part}: waits, {problem.detail}")
             time.sleep(BUSY_S)

@@ -222,6 +222,28 @@ class RigBusyError(ProblemError):
 class PartHeldError(ProblemError):
     """A part is held: release it, or go on holding it."""
 
+    @property
+    def job(self) -> str | None:
+        """Job that holds the part; None if no job of the supervisor does."""
+        return self.problem.get("job")
+
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """Labels of that job."""
+        found: Any = self.problem.get("labels")
+        return cast("dict[str, str]", found) if isinstance(found, dict) else {}
+
+    @property
+    def force_mN(self) -> float | None:
+        """Force with which the part is held, in mN; None if it is not known."""
+        return self.problem.get("force_mN")
+
+    @property
+    def codes(self) -> dict[str, Any]:
+        """Its code, with the job that holds the part, the job's labels and the force."""
+        held = {"job": self.job, "labels": dict(self.labels), "force_mN": self.force_mN}
+        return {**super().codes, **held}
+
 
 class NothingHeldError(ProblemError):
     """No part is held: there is nothing to hold or to release."""

@@ -6,7 +6,7 @@ import pytest
 
 from pincette.api.events import Event
 from pincette.api.jobs import Progress
-from pincette.client import ForceNotReachedError, JobEndedError
+from pincette.client import ForceNotReachedError, JobEndedError, PartHeldError
 
 from . import desk
 from .desk import Desk
@@ -162,3 +162,18 @@ def test_another_job_on_the_rig_is_no_release(released: bool) -> None:
         return
     with pytest.raises(JobEndedError):
         list(job.to_release())
+
+
+def test_a_part_that_is_held_is_named_with_its_job_and_force() -> None:
+    held = {"job": "j", "labels": {"cell": "7"}, "force_mN": 14.9}
+    supervisor = Desk(desk.problem(409, "part-held", **held))
+    with pytest.raises(PartHeldError) as caught:
+        supervisor.supervisor().rig("demo").start("grip", force_mN=ASKED_MN)
+    found = caught.value
+    assert {"job": found.job, "labels": found.labels, "force_mN": found.force_mN} == held
+    assert found.codes == {"code": "part-held", "violations": [], "errors": [], **held}
+
+
+def test_a_part_that_no_job_holds_has_no_job() -> None:
+    found = PartHeldError(409, {"type": "urn:pincette:problem:part-held", "title": "held"})
+    assert (found.job, found.labels, found.force_mN) == (None, {}, None)

@@ -107,6 +107,15 @@ def test_a_second_job_is_refused_while_one_is_active(harness: Harness) -> None:
     assert "start" in problem["allowed_actions"]
 
 
+def test_a_part_that_is_held_until_it_is_released_is_named_with_its_job(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD, until_released=True, labels={"cell": "7"})
+    problem = harness.post("/jobs", {"kind": "grip"}).json()
+    assert problem["type"] == "urn:pincette:problem:part-held"
+    assert (problem["job"], problem["labels"]) == (job, {"cell": "7"})
+    assert problem["force_mN"] == harness.get(f"/jobs/{job}")["progress"]["force_mN"]
+    assert f"{problem['force_mN']:.2f} mN" in problem["detail"]
+
+
 def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     response = harness.post(f"/jobs/{job}/actions", {"type": "stop"})
@@ -124,7 +133,10 @@ def test_a_stop_keeps_the_part_until_it_is_released(harness: Harness) -> None:
     assert stopped["state"] == "stopped"
     assert stopped["allowed_actions"] == ["release", "abort"]
     assert stopped["result"]["samples"] == IN_HOLD + 1
-    assert harness.post("/jobs", {"kind": "grip"}).json()["type"].endswith("job-active")
+    refused = harness.post("/jobs", {"kind": "grip"}).json()
+    assert refused["type"] == "urn:pincette:problem:part-held"
+    assert (refused["job"], refused["labels"]) == (job, {})
+    assert refused["force_mN"] == stopped["progress"]["force_mN"]
     assert harness.get("/rigs/demo")["part"] == "held"
     assert harness.post(f"/jobs/{job}/actions", {"type": "release"}).status_code == 202
     live = harness.manager.active

@@ -152,6 +152,15 @@ class LiveJob:
         """Actions without effect so far, each with its number within the job."""
         self._action_count = len(row.actions)
 
+    @property
+    def rests_with_part(self) -> bool:
+        """True while the job does nothing but keep a part at rest until it is released."""
+        status, planned = self.status, self.planned
+        if not status.held or status.letting_go:
+            return False
+        endless = planned is not None and planned.planned_s is None
+        return status.terminal or (status.state == "running" and endless and status.phase == "hold")
+
     def update(self, **values: Any) -> None:
         """Replace the status by one with other values."""
         with self._replacing:

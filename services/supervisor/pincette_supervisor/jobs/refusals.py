@@ -128,13 +128,35 @@ def unready(reasons: list[str]) -> ProblemError:
     )
 
 
+def held_by(active: LiveJob) -> ProblemError:
+    """409 because a job keeps a part at rest; with its labels and the force of the part."""
+    status, progress = active.status, active.status.progress
+    force_mN = None if progress is None else progress.force_mN
+    force = "" if force_mN is None else f" with {force_mN:.2f} mN"
+    labels = dict(active.row.labels)
+    named = ", ".join(f"{name} {label}" for name, label in labels.items())
+    return ProblemError(
+        409,
+        "part-held",
+        "The gripper holds a part",
+        f"job {active.id}{f' ({named})' if named else ''} is {status.state}, holds a part{force}: "
+        "release it, or start a job that holds or releases it",
+        job=active.id,
+        labels=labels,
+        force_mN=force_mN,
+        allowed_actions=allowed_actions(status.state, held=status.held),
+    )
+
+
 def job_active(active: LiveJob) -> ProblemError:
-    """409 because another job has the rig."""
+    """409 because another job has the rig; ``part-held`` where it only keeps a part at rest."""
     status = active.status
+    if active.rests_with_part:
+        return held_by(active)
     doing = f"is {status.state}"
     if status.terminal:
         doing += (
-            ", holds a part: release it, or start a job that holds or releases it"
+            ", is letting its part go"
             if status.held
             else ", the arm is not at rest yet or its record is being closed"
         )
