@@ -36,6 +36,8 @@ THIN_SHARE = 0.5
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
 """Of the motion that the model says, for it to be the arm's."""
+OLD_SHARE = 0.5
+"""Share of a move below which the first reading after it is one of before."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
@@ -288,18 +290,26 @@ def direction(
         return Finding(False, what, f"bring the output to {rig.safety.safe_V:g} V first")
     reached = 0
     try:
-        before_um = _mean_um(sensor, output)
+        before_um = _mean(_readings_um(sensor, output))
         for step in range(1, MOVE_STEPS + 1):
             output.write_V(begin_V + MOVE_V * step / MOVE_STEPS)
             reached = step
             sleep(STEP_S)
-        moved_um = _mean_um(sensor, output) - before_um
+        first_um, *others_um = _readings_um(sensor, output)
+        moved_um = _mean(others_um) - before_um
     finally:
         for step in range(reached - 1, -1, -1):
             output.write_V(begin_V + MOVE_V * step / MOVE_STEPS)
             sleep(STEP_S)
     wanted_um = rig.sensor.direction * rig.model.piezo_um_per_V * MOVE_V
     share = moved_um / wanted_um
+    if share > LEAST_SHARE and (first_um - before_um) / moved_um < OLD_SHARE:
+        return Finding(
+            False,
+            f"direction: the first reading after the move is {first_um:.2f} µm, as before it, and "
+            f"the others are {_mean(others_um):.2f} µm: each reading is one exchange old",
+            "see whether a proxy or an adapter keeps answers; use one that passes bytes on at once",
+        )
     well = LEAST_SHARE <= share <= MOST_SHARE
     turned = f"write direction = {-rig.sensor.direction} into [sensor], or exchange the signs"
     still = "see that the amplifier is on, and that the laser sees the arm's tip"
@@ -311,11 +321,15 @@ def direction(
     )
 
 
-def _mean_um(sensor: PositionSensor, output: VoltageOutput) -> float:
-    """Mean of some readings; on a slow line they last longer than an output's watchdog waits."""
+def _readings_um(sensor: PositionSensor, output: VoltageOutput) -> list[float]:
+    """Read some times; on a slow line this lasts longer than an output's watchdog waits."""
     x_um: list[float] = []
     for _ in range(READINGS):
         if isinstance(output, WatchedOutput):
             output.keep_alive()
         x_um.append(sensor.read_um())
-    return fsum(x_um) / READINGS
+    return x_um
+
+
+def _mean(values: list[float]) -> float:
+    return fsum(values) / len(values)

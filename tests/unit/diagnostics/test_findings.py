@@ -242,6 +242,25 @@ def test_a_reading_that_falls_is_answered_by_the_other_direction() -> None:
     assert direction(turned, bench.sensor, bench.output, bench.sleep).well
 
 
+def test_a_sensor_whose_readings_are_one_exchange_old_is_found_by_a_move() -> None:
+    """As behind a proxy that always gives the previous answer."""
+
+    class Previous(Constant):
+        def __init__(self, sensor: PositionSensor) -> None:
+            self._sensor, self._kept_um = sensor, sensor.read_um()
+
+        def read_um(self) -> float:
+            previous_um, self._kept_um = self._kept_um, self._sensor.read_um()
+            return previous_um
+
+    bench = Bench()
+    finding = direction(RIG, Previous(bench.sensor), bench.output, bench.sleep)
+    assert not finding.well
+    assert "one exchange old" in finding.what
+    assert "passes bytes on" in finding.remedy
+    assert bench.output.read_V() == 0.0
+
+
 def test_an_arm_that_does_not_move_is_found() -> None:
     finding = direction(RIG, Constant(5.0, 5.02), Bench().output, Bench().sleep)
     assert not finding.well
