@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,11 @@ def dockerfile(root: Path) -> str:
     return (root / "deploy/Dockerfile").read_text(encoding="utf-8")
 
 
-def pins(root: Path, name: str) -> set[str]:
+@cache
+def pins(root: Path, name: str) -> list[Requirement]:
+    """Return the pins of a file of requirements."""
     text = (root / f"requirements/{name}.txt").read_text(encoding="utf-8")
-    return {line.rstrip(" \\") for line in text.splitlines()}
+    return [Requirement(line.rstrip(" \\")) for line in text.splitlines() if "==" in line]
 
 
 PLACES = [
@@ -67,17 +70,15 @@ PLACES = [
 
 def held(root: Path, name: str, place: dict[str, str]) -> set[str]:
     """The pins that hold in a place."""
-    read = (Requirement(line) for line in pins(root, name) if "==" in line)
     return {
         f"{canonicalize_name(one.name)}{one.specifier}"
-        for one in read
+        for one in pins(root, name)
         if one.marker is None or one.marker.evaluate(place)
     }
 
 
 def names(root: Path, name: str) -> set[str]:
-    found = (line for line in pins(root, name) if "==" in line)
-    return {canonicalize_name(Requirement(line).name) for line in found}
+    return {canonicalize_name(one.name) for one in pins(root, name)}
 
 
 @pytest.mark.parametrize(

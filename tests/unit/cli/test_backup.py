@@ -15,6 +15,7 @@ import pytest
 from pincette.cli.main import main
 from pincette_supervisor.journal.library import RecipeRepository
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
+from tests.support.stores import open_store
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def job(name: str) -> JobRow:
 def test_what_a_supervisor_keeps_is_there_again(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], records: bool
 ) -> None:
-    store = Store(data / "supervisor.sqlite")
+    store = open_store(data / "supervisor.sqlite")
     store.add(job("first"))
     RecipeRepository(store).add("bead", {"force_mN": 8.0}, "glass")
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
@@ -64,7 +65,7 @@ def test_what_a_supervisor_keeps_is_there_again(
 def test_nothing_is_restored_over_what_is_there(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Store(data / "supervisor.sqlite").close()
+    open_store(data / "supervisor.sqlite").close()
     file = tmp_path / "bench.tar.gz"
     assert main(["backup", str(file), "--data", str(data)]) == 0
     assert main(["restore", str(file), "--data", str(data)]) == 1
@@ -74,7 +75,7 @@ def test_nothing_is_restored_over_what_is_there(
 def test_a_backup_that_was_changed_is_refused_and_leaves_nothing(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Store(data / "supervisor.sqlite").close()
+    open_store(data / "supervisor.sqlite").close()
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
     assert main(["backup", str(file), "--data", str(data)]) == 0
     with tarfile.open(file) as archive:
@@ -150,7 +151,7 @@ def test_a_backup_of_damaged_files_is_refused_and_leaves_nothing(
     name: str,
     damage: Callable[[bytes], bytes],
 ) -> None:
-    with closing(Store(data / "supervisor.sqlite")) as store:
+    with closing(open_store(data / "supervisor.sqlite")) as store:
         store.add(job("first"))
     file, after = tmp_path / "bench.tar.gz", tmp_path / "after"
     assert main(["backup", str(file), "--data", str(data)]) == 0
@@ -188,7 +189,7 @@ def test_a_folder_without_a_journal_is_no_data_folder(
 
 def crafted(data: Path, file: Path, change: Callable[[tarfile.TarFile], None]) -> None:
     """Write a sound backup, and one with more in it in its place."""
-    Store(data / "supervisor.sqlite").close()
+    open_store(data / "supervisor.sqlite").close()
     assert main(["backup", str(file), "--data", str(data)]) == 0
     with tarfile.open(file) as archive:
         contents = [(entry, archive.extractfile(entry)) for entry in archive]

@@ -1,8 +1,6 @@
 """The command line before a supervisor of several rigs."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import httpx
 import pytest
@@ -11,28 +9,11 @@ from pincette.api.events import Event
 from pincette.api.rigs import Rig
 from pincette.cli import Exit
 from pincette.cli.main import main
-from pincette.client import Supervisor
 from tests.unit.client import desk
-from tests.unit.client.desk import Desk
+
+from .conftest import At
 
 NAMES = ("left", "right")
-At = Callable[..., Desk]
-
-
-@pytest.fixture
-def at(monkeypatch: pytest.MonkeyPatch) -> At:
-    """Put a supervisor of prepared answers where the command line looks for one."""
-
-    def place(*answers: Any) -> Desk:
-        supervisor = Desk(*answers)
-
-        def reached(_url: str, **_settings: Any) -> Supervisor:
-            return supervisor.supervisor(0.0)
-
-        monkeypatch.setattr("pincette.client.Supervisor", reached)
-        return supervisor
-
-    return place
 
 
 def rigs(*names: str) -> httpx.Response:

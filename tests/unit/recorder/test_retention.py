@@ -123,8 +123,8 @@ class Machine:
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Count in steps of an hour and write each day, so that months pass quickly."""
-    monkeypatch.setattr(counted_time, "LONGEST_S", 3600.0)
+    """Count and write in steps of a day, so that months pass quickly."""
+    monkeypatch.setattr(counted_time, "LONGEST_S", DAY_S)
     monkeypatch.setattr(counted_time, "SAVE_S", DAY_S)
 
 

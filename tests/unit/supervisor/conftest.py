@@ -1,13 +1,17 @@
 import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pincette.config import RigFile, parse_rig
+from pincette_supervisor.config import STORE
+from pincette_supervisor.journal.store import Store
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
+from tests.support.stores import open_store
 
 from .harness import Harness
 
@@ -45,6 +49,13 @@ def rig_file() -> RigFile:
 @pytest.fixture
 def real_time() -> RigFile:
     return parse_rig(tomllib.loads(DEMO.read_text(encoding="utf-8")))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """An empty journal."""
+    with closing(open_store(tmp_path / STORE)) as opened:
+        yield opened
 
 
 @pytest.fixture

@@ -2,9 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import Any
 
@@ -14,6 +12,7 @@ from fastapi import FastAPI
 from pincette.api.events import Event
 from pincette.config import RigFile
 from pincette_supervisor.fleet.rigs import Rigs
+from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
@@ -27,29 +26,13 @@ from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.rig_context import RigContext
 from tests.support.apps import create_app
+from tests.support.stores import open_store
 
 from .canned import CannedRig
 
 PATIENCE_S = 30.0
 PLAYED: dict[str, DryRun] = {}
 """Dry runs of plans that tests of this process have played, by everything they depend on."""
-
-
-@cache
-def empty_journal() -> bytes:
-    """Return the content of a journal that has all tables and no rows."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "supervisor.sqlite"
-        Store(path).close()
-        return path.read_bytes()
-
-
-def open_store(path: Path) -> Store:
-    """Open a journal; a new one is copied, since its migrations take longer than most tests."""
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(empty_journal())
-    return Store(path)
 
 
 def played_once(planned: Planned) -> DryRun:
@@ -69,6 +52,11 @@ def played_once(planned: Planned) -> DryRun:
     if key not in PLAYED:
         PLAYED[key] = played(planned)
     return PLAYED[key]
+
+
+def ending(code: str, **others: Any) -> dict[str, Any]:
+    """Return the ending of a job with this code, whose other members are empty by default."""
+    return {"code": code, "trip": "", "faults": [], "values": {}, "problem": "", **others}
 
 
 class Harness:
@@ -151,10 +139,16 @@ class Harness:
             assert monotonic() - begun_at < PATIENCE_S
             sleep(0.002)
 
-    def reach(self, job: str, state: str) -> None:
-        """Wait until a job is in a state."""
+    @property
+    def live(self) -> LiveJob:
+        """The job that has the rig."""
         live = self.manager.active
         assert live is not None
+        return live
+
+    def reach(self, job: str, state: str) -> None:
+        """Wait until a job is in a state."""
+        live = self.live
         assert live.id == job
         self.until(lambda: live.status.state == state)
 
@@ -163,8 +157,7 @@ class Harness:
         self.bus.pause_at = place
         job = str(self.grip(**wishes)["id"])
         self.reach(job, "running")
-        live = self.manager.active
-        assert live is not None
+        live = self.live
 
         def reached() -> bool:
             status = live.status

@@ -14,9 +14,10 @@ from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.journal.events import Listeners
 from pincette_supervisor.rigs.other_rigs import OtherRigs
 from tests.support.apps import create_app
+from tests.support.stores import open_store
 
 from .canned import CannedRig
-from .harness import Harness, open_store, played_once
+from .harness import Harness, played_once
 
 Turn = Callable[[str, str, bool], None]
 

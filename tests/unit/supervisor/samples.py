@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import sin
 from random import Random
 
@@ -79,6 +80,11 @@ def references() -> Iterator[tuple[str, int, float, float]]:
 
 def grip(epoch: int = 7) -> list[Tick]:
     """A whole grip: the estimate errs by FORCE_ERROR_MN in the hold, x by a small ripple."""
+    return [*_grip(epoch)]
+
+
+@lru_cache(maxsize=4)
+def _grip(epoch: int) -> list[Tick]:
     return _ended([_tick(epoch, seq, *reference) for seq, reference in enumerate(references())])
 
 

@@ -1,9 +1,9 @@
 """Keys and sessions: what is kept of them, whom they let in, and when they end."""
 
 import re
-from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
+from time import monotonic
 
 import pytest
 
@@ -17,7 +17,8 @@ from pincette_supervisor.access.authentication import (
     new_key,
     require_scope,
 )
-from pincette_supervisor.journal.access_rows import SESSIONS_MAX, SessionRepository
+from pincette_supervisor.journal import access_rows
+from pincette_supervisor.journal.access_rows import SessionRepository
 from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
@@ -26,18 +27,6 @@ from pincette_supervisor.problems import ProblemError
 NOW = "2126-03-01T12:00:00.000Z"
 """Later than any test is run, so that nothing that a test makes is newer."""
 HERE = "127.0.0.1"
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "supervisor.sqlite"
-
-
-@pytest.fixture
-def store(path: Path) -> Iterator[Store]:
-    opened = Store(path)
-    yield opened
-    opened.close()
 
 
 @pytest.fixture
@@ -97,12 +86,12 @@ def test_keys_are_long_differ_and_are_known_by_their_begin() -> None:
 
 
 def test_no_file_holds_a_key_or_a_cookie(
-    book: KeyFile, authenticator: Authenticator, path: Path, store: Store
+    book: KeyFile, authenticator: Authenticator, tmp_path: Path, store: Store
 ) -> None:
     key, cookie = made(book, "ann"), new_cookie()
     authenticator.refresh(store)
     authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
-    written = b"".join(file.read_bytes() for file in path.parent.iterdir())
+    written = b"".join(file.read_bytes() for file in tmp_path.iterdir())
     assert digest_of(key).encode() in written
     assert key.encode() not in written
     assert key.removeprefix("pincette_").encode() not in written
@@ -198,13 +187,23 @@ def test_a_wrong_key_is_not_passed_over_for_a_cookie(
     assert authenticator.identify(HERE, "wrong", cookie).scope is None
 
 
-def test_sessions_are_bounded(book: KeyFile, authenticator: Authenticator, store: Store) -> None:
+def test_sessions_are_bounded(
+    book: KeyFile,
+    authenticator: Authenticator,
+    store: Store,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(access_rows, "SESSIONS_MAX", 5)
     key = made(book, "ann")
     authenticator.refresh(store)
     caller = authenticator.identify(HERE, key, None)
-    for _ in range(SESSIONS_MAX + 3):
+    for _ in range(5 + 3):
         authenticator.sign_in(store, caller, new_cookie())
-    assert len(SessionRepository(store).all()) == SESSIONS_MAX
+    deadline_s = monotonic() + 20.0
+    while authenticator.unwritten:
+        assert monotonic() < deadline_s
+        authenticator.write_sessions()
+    assert len(SessionRepository(store).all()) == 5
 
 
 def test_the_use_of_a_key_is_kept_once_a_minute(

@@ -1,6 +1,5 @@
 """Keys with an end and idle sessions, while the time of day steps back and forward."""
 
-from collections.abc import Iterator
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -17,7 +16,6 @@ from pincette_supervisor.access.authentication import (
 )
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.access.key_sync import KEY_CLOCK, KeySync
-from pincette_supervisor.config import STORE
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
@@ -84,9 +82,8 @@ class Office:
 
 
 @pytest.fixture
-def office(tmp_path: Path) -> Iterator[Office]:
-    with closing(Store(tmp_path / STORE)) as store:
-        yield Office(store)
+def office(store: Store) -> Office:
+    return Office(store)
 
 
 @pytest.mark.parametrize("restarted", [False, True])

@@ -1,6 +1,6 @@
 """The alarm log: one row for as long as an alarm is open, and the same words everywhere."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,8 @@ DISK = AlarmRow("demo", "disk", "disk: 5 MB free, limit 200 MB", AT, "warning", 
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Generator[AlarmRepository]:
-    store = Store(tmp_path / "jobs.sqlite")
-    yield AlarmRepository(store)
-    store.close()
+def book(store: Store) -> AlarmRepository:
+    return AlarmRepository(store)
 
 
 def test_what_stands_is_counted_on_one_row(book: AlarmRepository) -> None:

@@ -168,8 +168,7 @@ def waits(harness: Harness, job: str) -> dict[str, Any]:
     """The job once it waits for a person."""
 
     async def waiting() -> None:
-        live = harness.manager.active
-        assert live is not None
+        live = harness.live
         while live.status.waiting is None:
             await asyncio.sleep(0)
 

@@ -65,8 +65,7 @@ def test_an_etag_says_whether_a_job_has_changed(harness: Harness) -> None:
     tag = response.headers["etag"]
     assert tag == f'W/"{job}-{response.json()["revision"]}"'
     harness.bus.play(IN_APPROACH + 5)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     harness.until(lambda: (now := live.status.progress) is not None and now.seq == IN_APPROACH + 4)
     unchanged = ask(harness, job, tag)
     assert (unchanged.status_code, unchanged.headers["etag"]) == (304, tag)

@@ -1,8 +1,6 @@
 """Lists that are longer than a page are read to their end."""
 
 import asyncio
-from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -24,13 +22,12 @@ from . import samples
 from .harness import Harness
 
 
-def test_trajectories_are_listed_page_by_page(tmp_path: Path) -> None:
-    with closing(Store(tmp_path / "jobs.sqlite")) as store:
-        book = TrajectoryRepository(store)
-        rows = [book.add(TrajectoryRow("demo", {"n": n}, "f", 1, "m"))[0] for n in range(7)]
-        found: list[TrajectoryRow] = []
-        while page := book.newest(3, found[-1] if found else None):
-            found += page
+def test_trajectories_are_listed_page_by_page(store: Store) -> None:
+    book = TrajectoryRepository(store)
+    rows = [book.add(TrajectoryRow("demo", {"n": n}, "f", 1, "m"))[0] for n in range(7)]
+    found: list[TrajectoryRow] = []
+    while page := book.newest(3, found[-1] if found else None):
+        found += page
     assert len(found) == 7
     assert {row.digest for row in found} == {row.digest for row in rows}
 

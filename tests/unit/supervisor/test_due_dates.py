@@ -1,6 +1,5 @@
 """What was calibrated is due again after a time, and when an instrument was exchanged."""
 
-from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -15,13 +14,6 @@ from pincette_supervisor.model.rig_model import Instruments, RigModel, due_at
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
 MEASURED = "2026-03-01T12:00:00.000Z"
 DUE = "2026-08-28T12:00:00.000Z"
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(tmp_path / "supervisor.sqlite")
-    yield store
-    store.close()
 
 
 def kept_up(rig: RigFile, sensor: str = "", output: str = "", days: float | None = None) -> RigFile:

@@ -2,8 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 from fastapi import FastAPI
@@ -23,10 +22,8 @@ from .streams import Bench, Stream, events, get
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    store = Store(tmp_path / "supervisor.sqlite")
-    yield Bench(store, EventLog(store, "demo"))
-    store.close()
+def bench(store: Store) -> Bench:
+    return Bench(store, EventLog(store, "demo"))
 
 
 @pytest.fixture

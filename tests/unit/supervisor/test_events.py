@@ -2,8 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
-from pathlib import Path
+from collections.abc import AsyncGenerator, Callable, Coroutine
 from typing import Any, TypeVar
 
 import pytest
@@ -22,13 +21,6 @@ from pincette_supervisor.journal.store import Store, StoreError
 T = TypeVar("T")
 GUARD_S = 20.0
 """A test that waits for what never comes fails after this."""
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(tmp_path / "supervisor.sqlite")
-    yield store
-    store.close()
 
 
 @pytest.fixture

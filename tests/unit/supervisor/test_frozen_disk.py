@@ -91,8 +91,7 @@ def test_a_stop_acts_and_is_answered(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, action: str
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     with frozen_disk(monkeypatch) as thaw:
         begun_s = monotonic()
         answer = harness.act(job, action)
@@ -127,8 +126,7 @@ def test_an_emergency_stop_and_a_reset_are_answered(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     with frozen_disk(monkeypatch) as thaw:
         begun_s = monotonic()
         assert harness.post("/rigs/demo/estop").status_code == 200

@@ -16,6 +16,7 @@ from pincette_supervisor.journal.database import MIGRATIONS, columns
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.journal.tables import JOBS
+from tests.support.stores import open_store
 
 AT = "2026-03-01T12:00:00.000Z"
 BASE = JobRow("", "grip", "demo", "succeeded", {}, {"values": {}}, AT)
@@ -93,7 +94,7 @@ FILTERS = (
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
-    made = Store(tmp_path_factory.mktemp("journal") / "supervisor.sqlite")
+    made = open_store(tmp_path_factory.mktemp("journal") / "supervisor.sqlite")
     fill(made, rows())
     yield made
     made.close()

@@ -14,7 +14,7 @@ from tests.support.partitions import composing
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
-from .harness import Harness
+from .harness import Harness, ending
 from .samples import Tick
 
 
@@ -23,11 +23,14 @@ def test_one_request_grips(harness: Harness) -> None:
     assert taken["values"]["force_mN"] == 20.0
     job = harness.ended(taken["id"])
     assert (job["state"], job["cause"]) == ("succeeded", "")
+    assert job["ending"] == ending("done")
     assert job["result"]["outcome"] == "gripped"
     assert job["labels"] == {"part": "bead"}
     assert job["started_at"] <= job["ended_at"]
     assert Path(job["record"]).is_dir()
     assert harness.bus.asked[0] == "actuator/reset"
+    *earlier, last = [row.body.get("ending") for row in harness.told("state", job=job["id"])]
+    assert (set(earlier), last) == ({None}, "done")
 
 
 def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None:
@@ -47,6 +50,9 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
         assert binary.headers["content-type"] == "application/octet-stream"
         assert binary.content == harness.call("GET", path).content
     assert harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/x/content").status_code == 404
+    for name in ("other.png", "..%2F..%2Fsupervisor.sqlite", "%2e%2e"):
+        response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/{name}")
+        assert response.status_code == 404
 
 
 @pytest.mark.usefixtures("drawn")
@@ -64,13 +70,6 @@ def test_one_request_tracks(harness: Harness) -> None:
     listed = harness.get(f"/jobs/{job['id']}/artifacts")["artifacts"]
     assert "track.png" in [entry["name"] for entry in listed]
     assert [known["kind"] for known in harness.get("/jobs")["jobs"]] == ["track"]
-
-
-@pytest.mark.parametrize("name", ["other.png", "..%2F..%2Fsupervisor.sqlite", "%2e%2e"])
-def test_nothing_but_the_record_can_be_read(harness: Harness, name: str) -> None:
-    job = harness.ended(harness.grip()["id"])
-    response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/{name}")
-    assert response.status_code == 404
 
 
 def test_without_autostart_a_job_waits_for_the_action(harness: Harness) -> None:
@@ -121,7 +120,7 @@ def test_a_stop_of_a_free_arm_is_confirmed_by_the_rig(harness: Harness) -> None:
     response = harness.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert response.status_code == 202
     ended = harness.ended(job)
-    assert ended["state"] == "stopped"
+    assert (ended["state"], ended["ending"]) == ("stopped", ending("requested"))
     assert ended["actions"][0]["seq"] == IN_APPROACH
     assert ended["result"]["actions"] == [{"type": "stop", "seq": IN_APPROACH}]
 
@@ -153,8 +152,7 @@ def test_a_part_that_a_fault_takes_after_a_stop_is_told_of(harness: Harness) -> 
     job = harness.playing_to(IN_HOLD)
     harness.post(f"/jobs/{job}/actions", {"type": "stop"})
     assert harness.ended(job)["cause"] == ""
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     harness.bus.trip("device: no answer")
     assert live.done.wait(10.0)
     ended = harness.get(f"/jobs/{job}")
@@ -171,8 +169,7 @@ def test_a_release_in_the_hold_ends_the_job_well(harness: Harness) -> None:
     job = harness.grip(until_released=True)
     assert job["values"]["hold_s"] is None
     harness.reach(job["id"], "running")
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
 
     async def in_hold() -> None:
         while not live.status.held:
@@ -198,7 +195,7 @@ def test_an_abort_latches_and_needs_a_reset(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     assert harness.post(f"/jobs/{job}/actions", {"type": "abort"}).status_code == 202
     ended = harness.ended(job)
-    assert ended["state"] == "aborted"
+    assert (ended["state"], ended["ending"]) == ("aborted", ending("requested"))
     assert ended["actions"][0]["seq"] == IN_APPROACH
     response = harness.post("/jobs", {"kind": "grip"})
     assert response.status_code == 409
@@ -238,6 +235,11 @@ def test_a_trip_during_the_run_is_the_cause(harness: Harness) -> None:
     ended = harness.ended(job)
     assert ended["state"] == "failed"
     assert ended["cause"] == ("actuator tripped: command_age: no command for 51 ms, limit 50 ms")
+    assert ended["result"]["outcome"] == "tripped"
+    assert (ended["ending"]["code"], ended["ending"]["trip"]) == ("tripped", "command_age")
+    (found,) = ended["ending"]["faults"]
+    assert found["code"] == "no_command"
+    assert found["values"] == {"silent_s": 0.051, "limit_s": 0.05}
 
 
 def test_lockstep_names_the_program_that_is_silent(
@@ -291,7 +293,7 @@ def test_a_supervisor_that_ends_interrupts_its_job(harness: Harness) -> None:
 def test_waiting_ends_in_time_with_the_state_as_it_is(harness: Harness) -> None:
     job = harness.playing_to(IN_APPROACH)
     waited = harness.get(f"/jobs/{job}", wait="terminal", timeout_s=0.01)
-    assert waited["state"] == "running"
+    assert (waited["state"], waited["ending"]) == ("running", None)
     assert waited["progress"]["phase"] == "approach"
     assert waited["progress"]["elapsed_s"] == pytest.approx(1.2)
     assert waited["progress"]["planned_s"] > 4.0

@@ -1,7 +1,5 @@
 """How the journal finds its rows: what is asked for often reads no table from end to end."""
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,13 +9,6 @@ from sqlalchemy.engine import Engine
 
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import Store, utc_now
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    made = Store(tmp_path / "supervisor.sqlite")
-    yield made
-    made.close()
 
 
 def plan(store: Store, query: str) -> list[str]:

@@ -19,6 +19,7 @@ from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import NOTES, utc_text
 from tests.support.rigs import demo_rig
+from tests.support.stores import open_store
 
 HERE = "127.0.0.1"
 EARLIER = """
@@ -48,7 +49,7 @@ def started(data: Path, keys: str = "once_made") -> Authenticator:
     """Return the authenticator of a supervisor that starts on a data folder."""
     config = configure(demo_rig({"supervisor": {"keys": keys}}), data)
     authenticator = authenticator_of(config, "")
-    with closing(Store(config.store)) as store:
+    with closing(open_store(config.store)) as store:
         authenticator.refresh(store)
     require_key(config, authenticator)
     return authenticator
@@ -115,7 +116,7 @@ def test_a_key_and_its_sessions_end_while_the_journal_cannot_be_used(
     tmp_path: Path, spoil: Callable[[Path], None]
 ) -> None:
     key, authenticator, cookie = made(tmp_path), Authenticator(), new_cookie()
-    with closing(Store(tmp_path / STORE)) as store:
+    with closing(open_store(tmp_path / STORE)) as store:
         authenticator.refresh(store)
         authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
     assert rights(authenticator, None, cookie) == "operate"
@@ -132,7 +133,7 @@ def test_a_new_password_ends_the_sessions_while_the_journal_cannot_be_used(tmp_p
     authenticator, cookie = Authenticator(), new_cookie()
     with open_keys(tmp_path) as keys:
         keys.add_user("ann", "operate", "the first password")
-    with closing(Store(tmp_path / STORE)) as store:
+    with closing(open_store(tmp_path / STORE)) as store:
         authenticator.refresh(store)
         signed_in = authenticator.by_password(Caller(HERE), "ann", "the first password")
         authenticator.sign_in(store, asyncio.run(signed_in), cookie)
@@ -152,7 +153,7 @@ def test_a_caller_is_identified_without_any_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key, cookie = made(tmp_path), new_cookie()
-    with closing(Store(tmp_path / STORE)) as store:
+    with closing(open_store(tmp_path / STORE)) as store:
         authenticator = Authenticator()
         authenticator.refresh(store)
         authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
@@ -203,7 +204,7 @@ def test_a_running_supervisor_whose_keys_go_lets_nobody_in_until_they_are_back(
 ) -> None:
     key, cookie, authenticator = made(tmp_path), new_cookie(), Authenticator()
     kept = (tmp_path / KEY_FILE).read_bytes()
-    with closing(Store(tmp_path / STORE)) as store:
+    with closing(open_store(tmp_path / STORE)) as store:
         authenticator.refresh(store)
         authenticator.sign_in(store, authenticator.identify(HERE, key, None), cookie)
         lose(tmp_path)

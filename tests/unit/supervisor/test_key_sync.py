@@ -5,7 +5,7 @@ import errno
 import fcntl
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from threading import Event
@@ -33,12 +33,6 @@ from pincette_supervisor.watch.checks import of_supervisor
 HERE = "127.0.0.1"
 LONG_S = 20.0
 NUMBERS = [errno.EBADF, errno.ENOLCK, errno.EIO, errno.ENOTSUP, errno.EINVAL]
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with closing(Store(tmp_path / STORE)) as opened:
-        yield opened
 
 
 def made(data: Path, name: str = "ann") -> str:

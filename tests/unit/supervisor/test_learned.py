@@ -1,7 +1,6 @@
 """What programs have learned is kept by program, listed over REST, and erased by one request."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -19,8 +18,8 @@ def row(program: str, learned_at: str = "2026-03-01T12:00:00.000Z") -> LearnedRo
 
 
 @pytest.fixture
-def repository(tmp_path: Path) -> LearnedRepository:
-    return LearnedRepository(Store(tmp_path / "journal.sqlite"), "demo")
+def repository(store: Store) -> LearnedRepository:
+    return LearnedRepository(store, "demo")
 
 
 def test_what_is_kept_comes_back_as_it_travels(repository: LearnedRepository) -> None:
@@ -59,8 +58,7 @@ def test_the_one_that_learned_longest_ago_goes(repository: LearnedRepository) ->
     assert kept[0].program == f"{LEARNED_MAX}"
 
 
-def test_each_rig_has_its_own(tmp_path: Path) -> None:
-    store = Store(tmp_path / "journal.sqlite")
+def test_each_rig_has_its_own(store: Store) -> None:
     demo, other = LearnedRepository(store, "demo"), LearnedRepository(store, "other")
     other.keep(row("a", "2026-01-01T12:00:00.000Z"))
     for number in range(LEARNED_MAX + 1):
@@ -68,7 +66,6 @@ def test_each_rig_has_its_own(tmp_path: Path) -> None:
     assert [one.program for one in other.all()] == ["a"]
     assert demo.erase() == LEARNED_MAX
     assert [one.program for one in other.all()] == ["a"]
-    store.close()
 
 
 def test_a_program_that_learns_again_replaces_its_row(repository: LearnedRepository) -> None:

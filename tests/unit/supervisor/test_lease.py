@@ -178,8 +178,7 @@ def test_the_lease_is_among_the_checks(harness: Harness) -> None:
     (check,) = [one for one in harness.get("/rigs/demo")["checks"] if one["name"] == "lease"]
     assert check["ok"]
     job = harness.playing_to(IN_HOLD)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     now_s = 0.0
     live.renewal = Renewal(harness.bus, Lease(live.epoch, LENGTH_S), lambda: now_s)
     now_s = 4.0

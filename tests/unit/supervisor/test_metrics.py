@@ -46,7 +46,7 @@ def value(harness: Harness, name: str, **labels: str) -> float:
     return series(harness)[name, frozenset(({"rig": "demo"} | labels).items())]
 
 
-def test_every_metric_of_the_table_is_served_with_its_labels_and_no_other(harness: Harness) -> None:
+def test_every_metric_of_the_table_is_served_in_both_formats_and_no_other(harness: Harness) -> None:
     harness.ended(harness.grip()["id"])
     found = {family.name: family for family in scraped(harness)}
     for family in FAMILIES:
@@ -56,6 +56,11 @@ def test_every_metric_of_the_table_is_served_with_its_labels_and_no_other(harnes
         for sample in served.samples:
             assert set(sample.labels) - {"le"} == set(family.labels), sample
     assert not found
+    response = harness.call("GET", "/metrics", headers={"Accept": OPEN})
+    assert response.headers["content-type"].startswith("application/openmetrics-text")
+    name = "text_string_to_metric_families"  # which has no types
+    parse = cast("Callable[[str], list[Metric]]", vars(openmetrics)[name])
+    assert len(list(parse(response.text))) == len(FAMILIES)
 
 
 def test_a_grip_is_seen(harness: Harness) -> None:
@@ -111,15 +116,6 @@ def test_what_programs_tell_of_their_timing_arrives(
     harness.bus.publish(again)
     assert value(harness, "pincette_lateness_seconds_count", service="sensor") == 3.0
     assert value(harness, "pincette_missed_ticks_total", service="sensor") == 3.0
-
-
-def test_the_same_is_told_as_openmetrics(harness: Harness) -> None:
-    harness.ended(harness.grip()["id"])
-    response = harness.call("GET", "/metrics", headers={"Accept": OPEN})
-    assert response.headers["content-type"].startswith("application/openmetrics-text")
-    name = "text_string_to_metric_families"  # which has no types
-    parse = cast("Callable[[str], list[Metric]]", vars(openmetrics)[name])
-    assert len(list(parse(response.text))) == len(FAMILIES)
 
 
 @pytest.mark.parametrize("accept", ["", "*/*", "text/plain; version=none", f"{OPEN[:-5]}x"])

@@ -41,8 +41,7 @@ def test_a_job_that_has_ended_does_not_have_the_rig(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.acted(job, "stop")
     harness.ended(job)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     assert harness.get("/rigs/demo")["active_job"] == job
     live.update(held=False)  # its program is over, and its result is being worked out
     view = harness.get("/rigs/demo")

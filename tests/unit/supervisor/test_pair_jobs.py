@@ -68,11 +68,11 @@ def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> N
     assert made.law.spectral_radius < made.law.spectral_radius_limit
 
 
-@pytest.mark.parametrize("arm", [1, 2])
-def test_a_limit_that_one_arm_breaks_is_told_with_the_arm(arm: int) -> None:
+def test_a_limit_that_one_arm_breaks_is_told_with_the_arm() -> None:
     made = plan({"kind": "track", "place": {"pp_um": 70.0}, "force_mN": 10.0}).plan
     assert not made.feasible
-    assert any(f"arm {arm}: position" in each.message for each in made.violations)
+    for arm in (1, 2):
+        assert any(f"arm {arm}: position" in each.message for each in made.violations)
 
 
 def test_too_much_force_is_laid_to_its_member() -> None:

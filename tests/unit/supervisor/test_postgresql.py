@@ -140,8 +140,7 @@ def test_a_server_that_goes_and_comes_loses_nothing(
         assert not harness.store.probe()
         assert "the server runs" in harness.store.trouble
         harness.bus.play()
-        live = harness.manager.active
-        assert live is not None
+        live = harness.live
         harness.until(lambda: live.status.terminal)
     finally:
         postgres.start()

@@ -11,7 +11,7 @@ from pincette_supervisor.journal.store import utc_now
 from pincette_supervisor.plugin import Planned
 
 from .canned import IN_APPROACH, IN_HOLD
-from .harness import Harness
+from .harness import Harness, ending
 
 GRIP = {"kind": "grip", "autostart": True, "queue": True}
 
@@ -73,7 +73,8 @@ def test_a_queue_is_not_resumed_while_the_rig_is_latched(harness: Harness) -> No
     assert harness.get(f"/jobs/{second}")["state"] == "queued"
     assert order(harness, "clear").json()["queue"]["length"] == 0
     cleared = harness.get(f"/jobs/{second}")
-    assert (cleared["state"], cleared["cause"]) == ("stopped", "the queue was cleared")
+    assert (cleared["state"], cleared["ending"]["code"]) == ("stopped", "queue_cleared")
+    assert cleared["cause"] == "the queue was cleared"
 
 
 def test_a_queued_job_is_stopped_before_its_turn_and_the_others_move_up(harness: Harness) -> None:
@@ -102,6 +103,7 @@ def test_a_job_whose_turn_has_come_is_planned_again_and_fails_where_there_is_no_
     harness.ended(second)
     failed = harness.freed(second)
     assert (failed["state"], failed["cause"]) == ("failed", "contact_um = 90 µm is out of reach")
+    assert failed["ending"] == ending("plan_refused", problem="invalid-request")
     assert harness.get(f"/jobs/{third}")["state"] == "queued"
     assert harness.get("/rigs/demo")["queue"]["halted"].startswith(f"job {second} failed: ")
 

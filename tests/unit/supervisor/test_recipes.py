@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -254,10 +253,9 @@ def test_a_job_by_an_unknown_recipe_is_refused(harness: Harness) -> None:
     assert refused.json()["errors"][0]["pointer"] == "/recipe"
 
 
-def test_there_are_not_too_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_there_are_not_too_many(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal, "RECIPES_MAX", 2)
     monkeypatch.setattr(journal, "VERSIONS_MAX", 2)
-    store = Store(tmp_path / "journal.sqlite")
     book = RecipeRepository(store)
     for name, force_mN in (("a", 1.0), ("a", 2.0), ("b", 1.0)):
         book.add(name, {"force_mN": force_mN}, "")
@@ -269,4 +267,3 @@ def test_there_are_not_too_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     newest = book.find("a")
     assert newest is not None
     assert newest.reference == "a@2"
-    store.close()

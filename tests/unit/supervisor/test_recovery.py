@@ -156,8 +156,7 @@ def test_it_is_safe_to_move_the_stage_in_a_steady_hold_and_at_rest_only(harness:
     job = harness.playing_to(IN_APPROACH)
     assert safe() == (False, "moving", 1)
     harness.bus.play(IN_HOLD)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     harness.until(lambda: live.status.phase == "hold")
     assert safe() == (True, "at_rest", 0)
     harness.bus.play()

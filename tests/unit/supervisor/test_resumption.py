@@ -139,8 +139,7 @@ def waiting(harness: Harness, live: LiveJob) -> None:
 def hang(harness: Harness, job: str, weights_mN: Sequence[float]) -> None:
     """Hang weights as the job asks for them."""
     for weight_mN in weights_mN:
-        live = harness.manager.active
-        assert live is not None
+        live = harness.live
         assert live.id == job
         waiting(harness, live)
         assert harness.get(f"/jobs/{job}")["progress"]["weight_mN"] == weight_mN
@@ -153,8 +152,7 @@ def test_weights_go_on_with_the_one_that_was_not_read(real: Harness, read: int) 
     real.bus.edit, real.bus.pauses = weighing(0), pauses
     first = begun(real, "compliance", weights_mN=WEIGHTS_MN)
     hang(real, first, STEPS[:read])
-    live = real.manager.active
-    assert live is not None
+    live = real.live
     waiting(real, live)
     real.bus.edit, real.bus.pauses = weighing(read), pauses[: len(STEPS) - read]
     real.bus.trip(STALLED)

@@ -1,7 +1,6 @@
 """Versions of a model as files, and which of them is in use."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,13 +11,6 @@ from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.plugin.quantities import assumed_for_force
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(tmp_path / "supervisor.sqlite")
-    yield store
-    store.close()
 
 
 @pytest.fixture

@@ -31,8 +31,7 @@ def test_a_last_word_that_comes_late_is_waited_for(harness: Harness) -> None:
 
     harness.bus.edit = overtaken
     job = harness.grip()["id"]
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     harness.until(lambda: (now := live.status.progress) is not None and now.seq == late[0].seq)
     harness.bus.publish(late[0])
     assert harness.ended(job)["state"] == "succeeded"
@@ -47,8 +46,7 @@ def test_a_last_word_that_is_lost_is_not_waited_for_while_the_loop_idles(
         replace(ticks[-1], telemetry=ticks[-2].telemetry),
     ]
     job = harness.grip()["id"]
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
 
     def over() -> bool:
         said = harness.bus.latest(APPLIED)

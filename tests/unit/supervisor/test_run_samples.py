@@ -13,7 +13,7 @@ from pincette_supervisor.results.run_samples import RunSamples, RunTables, compl
 from . import samples
 from .samples import PERIOD_S, PLANT
 
-HOLD_TICKS = 20_000
+HOLD_TICKS = 10_000
 PEAK_MN, LIMITED = 31.0, 3
 
 
@@ -45,9 +45,9 @@ def _moved(message: Message, by: int, place: int) -> Message:
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks of few rows, of which few are kept."""
-    monkeypatch.setattr(RowBlocks.__init__, "__kwdefaults__", {"every_tick": True, "rows": 512})
-    monkeypatch.setattr(run_samples, "HELD_ROWS", 2048)
-    monkeypatch.setattr(run_samples, "EXTREME_ROWS", 64)
+    monkeypatch.setattr(RowBlocks.__init__, "__kwdefaults__", {"every_tick": True, "rows": 256})
+    monkeypatch.setattr(run_samples, "HELD_ROWS", 1024)
+    monkeypatch.setattr(run_samples, "EXTREME_ROWS", 32)
 
 
 def result_of(tables: RunTables) -> dict[str, object]:
@@ -66,12 +66,13 @@ def test_a_usual_run_is_kept_in_full() -> None:
 @pytest.mark.usefixtures("small")
 def test_a_run_without_a_long_hold_is_kept_in_full() -> None:
     messages = [
-        replace(one, phase="track") if hasattr(one, "phase") else one for one in long_grip(4000)
+        replace(one, phase="track") if hasattr(one, "phase") else one for one in long_grip(2000)
     ]
     tables = RunSamples.of(messages, PERIOD_S).tables()
     assert tables.even == tables.extreme == columns(messages, PERIOD_S)
-    whole = RunSamples.of(long_grip(4000), PERIOD_S, thinned=frozenset()).tables()
-    assert whole.even == columns(long_grip(4000), PERIOD_S)
+    messages = long_grip(2000)
+    whole = RunSamples.of(messages, PERIOD_S, thinned=frozenset()).tables()
+    assert whole.even == columns(messages, PERIOD_S)
 
 
 @pytest.mark.usefixtures("small")
@@ -79,7 +80,7 @@ def test_the_result_of_a_long_hold_is_that_of_all_its_samples() -> None:
     messages = long_grip()
     tables = RunSamples.of(messages, PERIOD_S).tables()
     assert tables.left_out.rows > 0.8 * HOLD_TICKS
-    assert len(tables.extreme["seq"]) < 6000
+    assert len(tables.extreme["seq"]) < 3300
     whole = RunSamples.of(messages, PERIOD_S, thinned=frozenset()).tables()
     found, expected = result_of(tables), result_of(whole)
     exact = (
@@ -112,6 +113,6 @@ def test_the_result_of_a_long_hold_is_that_of_all_its_samples() -> None:
 def test_what_is_kept_does_not_grow_with_the_hold() -> None:
     kept = [
         len(RunSamples.of(long_grip(ticks), PERIOD_S).tables().extreme["seq"])
-        for ticks in (8000, 32_000)
+        for ticks in (4000, 16_000)
     ]
     assert kept[1] < 1.3 * kept[0]

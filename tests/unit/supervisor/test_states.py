@@ -4,6 +4,8 @@ from typing import get_args
 
 import pytest
 
+from pincette.api.endings import ENDINGS, EndingCode
+from pincette.api.results import OutcomeCode
 from pincette.api.states import (
     BEYOND,
     EVENTS,
@@ -17,6 +19,7 @@ from pincette.api.states import (
     allowed_actions,
     next_state,
 )
+from pincette.core.faults import Outcome
 
 EVENT_NAMES: tuple[Event, ...] = get_args(Event)
 MOVING: tuple[JobState, ...] = ("preparing", "running", "pausing", "paused", "resuming")
@@ -129,8 +132,11 @@ def test_every_event_and_every_addition_to_a_deadline_has_words() -> None:
     assert {row.beyond for row in STATES.values()} == set(BEYOND)
 
 
-def test_outcomes_have_meanings() -> None:
+def test_outcomes_and_endings_have_meanings() -> None:
     assert all(OUTCOMES.values())
+    assert set(ENDINGS) == set(get_args(EndingCode))
+    played = {str(outcome) for outcome in Outcome if outcome}
+    assert set(get_args(OutcomeCode)) == played | {"tripped", "unfinished"}
 
 
 @pytest.mark.parametrize("state", list(STATES))

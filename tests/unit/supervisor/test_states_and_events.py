@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
-from pathlib import Path
 
 import pytest
 from sqlalchemy import Connection
@@ -80,17 +79,14 @@ def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
     assert witness.odd == []
 
 
-def test_a_change_that_fails_is_not_told(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
+def test_a_change_that_fails_is_not_told(store: Store) -> None:
     log = EventLog(store, "demo")
     with pytest.raises(LookupError), log.transaction("state", "a", state="running"):
         store.change("a", state="running")
     assert store.event_span()[1] == 0
-    store.close()
 
 
-def test_a_change_that_cannot_be_told_is_not_made(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
+def test_a_change_that_cannot_be_told_is_not_made(store: Store) -> None:
     log = EventLog(store, "demo")
     store.add(ROW)
 
@@ -104,13 +100,11 @@ def test_a_change_that_cannot_be_told_is_not_made(tmp_path: Path) -> None:
     row = store.get("a")
     assert row is not None
     assert (row.state, row.actions, row.revision) == ("queued", (), 1)
-    store.close()
 
 
 def test_memory_follows_the_write_and_comes_before_whoever_listens(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
     log = EventLog(store, "demo")
     order: list[str] = []
 
@@ -122,12 +116,9 @@ def test_memory_follows_the_write_and_comes_before_whoever_listens(
         kept.append(lambda: order.append(f"event {store.event_span()[1]} is kept"))
         order.append(f"event {store.event_span()[1]} was the last")
     assert order == ["event 0 was the last", "event 1 is kept", "told"]
-    store.close()
 
 
-def test_a_write_within_another_is_part_of_it(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
-
+def test_a_write_within_another_is_part_of_it(store: Store) -> None:
     def fail() -> None:
         with store.writing():
             store.add(ROW)
@@ -138,4 +129,3 @@ def test_a_write_within_another_is_part_of_it(tmp_path: Path) -> None:
     assert store.get("a") is None
     store.add(ROW)
     assert store.get("a") is not None
-    store.close()

@@ -4,13 +4,13 @@ import math
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from sqlalchemy import text
 
+from pincette_supervisor.config import STORE
 from pincette_supervisor.journal import store as store_module
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import (
@@ -23,13 +23,6 @@ from pincette_supervisor.journal.store import (
 from pincette_supervisor.journal.tables import Creation
 
 AT = "2026-03-01T12:00:00.000Z"
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    store = Store(tmp_path / "jobs.sqlite")
-    yield store
-    store.close()
 
 
 def row(name: str, created_at: str = AT) -> JobRow:
@@ -131,7 +124,7 @@ def test_a_key_creates_one_job(tmp_path: Path, store: Store) -> None:
     assert (refused.value.job, refused.value.fingerprint) == ("a", "f1")
     assert store.get("b") is None
     store.close()
-    again = Store(tmp_path / "jobs.sqlite")
+    again = Store(tmp_path / STORE)
     assert again.created("key") == Creation("key", "f1", "a", AT)
     assert again.created("other") is None
     again.close()
@@ -184,7 +177,7 @@ def test_events_are_numbered_and_narrowed(tmp_path: Path, store: Store) -> None:
     assert [event.number for event in store.events_after(0, limit=2)] == [1, 2]
     assert store.events_after(3)[0].body == {"state": "running"}
     store.close()
-    again = Store(tmp_path / "jobs.sqlite")
+    again = Store(tmp_path / STORE)
     assert again.event_span()[1] == 4
     again.close()
 
@@ -230,10 +223,9 @@ def test_a_number_that_json_has_not_is_refused_and_nothing_changes(store: Store)
     assert (job.state, job.result, job.revision) == ("queued", None, 1)
 
 
-def test_a_closed_store_says_so(tmp_path: Path) -> None:
-    store = Store(tmp_path / "jobs.sqlite")
+def test_a_closed_store_says_so(store: Store) -> None:
     store.close()
-    with pytest.raises(StoreError, match=r"jobs\.sqlite is closed"):
+    with pytest.raises(StoreError, match=r"supervisor\.sqlite is closed"):
         store.get("a")
     with pytest.raises(StoreError, match="is closed"):
         store.set_note("a", "b")
@@ -242,7 +234,7 @@ def test_a_closed_store_says_so(tmp_path: Path) -> None:
 def test_a_data_base_that_fails_is_named(store: Store) -> None:
     with store.writing() as base:
         base.execute(text("DROP TABLE notes"))
-    with pytest.raises(StoreError, match=r"jobs\.sqlite: no such table: notes"):
+    with pytest.raises(StoreError, match=r"supervisor\.sqlite: no such table: notes"):
         store.get_note("a")
     with pytest.raises(StoreError, match="room and rights"):
         store.set_note("a", "b")

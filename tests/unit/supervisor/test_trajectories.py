@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
@@ -230,15 +229,13 @@ def test_the_digest_is_of_request_rig_file_and_model() -> None:
 
 
 def test_the_oldest_go_where_there_are_too_many(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times = iter(f"2026-03-01T12:00:0{second}.000Z" for second in range(9))
     monkeypatch.setattr(library, "utc_now", lambda: next(times))
     monkeypatch.setattr(library, "TRAJECTORIES_MAX", 2)
-    store = Store(tmp_path / "journal.sqlite")
     book = TrajectoryRepository(store)
     rows = [book.add(replace(ROW, request={"force_mN": force}))[0] for force in (1.0, 2.0, 3.0)]
     assert book.newest(10) == rows[:0:-1]
     assert book.get(rows[0].digest) is None
     assert book.add(rows[2]) == (rows[2], False)
-    store.close()

@@ -35,8 +35,9 @@ PASSWORD = "of ten and more"
 
 
 @pytest.fixture
-def bench(harness: Harness) -> Harness:
-    """A supervisor that Ann may operate."""
+def bench(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> Harness:
+    """A supervisor that Ann may operate, whose hashes cost little."""
+    monkeypatch.setattr(passwords, "COST", 2)
     KeyStore(KeyFile(harness.store.folder), harness.store).add_user("ann", "operate", PASSWORD)
     authenticator = Authenticator()
     authenticator.refresh(harness.store)

@@ -57,8 +57,7 @@ def test_a_job_ends_as_it_would_and_is_found_in_the_journal_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     with full_disk(monkeypatch):
         harness.bus.play()
         assert live.done.wait(20.0)
@@ -89,8 +88,7 @@ def test_a_stop_works_on_a_full_disk_and_is_told_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = harness.playing_to(IN_APPROACH)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     with full_disk(monkeypatch):
         assert harness.act(job, "stop").status_code == 202
         assert live.done.wait(20.0)
@@ -108,8 +106,7 @@ def test_a_trip_and_a_reset_work_on_a_full_disk_and_the_alarm_comes_later(
     harness: Harness, monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:
     job = harness.playing_to(place)
-    live = harness.manager.active
-    assert live is not None
+    live = harness.live
     with full_disk(monkeypatch):
         harness.bus.trip("device: no answer")
         assert live.done.wait(20.0)
