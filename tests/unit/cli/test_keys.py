@@ -13,6 +13,8 @@ from pincette.client import Supervisor
 from tests.unit.client import desk
 from tests.unit.client.desk import Desk
 
+from .conftest import At
+
 KEY = "pincette_secret"
 
 
@@ -148,30 +150,18 @@ def test_a_key_file_that_cannot_be_used_is_said(
 
 
 def test_a_key_that_is_too_small_is_told_with_what_it_lacks(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     detail = "this needs scope operate (also plan …); key 'ann' has observe"
-    refused = desk.problem(403, "scope-too-small", needed_scope="operate", detail=detail)
-
-    def reached(_url: str, **_settings: Any) -> Supervisor:
-        return Desk(refused).supervisor(0.0)
-
-    monkeypatch.setattr("pincette.client.Supervisor", reached)
+    at(desk.problem(403, "scope-too-small", needed_scope="operate", detail=detail))
     assert main(["job", "grip", "--rig-name", "demo", "--no-wait"]) == Exit.FAILED
     assert detail in capsys.readouterr().err
 
 
-def test_the_audit_log_is_listed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_audit_log_is_listed(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     entry = desk.example(AuditEntry, count=3)
     answers = [desk.httpx.Response(200, json={"entries": [entry], "next": None})] * 2
-    supervisor = Desk(*answers)
-
-    def reached(_url: str, **_settings: Any) -> Supervisor:
-        return supervisor.supervisor(0.0)
-
-    monkeypatch.setattr("pincette.client.Supervisor", reached)
+    supervisor = at(*answers)
     assert main(["audit", "--limit", "5", "--before", "13"]) == Exit.DONE
     said = capsys.readouterr().out
     assert "cell-7 (Ann)" in said

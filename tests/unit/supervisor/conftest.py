@@ -7,10 +7,14 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile, parse_rig
+from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.config import STORE
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
+from tests.support.apps import create_app
+from tests.support.keys import ScopeKeys, key_of_each_scope
 from tests.support.stores import open_store
 
 from .harness import Harness
@@ -74,3 +78,20 @@ def open_harness(tmp_path: Path) -> Iterator[Callable[..., Harness]]:
 @pytest.fixture
 def harness(rig_file: RigFile, open_harness: Callable[..., Harness]) -> Harness:
     return open_harness(rig_file)
+
+
+@pytest.fixture
+def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
+    """A supervisor of an idle rig in real time, whose clock stands."""
+    harness = open_harness(real_time)
+    harness.observer.clock = lambda: 100.0
+    harness.bus.idle()
+    return harness
+
+
+@pytest.fixture
+def ring(harness: Harness) -> ScopeKeys:
+    """Put keys in force, one of each scope."""
+    access = Access(Authenticator())
+    harness.app = create_app(harness.rigs, access)
+    return key_of_each_scope(harness.store, access.authenticator)

@@ -3,7 +3,7 @@
 Time is virtual. ``tests/system/test_access_alarms.py`` provokes the same in a whole rig.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -167,7 +167,7 @@ def test_a_clock_that_is_behind_is_an_alarm_that_only_an_admin_may_end(desk: Des
 
 @pytest.mark.parametrize("step", [200 * DAY, -200 * DAY])
 def test_a_clock_that_has_stepped_is_an_alarm_and_nothing_is_deleted(
-    desk: Desk, step: timedelta, until: Callable[[Callable[[], bool]], None]
+    desk: Desk, step: timedelta
 ) -> None:
     records = desk.harness.manager.context.records
     records.mkdir(exist_ok=True)
@@ -179,7 +179,7 @@ def test_a_clock_that_has_stepped_is_an_alarm_and_nothing_is_deleted(
     assert counted.step_s == step.total_seconds()
     finding = fault(FaultCode.CLOCK_STEPPED, step_s=step.total_seconds())
     desk.harness.bus.findings["recorder"] = (finding,)
-    until(lambda: "clock" in desk.alarms())
+    desk.harness.until(lambda: "clock" in desk.alarms())
     alarm = desk.alarms()["clock"]
     assert f"{step.total_seconds():+.0f} s" in alarm["words"]
     assert counted.ages_s(["job"]) == {"job": 0.0}
@@ -194,9 +194,4 @@ def test_a_clock_that_has_stepped_is_an_alarm_and_nothing_is_deleted(
     counted.count()
     assert counted.step_s is None
     desk.harness.bus.findings["recorder"] = ()
-    until(lambda: "clock" not in desk.alarms())
-
-
-@pytest.fixture
-def until(harness: Harness) -> Callable[[Callable[[], bool]], None]:
-    return harness.until
+    desk.harness.until(lambda: "clock" not in desk.alarms())

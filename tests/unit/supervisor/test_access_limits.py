@@ -29,7 +29,6 @@ from pincette_supervisor.rest.limits import (
 )
 from tests.support.api_document import openapi
 from tests.support.apps import create_app
-from tests.support.keys import key_of_each_scope
 
 from .harness import Harness
 
@@ -371,10 +370,8 @@ def test_the_errors_that_are_listed_are_bounded(harness: Harness) -> None:
     assert len(answer.content) < 20_000
 
 
+@pytest.mark.usefixtures("ring")
 def test_a_body_is_not_read_without_a_key(harness: Harness) -> None:
-    access = Access()
-    key_of_each_scope(harness.store, access.authenticator)
-    harness.app = create_app(harness.rigs, access)
     taken: list[int] = []
 
     async def chunks() -> Any:

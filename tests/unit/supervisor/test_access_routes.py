@@ -4,17 +4,13 @@ from itertools import product
 from typing import Any
 
 import httpx
-import pytest
 from fastapi.routing import APIRoute
 from starlette.routing import BaseRoute
 
 from pincette.api.access import SCOPES, Scope, covers
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.rest.session_cookie import NAME as COOKIE
 from tests.support.api_document import openapi
-from tests.support.apps import create_app
-from tests.support.keys import ScopeKeys, key_of_each_scope, shown
+from tests.support.keys import ScopeKeys, shown
 
 from .harness import Harness
 
@@ -73,13 +69,6 @@ def every_route(routes: list[BaseRoute]) -> list[BaseRoute]:
         below = getattr(route, "original_router", None)
         found += [route] if below is None else every_route(below.routes)
     return found
-
-
-@pytest.fixture
-def ring(harness: Harness) -> ScopeKeys:
-    access = Access(Authenticator())
-    harness.app = create_app(harness.rigs, access)
-    return key_of_each_scope(harness.store, access.authenticator)
 
 
 def test_every_operation_demands_a_scope_or_stands_in_the_list() -> None:

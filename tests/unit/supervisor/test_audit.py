@@ -7,20 +7,10 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
-from tests.support.apps import create_app
-from tests.support.keys import ScopeKeys, key_of_each_scope
+from tests.support.keys import ScopeKeys
 
 from .harness import Harness
-
-
-@pytest.fixture
-def ring(harness: Harness) -> ScopeKeys:
-    access = Access(Authenticator())
-    harness.app = create_app(harness.rigs, access)
-    return key_of_each_scope(harness.store, access.authenticator)
 
 
 def audit(harness: Harness, ring: ScopeKeys, **query: Any) -> list[dict[str, Any]]:

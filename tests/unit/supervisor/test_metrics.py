@@ -10,14 +10,11 @@ from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 
 from pincette.config import RigFile
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.metrics.collector import MOST_RIGS
 from pincette_supervisor.metrics.families import FAMILIES
-from tests.support.apps import create_app
 from tests.support.histograms import counted
-from tests.support.keys import key_of_each_scope
+from tests.support.keys import ScopeKeys
 
 from . import samples
 from .harness import Harness
@@ -125,10 +122,7 @@ def test_an_odd_wish_brings_the_plain_text(harness: Harness, accept: str) -> Non
     assert list(text_string_to_metric_families(response.text))
 
 
-def test_who_may_look_on_may_scrape(harness: Harness) -> None:
-    access = Access(Authenticator())
-    harness.app = create_app(harness.rigs, access)
-    ring = key_of_each_scope(harness.store, access.authenticator)
+def test_who_may_look_on_may_scrape(harness: Harness, ring: ScopeKeys) -> None:
     assert harness.call("GET", "/metrics").status_code == 401
     for scope in ("observe", "operate", "admin"):
         assert harness.call("GET", "/metrics", headers=ring.headers(scope)).status_code == 200

@@ -6,7 +6,6 @@ import email.policy
 import hashlib
 import hmac
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -165,22 +164,16 @@ def test_a_mail_says_what_ended_and_is_tried_again(harness: Harness) -> None:
     assert f"job: {job}" in body.get_content()
 
 
-def test_the_supervisor_tells_by_itself(
-    harness: Harness, until: Callable[[Callable[[], bool]], None]
-) -> None:
+def test_the_supervisor_tells_by_itself(harness: Harness) -> None:
     with http_receiver() as received:
         outbox = Outbox(harness.store, [webhook(received)])
         EventLog(harness.store, "demo").append("queue", action="clear")
-        until(lambda: harness.store.get_note(f"told {webhook(received).name}") is not None)
+        told = f"told {webhook(received).name}"
+        harness.until(lambda: harness.store.get_note(told) is not None)
         job = ended(harness)
-        until(lambda: len(received.posts) == 1)
+        harness.until(lambda: len(received.posts) == 1)
         outbox.close()
     assert json.loads(received.posts[0][1])["data"]["job"] == job
-
-
-@pytest.fixture
-def until(harness: Harness) -> Callable[[Callable[[], bool]], None]:
-    return harness.until
 
 
 def test_a_secret_is_its_owners_alone(tmp_path: Path) -> None:

@@ -5,19 +5,9 @@ import asyncio
 import httpx
 import pytest
 
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.authentication import Authenticator
-from tests.support.apps import create_app
-from tests.support.keys import ScopeKeys, key_of_each_scope, shown
+from tests.support.keys import ScopeKeys, shown
 
 from .harness import Harness
-
-
-@pytest.fixture
-def ring(harness: Harness) -> ScopeKeys:
-    access = Access(Authenticator())
-    harness.app = create_app(harness.rigs, access)
-    return key_of_each_scope(harness.store, access.authenticator)
 
 
 @pytest.mark.parametrize("path", ["/api/v1/estop", "/api/v1/rigs/demo/estop"])

@@ -9,7 +9,7 @@ from pincette.config import RigFile
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from tests.support.apps import create_app
-from tests.support.keys import key_of_each_scope
+from tests.support.keys import ScopeKeys, key_of_each_scope
 
 from .harness import Harness
 
@@ -87,10 +87,9 @@ def test_the_check_moves_nothing_and_is_not_audited(named: Harness) -> None:
     assert not named.health.latch().reason.cause.value.startswith("estop")
 
 
-def test_without_a_key_a_stop_is_accepted_and_an_order_is_not(harness: Harness) -> None:
-    access = Access(Authenticator())
-    harness.app = create_app(harness.rigs, access)
-    ring = key_of_each_scope(harness.store, access.authenticator)
+def test_without_a_key_a_stop_is_accepted_and_an_order_is_not(
+    harness: Harness, ring: ScopeKeys
+) -> None:
     codes = {
         scope: harness.call("POST", PLACE, headers=ring.headers(scope)).json()["order"]["code"]
         for scope in ("observe", "operate", "admin")

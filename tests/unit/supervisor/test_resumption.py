@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette_supervisor.jobs.job import LiveJob
@@ -22,14 +21,6 @@ WEIGHTS_MN = [0.0, 5.0, 10.0]
 STEPS = (0.0, 5.0, 10.0, 5.0, 0.0)
 STEP_TICKS = samples.HANG_TICKS + 60
 TRUE_UM_PER_MN = 0.46
-
-
-@pytest.fixture
-def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
-    harness = open_harness(real_time)
-    harness.observer.clock = lambda: 100.0
-    harness.bus.idle()
-    return harness
 
 
 def begun(harness: Harness, calibration: str, **wishes: Any) -> str:

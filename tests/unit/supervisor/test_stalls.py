@@ -1,11 +1,7 @@
 """A job that trips by the age of its commands says what the machine kept, and what suits it."""
 
-from collections.abc import Callable
-
-import pytest
 from msgspec.structs import asdict
 
-from pincette.config import RigFile
 from pincette.core.messages.requests import ExchangeTimes
 from pincette.engine.measuring.kept import FILE, keep
 from pincette.engine.measuring.machine import Findings
@@ -17,14 +13,6 @@ from .harness import Harness
 
 HOW = "`pincette latency --seconds 5 --period-s 0.02` measures the machine"
 STALLED = "command_age: no command for 51 ms, limit 50 ms"
-
-
-@pytest.fixture
-def real(real_time: RigFile, open_harness: Callable[..., Harness]) -> Harness:
-    harness = open_harness(real_time)
-    harness.observer.clock = lambda: 100.0
-    harness.bus.idle()
-    return harness
 
 
 def tripped(harness: Harness, why: str = STALLED) -> str:
