@@ -26,6 +26,7 @@ from pincette.client import (
     ClientError,
     NothingHeldError,
     WhichRigError,
+    kept_by_stop,
     left_s,
     require_feasible,
 )
@@ -38,6 +39,7 @@ from pincette_bluesky.readings import (
     newest,
     numbers,
     readings,
+    setpoint_mN,
     standing,
 )
 from pincette_bluesky.samples import pages
@@ -71,7 +73,6 @@ class Gripper(Device):
         self._supervisor = AsyncSupervisor(url, key=key, operator=LABEL, authority=authority)
         self._rig_name, self._found = rig, None
         self._arms = 1
-        self._setpoint_mN = 0.0
         self._prepared: dict[str, Any] | None = None
         self._flight: AsyncJobHandle | None = None
         self._flown: AsyncJobHandle | None = None
@@ -120,9 +121,13 @@ class Gripper(Device):
         return readings(self.name, standing(await self._rig.state()))
 
     async def locate(self) -> Location[float]:
-        """The force that was asked for, and the force in mN."""
-        now = newest(await self._rig.state())
-        return {"setpoint": self._setpoint_mN, "readback": now["force_mN"]}
+        """The force of the job that has the rig, and the force in mN; NaN where one is unknown.
+
+        A relative move from an unknown setpoint is refused, so that it cannot release a part.
+        """
+        state = await self._rig.state()
+        job = None if state.active_job is None else (await self._rig.job(state.active_job)).job
+        return {"setpoint": setpoint_mN(state, job), "readback": newest(state)["force_mN"]}
 
     async def check_value(self, value: float) -> None:
         """Raise InfeasiblePlanError or InvalidRequestError for a force that cannot be set.
@@ -157,9 +162,13 @@ class Gripper(Device):
 
     async def _grip(self, motion: Motion, force_mN: float) -> AsyncGenerator[Progress]:
         job = await self._rig.active_job()
+        own = job is not None and job.job.labels.get(LABEL) == self.name
+        if job is not None and own and (kept := kept_by_stop(job.job, force_mN)) is not None:
+            yield kept
+            return
         if job is None or not self._is_that(job, force_mN):
             job = await self._start(motion, "grip", force_mN=force_mN, until_released=True)
-        motion.job, self._setpoint_mN = job, force_mN
+        motion.job = job
         async for now in job.to_hold():
             yield now
 
@@ -167,9 +176,8 @@ class Gripper(Device):
         try:
             job = await self._rig.let_go(motion.key, labels=self._labels)
         except NothingHeldError:
-            self._setpoint_mN = 0.0
             return
-        motion.job, self._setpoint_mN = job, 0.0
+        motion.job = job
         async for now in job.to_release():
             yield now
 

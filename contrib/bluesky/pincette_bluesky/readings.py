@@ -8,12 +8,15 @@ from typing import Any
 from bluesky.protocols import Reading
 from event_model import DataKey
 
+from pincette.api.jobs import Job
 from pincette.api.rigs import Rig
 from pincette.core.units import unit_of
 
 NUMBERS = ("force_mN", "force_uncertainty_mN", "x_um", "voltage_V")
 """Of the newest sample; NaN where nothing is known."""
 TEXTS = ("part", "job")
+OPENING = ("unload", "retreat")
+"""Phases in which the force of a job is not the one it was asked for any more."""
 STANDING = ("rig", "rig_digest", "model_digest", "period_s")
 """What is read once of a run."""
 COLUMNS = (
@@ -66,6 +69,24 @@ def newest(rig: Rig) -> dict[str, Any]:
     values = {field: None if now is None else getattr(now, field) for field in numbers(rig.arms)}
     known = {field: math.nan if value is None else value for field, value in values.items()}
     return {**known, "part": rig.part, "job": rig.active_job or ""}
+
+
+def setpoint_mN(rig: Rig, job: Job | None) -> float:
+    """Return the force that a rig was asked for: 0 where nothing is held, NaN if it is unknown.
+
+    Parameters
+    ----------
+    job
+        Job that has the rig; None if none has it.
+    """
+    if job is None:
+        return 0.0 if rig.part == "none" else math.nan
+    now = job.progress
+    if job.ended_at is not None:  # stopped, and its part is kept with the reference it had then
+        force_mN = None if now is None or not now.held else now.force_r_mN
+    else:
+        force_mN = None if now is not None and now.phase in OPENING else job.values.get("force_mN")
+    return float(force_mN) if isinstance(force_mN, int | float) else math.nan
 
 
 def standing(rig: Rig) -> dict[str, Any]:

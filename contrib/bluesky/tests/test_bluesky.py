@@ -26,6 +26,8 @@ from contrib.support.run_engine import (
     subscribed,
     until_moving,
 )
+from pincette.api.jobs import Job, Progress
+from pincette.api.rigs import Rig
 from pincette.client import (
     InfeasiblePlanError,
     InvalidRequestError,
@@ -37,6 +39,7 @@ from pincette.client import (
     RigLatchedError,
 )
 from pincette_bluesky import Gripper
+from pincette_bluesky.readings import setpoint_mN
 from tests.support.adapters import FORCE_MN, NEAR_MN, SLOWLY, adapter_rig, until
 from tests.support.grips import make_ready, restart
 from tests.support.running import RunningRig
@@ -77,6 +80,18 @@ def gripper(rig: RunningRig, engine: Any) -> Generator[Gripper]:
     if rig.view()["part"] == "held":
         rig.post("/jobs/" + rig.view()["active_job"] + "/actions", {"type": "release"})
     until(lambda: rig.view()["active_job"] is None, "a job is left")
+
+
+def located(engine: Any, gripper: Gripper) -> float:
+    """Return the setpoint that a plan reads."""
+    found: list[float] = []
+
+    def plan() -> Generator[Any, Any, None]:
+        place = cast("Any", (yield from bps.locate(gripper)))
+        found.append(place["setpoint"])
+
+    engine(plan())
+    return found[0]
 
 
 def test_a_part_is_gripped_read_and_let_go(
@@ -127,9 +142,57 @@ def test_a_part_stays_held_from_one_plan_to_the_next(
     assert isinstance(
         failure(engine, bps.mv(gripper, FORCE_MN - 2.0)), RigBusyError | PartHeldError
     )
-    assert engine(bps.locate(gripper)) is not None
+    assert located(engine, gripper) == FORCE_MN
+    engine(bps.mvr(gripper, 0.0))
+    assert (rig.view()["part"], rig.view()["active_job"]) == ("held", job)
+    assert isinstance(failure(engine, bps.mvr(gripper, 3.0)), PartHeldError)
+    assert located(engine, gripper) == FORCE_MN
     engine(bps.mv(gripper, 0.0))
     assert rig.view()["part"] == "none"
+    assert located(engine, gripper) == 0.0
+
+
+def test_a_force_that_a_stopped_job_holds_is_reached_at_once(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    engine(bps.mv(gripper, FORCE_MN))
+    job = rig.view()["active_job"]
+    rig.post(f"/jobs/{job}/actions", {"type": "stop"}).raise_for_status()
+    until(lambda: rig.job(job)["state"] == "stopped", "the job is not stopped")
+    assert located(engine, gripper) == pytest.approx(FORCE_MN)
+    engine(bps.mv(gripper, FORCE_MN))
+    assert rig.view()["active_job"] == job
+    engine(bps.mv(gripper, 0.0))
+    assert rig.view()["part"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("changes", "progress", "setpoint"),
+    [
+        ({}, {"phase": "load"}, 15.0),
+        ({}, {"phase": "hold"}, 15.0),
+        ({}, {"phase": "unload"}, math.nan),
+        ({"values": {"hold_s": None}}, {"phase": "hold"}, math.nan),
+        ({"state": "stopped", "ended_at": "then"}, {"phase": "stopped", "force_r_mN": 7.5}, 7.5),
+        ({"state": "stopped", "ended_at": "then"}, {"held": False}, math.nan),
+    ],
+)
+def test_the_setpoint_is_the_force_of_the_job_that_has_the_rig(
+    changes: dict[str, Any], progress: dict[str, Any], setpoint: float
+) -> None:
+    newest = {**example(Progress), **progress}
+    fields = {"values": {"force_mN": 15.0}, **changes, "progress": newest}
+    job = Job.model_validate({**example(Job), **fields})
+    held = Rig.model_validate({**example(Rig), "part": "held"})
+    assert setpoint_mN(held, job) == pytest.approx(setpoint, nan_ok=True)
+    assert math.isnan(setpoint_mN(held, None))
+    free = Rig.model_validate({**example(Rig), "part": "none"})
+    assert setpoint_mN(free, None) == 0.0
+
+
+def example(model: Any) -> dict[str, Any]:
+    """Return the example of a model."""
+    return model.model_config["json_schema_extra"]["examples"][0]
 
 
 def test_a_flight_gives_the_samples_of_its_record(

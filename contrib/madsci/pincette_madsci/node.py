@@ -27,6 +27,7 @@ from pincette.client import (
     RigHandle,
     RigStatus,
     Supervisor,
+    kept_by_stop,
     require_feasible,
 )
 from pincette.client.status import NEWS_S, unknown_status
@@ -130,19 +131,26 @@ class Gripper(RestNode):
 
     @action
     def grip(self, force_mN: float) -> ActionResult:
-        """Grip; ends when the part is held, and it stays held until release."""
+        """Grip; ends when the part is held, and it stays held until release.
+
+        A part that a stop has left with that force is held on as it is.
+        """
         key = uuid4().hex
         with self._noted(key):
             try:
                 rig, labels = self._rig(), {LABEL: self.node_info.node_name}
+                active = rig.active_job()
+                if active is not None and active.job.labels.items() >= labels.items():
+                    kept = kept_by_stop(active.job, force_mN)
+                    if kept is not None:
+                        return gripped(active, kept)
                 wanted: dict[str, Any] = {"force_mN": force_mN, "until_released": True}
                 job = rig.start("grip", idempotency_key=key, labels=labels, **wanted)
                 self._actions[key] = job
                 now = last(job.to_hold())
             except ClientError as error:
                 return failed(error)
-        held_mN = None if now is None else now.force_held_mN
-        return ActionSucceeded(json_result={"job": job.id, "force_held_mN": held_mN})
+        return gripped(job, now)
 
     @action
     def release(self) -> ActionResult:
@@ -193,6 +201,14 @@ class Gripper(RestNode):
             return self._supervisor.patient(0.0).within(NEWS_S).rig(self.config.rig).status()
         except ClientError as error:
             return unknown_status(str(error))
+
+
+def gripped(job: JobHandle, now: Progress | None) -> ActionResult:
+    """Return the result of a grip that holds its part, with the settled force if there is one."""
+    held_mN = None if now is None else now.force_held_mN
+    if held_mN is None and now is not None:
+        held_mN = now.force_mN
+    return ActionSucceeded(json_result={"job": job.id, "force_held_mN": held_mN})
 
 
 def last(moments: Iterable[Progress]) -> Progress | None:

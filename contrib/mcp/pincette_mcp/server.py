@@ -22,6 +22,7 @@ from pincette.client import (
     NotPermittedError,
     WaitTimeoutError,
     WhichRigError,
+    kept_by_stop,
     left_s,
 )
 from pincette.client.status import NEWS_S, RigStatus, unknown_status
@@ -170,9 +171,18 @@ class Tools:
         )
 
     async def grip(self, token: str, context: Context) -> Gripped:
-        """Grip as planned. It ends when the part is held, or with the hold time that was given."""
+        """Grip as planned. It ends when the part is held, or with the hold time that was given.
+
+        A part that a stop has left with that force is held on as it is.
+        """
         with told():
             rig, fields = await self._rig(), self._plans.take(token)
+            active = await rig.active_job()
+            own = active is not None and LABEL in active.job.labels and "hold_s" not in fields
+            if active is not None and own:
+                now = kept_by_stop(active.job, fields["force_mN"])
+                if now is not None:
+                    return _gripped(active, "held", now.force_mN, now.force_uncertainty_mN)
             self._asked.add(token)
             try:
                 labels = {LABEL: token}

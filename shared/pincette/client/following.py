@@ -95,6 +95,21 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
     return abs(force_mN - asked_mN) <= force_tolerance_mN(job, uncertainty_mN)
 
 
+def kept_by_stop(job: Job, force_mN: float) -> Progress | None:
+    """Return the progress of a stopped job that keeps its part with a force; None if it does not.
+
+    The same request is then reached without a motion. The reference of the job's law and the
+    force must both be the one given, within the stated uncertainty or 2 % of it.
+    """
+    now = job.progress
+    if now is None or not now.held or job.state != "stopped":
+        return None
+    within_mN = max(TOLERANCE * force_mN, now.force_uncertainty_mN or 0.0)
+    forces_mN = (now.force_r_mN, now.force_mN if now.force_held_mN is None else now.force_held_mN)
+    reached = all(one is not None and abs(one - force_mN) <= within_mN for one in forces_mN)
+    return now if reached and "release" in job.allowed_actions else None
+
+
 async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
     """Yield the progress of a job until it holds the force that it was asked for, settled.
 

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from pincette.api.events import Event
-from pincette.api.jobs import Progress
-from pincette.client import ForceNotReachedError, JobEndedError, PartHeldError
+from pincette.api.jobs import Job, Progress
+from pincette.client import ForceNotReachedError, JobEndedError, PartHeldError, kept_by_stop
 
 from . import desk
 from .desk import Desk
@@ -177,3 +177,28 @@ def test_a_part_that_is_held_is_named_with_its_job_and_force() -> None:
 def test_a_part_that_no_job_holds_has_no_job() -> None:
     found = PartHeldError(409, {"type": "urn:pincette:problem:part-held", "title": "held"})
     assert (found.job, found.labels, found.force_mN) == (None, {}, None)
+
+
+IN_HOLD: dict[str, Any] = {"state": "running", "values": VALUES, "allowed_actions": ["release"]}
+KEPT: dict[str, Any] = {"state": "stopped", "values": VALUES, "allowed_actions": ["release"]}
+
+
+@pytest.mark.parametrize(
+    ("job", "now", "held"),
+    [
+        (IN_HOLD, {"phase": "hold", "force_mN": 15.0, "force_r_mN": 15.0}, False),
+        (KEPT, {"phase": "hold", "force_held_mN": 14.0, "force_r_mN": 15.0}, False),
+        (KEPT, {"phase": "stopped", "force_mN": 14.9, "force_r_mN": 15.0}, True),
+        (KEPT, {"phase": "stopped", "force_mN": 7.6, "force_r_mN": 7.5}, False),
+        # A load that is on its way through the force does not hold it.
+        (KEPT, {"phase": "stopped", "force_mN": 15.0, "force_r_mN": 7.5}, False),
+        ({**KEPT, "allowed_actions": []}, {"force_mN": 15.0, "force_r_mN": 15.0}, False),
+        (KEPT, {"held": False, "force_mN": 15.0, "force_r_mN": 15.0}, False),
+    ],
+)
+def test_a_stopped_job_that_keeps_a_force_is_known(
+    job: dict[str, Any], now: dict[str, Any], held: bool
+) -> None:
+    newest = {"held": True, "force_held_mN": None, "force_uncertainty_mN": 0.1, **now}
+    found = Job.model_validate(desk.example(Job, **job, progress=desk.example(Progress, **newest)))
+    assert (kept_by_stop(found, ASKED_MN) is not None) == held
