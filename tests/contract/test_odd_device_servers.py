@@ -138,6 +138,15 @@ def test_doctor_suspects_the_baud_rate_of_a_server_behind_which_nothing_answers(
     assert "baud" in found.remedy
 
 
+def test_doctor_names_the_laser_at_the_address_of_the_output() -> None:
+    with serve("socket://127.0.0.1:0", SimulatedKeyence(lambda: X_UM)) as wire:
+        changes = {"output": {"url": wire.url, "timeout_s": 0.2}}
+        found = opened_device(loop_services()["actuator"], demo_rig(changes))
+    assert isinstance(found, Finding)
+    assert "Keyence laser answers" in found.remedy
+    assert "exchanged" in found.remedy
+
+
 @pytest.mark.parametrize(
     ("url", "remedy"),
     [

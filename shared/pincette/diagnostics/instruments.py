@@ -1,5 +1,6 @@
 """What the instruments of a rig say where they are opened, and which way the arm moves."""
 
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -38,6 +39,8 @@ LEAST_SHARE, MOST_SHARE = 0.3, 3.0
 """Of the motion that the model says, for it to be the arm's."""
 OLD_SHARE = 0.5
 """Share of a move below which the first reading after it is one of before."""
+LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
+"""In an error of the output: a Keyence controller repeats a request that it does not know."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
@@ -118,6 +121,11 @@ def remedy_of(error: InstrumentError, table: str, url: str) -> str:
         return f"do what the error states; `url` in [{table}] of the rig file is the port"
     if error.code not in ("silent", "late", "garbled"):
         return "see what the instrument shows"
+    if LASER_ANSWERS.search(str(error)):
+        return (
+            f"a Keyence laser answers at `url` in [{table}] of the rig file: are the addresses of "
+            "sensor and output exchanged?"
+        )
     remedy = f"check cable, power, address, baud rate, and `url` in [{table}] of the rig file"
     if url.startswith("socket://"):
         remedy += (
