@@ -7,7 +7,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from msgspec import UnsetType, structs
+from msgspec import structs
 
 from pincette.asyncapi.document import document
 from pincette.asyncapi.schemas import notes, reachable, summary
@@ -27,7 +27,7 @@ PLAIN = {
     Document: "text",
 }
 
-NOTHING: dict[Any, str] = {type(None): "nil", UnsetType: "absent"}
+NOTHING: dict[Any, str] = {type(None): "nil"}
 HEAD = """\
 # Keys
 
@@ -35,8 +35,8 @@ Generated from `pincette.core.topics` by `make docs`; a test compares the two. P
 [deploy/asyncapi.json](../../deploy/asyncapi.json), which the supervisor serves at `/asyncapi.json`.
 
 Every key begins with `{root}/` and the name of the rig. A payload is one MessagePack map. It has
-every field below, by name, and no other field; one that is absent is left out. nil stands for
-Python's None. Forces are compressive and positive.
+every field below, by name, and no other field. nil stands for Python's None. Forces are compressive
+and positive. `arms` has one record for each driven arm, the first arm first.
 
 """
 

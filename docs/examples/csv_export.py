@@ -26,14 +26,14 @@ given = parser.parse_args()
 
 
 def cells(topic, message):
-    """Return what a message adds to its row: only values that may be used."""
+    """Return what a message adds to its row, of the first arm: only values that may be used."""
+    arm = message["arms"][0]
     if topic == "position":
-        valid = message["valid"]
-        return {"t_s": message["t_s"], "x_um": message["x_um"] if valid else None}
+        return {"t_s": message["t_s"], "x_um": arm["x_um"] if arm["valid"] else None}
     if topic == "estimate":
         names = ("force_mN", "force_uncertainty_mN")
-        return {name: message[name] if message["valid"] else None for name in names}
-    return {"voltage_V": None if message["unconfirmed"] else message["voltage_V"]}
+        return {name: arm[name] if message["valid"] else None for name in names}
+    return {"voltage_V": None if message["unconfirmed"] else arm["voltage_V"]}
 
 
 def write(number, topics):
@@ -52,7 +52,7 @@ table = csv.DictWriter(given.file, FIELDS)
 table.writeheader()
 waiting, counts = {}, {"rows": 0, "incomplete": 0}
 with zenoh.open(config) as session, given.file:
-    samples = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
+    samples = session.declare_subscriber(f"pincette/v2/{given.rig}/*")
     begun = None
     try:
         for sample in samples:

@@ -37,7 +37,7 @@ def newest(session, key):
     ):
         sample = reply.ok
         if sample is not None and sample.attachment and sample.attachment.to_bytes() == mark:
-            topic = str(sample.key_expr).removeprefix(f"pincette/v1/{given.rig}/")
+            topic = str(sample.key_expr).removeprefix(f"pincette/v2/{given.rig}/")
             yield topic, msgpack.unpackb(sample.payload.to_bytes())
 
 
@@ -45,8 +45,10 @@ config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{gi
 came = set()
 with zenoh.open(config) as session:
     for wildcard in WILDCARDS:
-        for topic, message in newest(session, f"pincette/v1/{given.rig}/{wildcard}"):
+        for topic, message in newest(session, f"pincette/v2/{given.rig}/{wildcard}"):
             came.add(topic)
+            for number, arm in enumerate(message.pop("arms", ()), 1):
+                message |= {f"arm_{number}_{name}": value for name, value in arm.items()}
             for name, value in message.items():
-                print(f"{topic:22} {name:28} {value}")
+                print(f"{topic:22} {name:32} {value}")
 print(f"no message: {', '.join(topic for topic in TOPICS if topic not in came) or 'none missing'}")

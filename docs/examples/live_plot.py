@@ -44,6 +44,7 @@ def draw():
     """Show the newest seconds of the newest arming, whose time begins anew."""
     while not arrived.empty():
         message = msgpack.unpackb(arrived.get().payload.to_bytes())
+        message |= message.pop("arms")[0]  # of two arms the first is shown
         row = rows.setdefault((message["epoch"], message["seq"]), {})
         usable = message.get("valid", True) and not message.get("unconfirmed")  # else a gap
         row.update(message if usable else {"t_s": message["t_s"]} if "t_s" in message else {})
@@ -53,9 +54,8 @@ def draw():
         if number[0] < epoch or row.get("t_s", newest_s) < newest_s - given.seconds:
             del rows[number]
     shown = []
-    for epoch, seq in sorted(rows):
-        shown += [] if (epoch, seq - 1) in rows else [{}]  # a lost sample is a gap
-        shown.append(rows[epoch, seq])
+    for epoch, seq in sorted(rows):  # a lost sample is a gap
+        shown += [rows[epoch, seq]] if (epoch, seq - 1) in rows else [{}, rows[epoch, seq]]
     for field, curve in curves.items():
         points = [(row.get("t_s", gap), row.get(field, gap)) for row in shown]
         curve.set_data(*zip(*points, strict=True) if points else ((), ()))
@@ -67,7 +67,7 @@ def draw():
 config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{given.router}"]}}}}')
 with suppress(KeyboardInterrupt), zenoh.open(config) as session:
     for topic in ("position", "estimate", "telemetry", "applied"):
-        session.declare_subscriber(f"pincette/v1/{given.rig}/{topic}", arrived.put)
+        session.declare_subscriber(f"pincette/v2/{given.rig}/{topic}", arrived.put)
     while not given.png and plt.fignum_exists(figure.number):
         draw()
         plt.pause(0.1)

@@ -90,11 +90,12 @@ def bridge(rig_session: zenoh.Session, ros_session: zenoh.Session, rig: str) -> 
         if not estimate["valid"]:
             return
         at_ns = time.time_ns()
-        force.publish(float64(estimate["force_mN"]), at_ns)
-        position_m, effort_N = estimate["x_um"] * 1e-6, estimate["force_mN"] * 1e-3
+        arm = estimate["arms"][0]
+        force.publish(float64(arm["force_mN"]), at_ns)
+        position_m, effort_N = arm["x_um"] * 1e-6, arm["force_mN"] * 1e-3
         joints.publish(joint_state(at_ns, "gripper", position_m, effort_N), at_ns)
 
-    return rig_session.declare_subscriber(f"pincette/v1/{rig}/estimate", hand_on)
+    return rig_session.declare_subscriber(f"pincette/v2/{rig}/estimate", hand_on)
 
 
 def client_of(place: str) -> zenoh.Session:

@@ -4,17 +4,45 @@ from pincette.bus.topology import SessionConfig, endpoint
 from pincette.core.codec import encode
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Applied, Command, Estimate, Message, Position
+from pincette.core.messages.arms import ArmApplied, ArmCommand, ArmEstimate, ArmPosition
 from pincette.core.topics import LOOP
 from pincette.engine.process import loop_services
 
 EXAMPLES: dict[str, Message] = {
-    "sensor": Position(2**47, 1000, 20.0, 31.415, True),
+    "sensor": Position(2**47, 1000, 20.0, (ArmPosition(31.415, valid=True),)),
     "estimator": Estimate(
-        2**47, 1000, 31.4, 9.87, 0.5, 0.1, 12.3, None, 1.7, 999, 0, False, False, True
+        2**47,
+        1000,
+        999,
+        False,
+        False,
+        (
+            ArmEstimate(
+                x_um=31.4,
+                force_mN=9.87,
+                force_uncertainty_mN=0.5,
+                perturbation_mN=0.1,
+                zero_age_s=12.3,
+                zero_refusal=None,
+                applied_V=1.7,
+                limits_active=0,
+            ),
+        ),
+        True,
     ),
-    "controller": Command(2**47, 1000, 2**47, 1.71, True, False, False, True),
+    "controller": Command(2**47, 1000, 2**47, (ArmCommand(1.71),), True, False, False, True),
     "actuator": Applied(
-        2**47, 1000, 1.7, Mode.ARMED, Cause.NONE, 0, True, False, False, True, 0, 0.004
+        2**47,
+        1000,
+        (ArmApplied(1.7, 0),),
+        Mode.ARMED,
+        Cause.NONE,
+        True,
+        False,
+        False,
+        answered=True,
+        refused=0,
+        command_age_s=0.004,
     ),
 }
 SIZES = {name: len(encode(message)) for name, message in EXAMPLES.items()}

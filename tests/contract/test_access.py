@@ -36,6 +36,7 @@ from pincette.config import RigFile
 from pincette.core.codec import encode
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Arm, Command, Message, Reset, Trip
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.topics import ARM, COMMAND, RESET, TRIP, Request
 from pincette.engine.process import loop_services
 from pincette.security.establishing import enrol
@@ -48,8 +49,12 @@ from tests.support.rigs import demo_rig
 WAIT_S = 5.0
 QUIET_S = 0.3
 """Within which a put that is let through has long arrived."""
-FORGED = Command(2**40, 7, 3, 2.5, part_held=False, zero=False, final=False, valid=True)
-TRUE = Command(2**40, 8, 3, 1.5, part_held=False, zero=False, final=False, valid=True)
+FORGED = Command(
+    2**40, 7, 3, (ArmCommand(2.5),), part_held=False, zero=False, final=False, valid=True
+)
+TRUE = Command(
+    2**40, 8, 3, (ArmCommand(1.5),), part_held=False, zero=False, final=False, valid=True
+)
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/secure/subscribe.py"
 ESTIMATED = EXAMPLES["estimator"]
 CANNOT_COMMAND = ("viewer", "operator", "demo/sensor", "right/controller", "supervisor")
@@ -136,7 +141,7 @@ def test_whoever_else_is_let_in_commands_nothing(site: Site, who: str) -> None:
     for port, mode in product(site.ports(), ("client", "peer", "router")):
         with Intruder(who, intruder.credentials, mode=mode).joined("127.0.0.1", port) as session:
             for place in PUTS:
-                wanted = f"pincette/v1/{place.format(rig='demo')}"
+                wanted = f"pincette/v2/{place.format(rig='demo')}"
                 session.put(wanted, encode(FORGED))
                 session.delete(wanted)
             sleep(QUIET_S)
@@ -270,7 +275,7 @@ def test_another_rig_sees_nothing_of_this_one(site: Site) -> None:
     recorder = Intruder("recorder", site.folder.credentials(program("recorder", "right")))
     heard: list[str] = []
     with recorder.joined("127.0.0.1", site.rig.bus.port) as session:
-        for wanted in ("pincette/v1/demo/*", "pincette/v1/*/*", "**"):
+        for wanted in ("pincette/v2/demo/*", "pincette/v2/*/*", "**"):
             session.declare_subscriber(wanted, lambda sample: heard.append(str(sample.key_expr)))
         sleep(QUIET_S)
         site.controller.publish(TRUE)

@@ -19,9 +19,11 @@ from pincette.core.codec import encode
 from pincette.core.codec.wire import ENCODING
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Burst, Message, Position, StatusRequest, Trip
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import BURST, JOB, POSITION, STATUS, TRIP, Request, Topic, key
 from pincette.engine.rig_file import read_rig_reply, serve_rig_file
 from pincette_supervisor.rigs.other_rigs import OtherRigs
+from tests.support.arms import with_arm
 from tests.support.rigs import demo_rig, free_ports
 
 pytestmark = pytest.mark.usefixtures("stalls")
@@ -29,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 WAIT_S = 5.0
 ANSWER_S = 0.9
 """Below the time after which a question is given up."""
-SAMPLE = Position(3, 0, 0.0, 1.25, True)
+SAMPLE = Position(3, 0, 0.0, (ArmPosition(1.25, valid=True),))
 ACQUIRED = Burst(3, 0, 1000.0, (1.0, 2.0), (0.1, 0.2), valid=True)
 
 
@@ -209,7 +211,7 @@ class TestZenohBus(BusContract):
         self.settle(buses, lambda: True)
         replies = {
             str(reply.ok.key_expr): (reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-            for reply in cast(Any, session.get("pincette/v1/contract/*", timeout=WAIT_S))
+            for reply in cast(Any, session.get("pincette/v2/contract/*", timeout=WAIT_S))
         }
         assert replies == {
             key("contract", POSITION): (encode(SAMPLE), ENCODING),
@@ -224,7 +226,7 @@ class TestZenohBus(BusContract):
         def hear(sample: zenoh.Sample) -> None:
             heard[str(sample.key_expr)] = (sample.congestion_control, sample.priority)
 
-        session.declare_subscriber("pincette/v1/contract/*", hear)
+        session.declare_subscriber("pincette/v2/contract/*", hear)
         deadline = monotonic() + WAIT_S
         while len(heard) < 2:
             assert monotonic() < deadline
@@ -245,7 +247,7 @@ class TestZenohBus(BusContract):
         got: list[Message] = []
         second.subscribe(POSITION, lambda _topic, message: got.append(message))
         self.settle(buses, lambda: True)
-        first.publish(replace(SAMPLE, x_um=float("nan")))
+        first.publish(with_arm(SAMPLE, x_um=float("nan")))
         first.publish(SAMPLE)
         self.settle(buses, lambda: bool(got))
         assert got == [SAMPLE]

@@ -19,6 +19,7 @@ from pincette.config import RigFile
 from pincette.core.codec import encode
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Arm, Command, Message, Trip
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.topics import ARM, COMMAND, LOOP, TOPICS, TRIP, key, live_key
 from pincette.engine.process import loop_programs
 from pincette.security.establishing import enrol
@@ -34,7 +35,9 @@ QUIET_S = 0.3
 """Within which a put that is let through has long arrived."""
 PAIR = "estimator+controller"
 OWN = {"estimate", "command", "telemetry", "request_log"}
-TRUE = Command(2**40, 8, 3, 1.5, part_held=False, zero=False, final=False, valid=True)
+TRUE = Command(
+    2**40, 8, 3, (ArmCommand(1.5),), part_held=False, zero=False, final=False, valid=True
+)
 
 
 @dataclass

@@ -21,4 +21,4 @@ def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -
         rig, tmp_path, lambda: open_sensor(rig.sensor), lambda: open_output(rig.output)
     )
     assert [truth.seq for truth in told] == [0, 1, 2]
-    assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)
+    assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=0.0007)

@@ -96,7 +96,7 @@ def test_a_rule_that_denies_under_a_default_of_allowing_is_passed_by_a_wildcard(
         )
         sleep(QUIET_S)
         mouth.put(key("demo", COMMAND), "exact")
-        mouth.put("pincette/v1/demo/*", "wildcard")
+        mouth.put("pincette/v2/demo/*", "wildcard")
         deadline = monotonic() + WAIT_S
         while not got:
             assert monotonic() < deadline

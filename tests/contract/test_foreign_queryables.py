@@ -233,12 +233,12 @@ def test_a_reply_with_the_mark_that_is_no_message_is_counted_and_the_next_one_wi
 ODD_TOKENS = (
     "**",
     EVERYTHING,
-    "pincette/v1/demo/live/*",
-    "pincette/v1/demo/live/**",
-    "pincette/v1/*/live/actuator",
-    "pincette/v1/demo/live/a$*",
-    "pincette/v1/Demo rig/live/sensor",
-    "pincette/v1/demo/live/Sensor\N{MICRO SIGN}",
+    "pincette/v2/demo/live/*",
+    "pincette/v2/demo/live/**",
+    "pincette/v2/*/live/actuator",
+    "pincette/v2/demo/live/a$*",
+    "pincette/v2/Demo rig/live/sensor",
+    "pincette/v2/demo/live/Sensor\N{MICRO SIGN}",
 )
 """Liveliness tokens that no program has; a lookup of the programs' tokens finds each of them."""
 
@@ -329,7 +329,7 @@ def test_a_certificate_that_may_not_answer_declares_no_queryable(
     secure: Site, folder: Folder, who: str
 ) -> None:
     """The access list keeps both the declaration and the replies of others out."""
-    places = (EVERYTHING, request_key("demo", TRIP), "pincette/v1/demo/call/**", "**")
+    places = (EVERYTHING, request_key("demo", TRIP), "pincette/v2/demo/call/**", "**")
     heard: list[str] = []
 
     def reply(query: zenoh.Query) -> None:
@@ -354,7 +354,7 @@ def test_a_certificate_that_may_not_answer_declares_no_queryable(
 def test_a_certificate_holds_no_token_but_its_own(secure: Site, folder: Folder, who: str) -> None:
     """A token of another program, or one with wildcards, does not pass the router."""
     before, port = secure.supervisor.alive_everywhere(), secure.rig.bus.port
-    others = (*ODD_TOKENS, "pincette/v1/demo/live/recorder", "pincette/v1/other/live/actuator")
+    others = (*ODD_TOKENS, "pincette/v2/demo/live/recorder", "pincette/v2/other/live/actuator")
     intruder = Intruder(who, folder.credentials(folder.named(who)))
     looker = Intruder("operator", folder.credentials(folder.named("operator")))
     with (
@@ -363,7 +363,7 @@ def test_a_certificate_holds_no_token_but_its_own(secure: Site, folder: Folder, 
     ):
         tokens = [session.liveliness().declare_token(one) for one in others]
         sleep(0.2)
-        replies = cast("Iterable[zenoh.Reply]", other.liveliness().get("pincette/v1/*/live/*"))
+        replies = cast("Iterable[zenoh.Reply]", other.liveliness().get("pincette/v2/*/live/*"))
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         assert found == {live_key(rig, program) for rig, program in before}
         assert secure.supervisor.alive_everywhere() == before
@@ -408,7 +408,7 @@ def test_an_empty_query_on_a_request_key_is_answered_and_not_counted(plain: Site
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
     before = plain.actuator.refused.count
     with outsider("client", place) as browser:
-        for wanted in (request_key("demo", TRIP), "pincette/v1/demo/**", "**"):
+        for wanted in (request_key("demo", TRIP), "pincette/v2/demo/**", "**"):
             for payload in (None, b""):
                 replies = cast("Iterable[zenoh.Reply]", browser.get(wanted, payload=payload))
                 errors = [reply.err.payload.to_string() for reply in replies if reply.err]

@@ -20,15 +20,17 @@ from pincette.core.codec.refusals import CodecError
 from pincette.core.codec.wire import ENCODING
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Command, Message, Trip
-from pincette.core.topics import COMMAND, TRIP, Request, key, request_key
+from pincette.core.messages.arms import ArmCommand
+from pincette.core.topics import COMMAND, TRIP, WIRE, Request, key, request_key
 from tests.support.frames import spoilt
 from tests.support.routed import WAIT_S, router, until
 
 SEED = 20133
 FRAMES, REQUESTS = 2_000, 300
 RIG = "besieged"
-LAST = Command(1, 10, 1, 1.5, False, False, False, True)
-ENCODINGS = (ENCODING, "zenoh/bytes", "application/msgpack;pincette.v2", "text/plain", "x" * 200)
+OTHER_ENCODING = f"application/msgpack;pincette.v{WIRE + 1}"
+LAST = Command(1, 10, 1, (ArmCommand(1.5),), False, False, False, True)
+ENCODINGS = (ENCODING, "zenoh/bytes", OTHER_ENCODING, "text/plain", "x" * 200)
 
 
 @pytest.fixture(scope="module")

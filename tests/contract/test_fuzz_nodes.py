@@ -18,6 +18,7 @@ from pincette.core.messages import Applied, Arm, Command, Estimate, Load, Messag
 from pincette.core.topics import LOOP
 from pincette.engine.process import loop_services
 from pincette.engine.runner import Runner
+from tests.support.arms import with_arm
 from tests.support.frames import EPOCH, OWNER, Chance, sound, spoilt
 from tests.support.rigs import demo_rig
 
@@ -116,9 +117,9 @@ class Besieged:
         for kind in self._heard:
             sample = replace(sound(kind, self._chance), epoch=EPOCH, seq=self._seq)
             if not isinstance(sample, Applied) and self._chance.random() < 0.9:
-                sample = replace(sample, valid=True)
+                sample = with_arm(sample, valid=True)
             if isinstance(sample, Applied | Estimate) and self._chance.random() < 0.9:
-                sample = replace(sample, **STEADY[type(sample)])
+                sample = with_arm(sample, **STEADY[type(sample)])
             self._take(decode(kind, encode(sample)))
 
     def _take(self, message: Message) -> None:

@@ -95,9 +95,9 @@ def test_links_that_are_up_go_on_and_are_ended_with_their_own_end(door: Door) ->
     heard: list[bytes] = []
     with open_session(door.client, "tool") as tool:
         tool.declare_subscriber(
-            "pincette/v1/demo/job", lambda one: heard.append(one.payload.to_bytes())
+            "pincette/v2/demo/job", lambda one: heard.append(one.payload.to_bytes())
         )
-        publisher = door.router.session.declare_publisher("pincette/v1/demo/job")
+        publisher = door.router.session.declare_publisher("pincette/v2/demo/job")
         deadline = monotonic() + 5.0
         while not cast("Any", publisher.matching_status).matching:
             assert monotonic() < deadline

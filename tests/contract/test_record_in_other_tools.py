@@ -9,25 +9,27 @@ from typing import Any
 import pandas as untyped_pandas
 import pyarrow.parquet as untyped_parquet
 import pytest
-from msgspec.structs import replace
 
-from pincette.core.messages import Estimate, Message
+from pincette.core.messages import Estimate, Message, Position
 from pincette.records.tables import write_tables_of_file
+from tests.support.arms import with_arm
 from tests.support.recorded import asked, loop, write
 
 pandas: Any = untyped_pandas
 parquet: Any = untyped_parquet
 RERUN = Path(sys.executable).with_name("rerun")
-FORCE_MN = 12.0625
+X_UM, FORCE_MN = 7.4375, 12.0625
 
 
 @pytest.fixture
 def record(tmp_path: Path) -> Path:
-    """Folder of a job whose estimates all say the same force."""
+    """Folder of a job whose samples all have the same position and force."""
 
     def plain(message: Message) -> Message:
         if isinstance(message, Estimate):
-            return replace(message, force_mN=FORCE_MN)
+            return with_arm(message, force_mN=FORCE_MN)
+        if isinstance(message, Position):
+            return with_arm(message, x_um=X_UM)
         return message
 
     write(tmp_path / "job.mcap", [asked(), *(plain(message) for message in loop(20))])
@@ -49,7 +51,7 @@ def test_reruns_converter_shows_decoded_fields(record: Path, tmp_path: Path) -> 
     _rerun("mcap", "convert", record / "job.mcap", "--output", target, home=tmp_path)
     shown = _rerun("rrd", "print", "-vvv", target, home=tmp_path)
     assert "pincette.Estimate:message" in shown
-    assert shown.count(f"force_mN: {FORCE_MN}") == 20
+    assert shown.count(f"arms: [{{x_um: {X_UM}, valid: true") == 20  # it cuts longer records off
     for name in (
         "Position",
         "Command",

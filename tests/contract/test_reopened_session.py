@@ -16,6 +16,7 @@ from pincette.bus.session import open_session
 from pincette.bus.topology import SessionConfig, client_session, router_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.messages import Message, Position, StatusRequest
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import POSITION, STATUS, Topic, live_key, request_key
 from tests.support.rigs import free_ports
 
@@ -99,7 +100,9 @@ def test_all_that_was_declared_goes_on_in_another_session(
         def told() -> bool:
             nonlocal number
             number += 1
-            other.publish(Position(epoch=1, seq=number, t_s=0.0, x_um=0.0, valid=True))
+            other.publish(
+                Position(epoch=1, seq=number, t_s=0.0, arms=(ArmPosition(0.0, valid=True),))
+            )
             return bool(heard)
 
         until(told)
@@ -149,7 +152,7 @@ def test_who_asks_while_the_session_is_opened_anew_gets_an_answer_or_a_refusal(
     def ask() -> None:
         while not done.is_set():
             try:
-                bus.publish(Position(epoch=1, seq=1, t_s=0.0, x_um=0.0, valid=True))
+                bus.publish(Position(epoch=1, seq=1, t_s=0.0, arms=(ArmPosition(0.0, valid=True),)))
                 bus.latest(POSITION, ASK_S)
                 bus.alive()
                 bus.call(STATUS["controller"], StatusRequest(), ASK_S)

@@ -139,9 +139,9 @@ def test_a_node_sees_topics_and_samples(
     types = {name: "/".join(BRIDGE[name]) for name in ("FLOAT64", "JOINT_STATE")}
     force = f"0/pincette/left_arm/force_mN/{types['FLOAT64']}"
     joints = f"0/pincette/left_arm/joint_states/{types['JOINT_STATE']}"
-    publisher: Any = rig.declare_publisher("pincette/v1/left-arm/estimate")
+    publisher: Any = rig.declare_publisher("pincette/v2/left-arm/estimate")
     for count, valid in enumerate([True, False, True]):
-        estimate = {"valid": valid, "force_mN": 14.5 + count, "x_um": 31.5}
+        estimate = {"valid": valid, "arms": [{"force_mN": 14.5 + count, "x_um": 31.5}]}
         publisher.put(packed(estimate))
     until(lambda: len(seen.get(force, [])) == 2 and len(seen.get(joints, [])) == 2)
     assert [one.payload.to_bytes() for one in seen[force]] == [

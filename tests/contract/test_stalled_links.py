@@ -23,6 +23,7 @@ from pincette.bus.topology import client_session, direct_session, peer_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.faults import Cause
 from pincette.core.messages import Ack, Message, Position, StatusRequest, Trip
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import POSITION, STATUS, TRIP, Request, Topic
 from pincette.engine.process import loop_services
 from pincette.security.folder import Folder
@@ -208,7 +209,9 @@ def test_consumers_that_hang_leave_the_ways_of_a_stop_open() -> None:
         def publish() -> None:
             nonlocal sent
             sent += 1
-            source.publish(Position(epoch=1, seq=sent, t_s=0.0, x_um=0.0, valid=True))
+            source.publish(
+                Position(epoch=1, seq=sent, t_s=0.0, arms=(ArmPosition(0.0, valid=True),))
+            )
 
         for _ in buses:
             until(lambda: publish() or hung.acquire(blocking=False))

@@ -17,14 +17,15 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.codec import encode
 from pincette.core.codec.wire import ENCODING
 from pincette.core.messages import Ack, Position, StatusRequest
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import POSITION, STATUS, live_key, request_key
 from pincette.engine.peers import wait_for_peers
 from pincette.engine.process import loop_services
 from tests.support.rigs import demo_rig
 from tests.support.routed import router, until
 
-OLDER, NEWER = (ENCODING.replace("v1", version) for version in ("v0", "v2"))
-SAMPLE = Position(3, 0, 0.0, 1.25, True)
+OLDER, NEWER = (ENCODING.replace("v2", version) for version in ("v1", "v3"))
+SAMPLE = Position(3, 0, 0.0, (ArmPosition(1.25, valid=True),))
 
 
 @pytest.fixture
@@ -39,10 +40,10 @@ def both() -> Generator[tuple[ZenohBus, zenoh.Session]]:
 def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Session]) -> None:
     bus, other = both
     assert bus.other_wires() == {}
-    keys = (live_key("demo", "sensor"), "pincette/v2/demo/live/controller", "pincette/v0/demo/x")
+    keys = (live_key("demo", "sensor"), "pincette/v3/demo/live/controller", "pincette/v0/demo/x")
     tokens = [other.liveliness().declare_token(place) for place in keys]
     until(lambda: "sensor" in bus.alive() and bool(bus.other_wires()))
-    assert bus.other_wires() == {"controller": 2}
+    assert bus.other_wires() == {"controller": 3}
     assert bus.alive() == {"sensor"}
     assert tokens
 
@@ -50,8 +51,8 @@ def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Sessio
 @pytest.mark.parametrize(
     ("wire", "words"),
     [
-        (2, "controller is there with wire version 2, this program has 1: update this program"),
-        (0, "controller is there with wire version 0, this program has 1: update the controller"),
+        (3, "controller is there with wire version 3, this program has 2: update this program"),
+        (1, "controller is there with wire version 1, this program has 2: update the controller"),
     ],
 )
 def test_a_question_to_it_says_which_side_to_update(
@@ -94,7 +95,7 @@ def test_an_answer_of_another_version_says_which_side_to_update(
 
     until(told)
     assert "controller/status: Status: fields missing or unknown" in said
-    assert said.endswith("wire version 2, this program has 1: update this program")
+    assert said.endswith("wire version 3, this program has 2: update this program")
     assert served
 
 
@@ -107,12 +108,12 @@ def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
 
     def told(encoding: str, words: str) -> None:
         def heard() -> bool:
-            other.put("pincette/v1/demo/position", payload, encoding=zenoh.Encoding(encoding))
+            other.put("pincette/v2/demo/position", payload, encoding=zenoh.Encoding(encoding))
             return words in bus.refused.reason
 
         until(heard)
 
-    told(OLDER, "sensor is there with wire version 0, this program has 1: update the sensor")
+    told(OLDER, "sensor is there with wire version 1, this program has 2: update the sensor")
     told(ENCODING, "start all programs with the same version of pincette")
     told("zenoh/bytes", "sensor did not send this")
 
@@ -132,7 +133,7 @@ def test_who_waits_for_a_program_says_that_it_is_of_another_version(
             return self.there.pop(0)
 
         def other_wires(self) -> dict[str, int]:
-            return {"actuator": 2}
+            return {"actuator": 3}
 
     with caplog.at_level("INFO", "pincette"):
         bus = cast(ZenohBus, Alone())
@@ -140,6 +141,6 @@ def test_who_waits_for_a_program_says_that_it_is_of_another_version(
             "sensor", demo_rig(), bus, SessionConfig("peer"), loop_services(), stop
         )
     assert caplog.messages == [
-        "waiting for actuator (actuator is there with wire version 2, this program has 1: "
+        "waiting for actuator (actuator is there with wire version 3, this program has 2: "
         "update this program)"
     ]

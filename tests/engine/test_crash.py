@@ -60,12 +60,12 @@ def test_without_a_program_of_the_loop_the_part_is_kept_and_the_rig_latched(
     name: str,
 ) -> None:
     job = hold(rig, seen)
-    kept_V = seen.newest(Applied).voltage_V
+    kept_V = seen.newest(Applied).arms[0].voltage_V
     at_s, before = killed(rig, name)
     _, first = seen.until_state(TRIPPED, at_s)
     if name != "rig":  # whose own output is gone
         assert first.state == "frozen"
-        assert abs(first.voltage_V - kept_V) < 0.1
+        assert abs(first.arms[0].voltage_V - kept_V) < 0.1
     ended = rig.ended(job)
     assert ended["state"] == "failed", ended
     assert ended["cause"]

@@ -93,11 +93,11 @@ def test_without_the_controller_the_part_is_kept_and_a_person_decides(
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:
     job = hold(rig, seen)
-    kept_V = seen.newest(Applied).voltage_V
+    kept_V = seen.newest(Applied).arms[0].voltage_V
     with cut(rig, CONTROLLER) as at_s:
         _, first = seen.until_state(TRIPPED, at_s)
         assert first.state == "frozen"
-        assert abs(first.voltage_V - kept_V) < 0.1
+        assert abs(first.arms[0].voltage_V - kept_V) < 0.1
         ended = rig.ended(job)
         assert ended["state"] == "failed"
         assert "command_age" in ended["cause"]

@@ -9,7 +9,6 @@ from functools import cache
 from math import fsum, hypot, sqrt
 
 import pytest
-from msgspec import UNSET, UnsetType
 
 from pincette.config import Calibration, RigFile
 from pincette.config import calibrated as calibrated_rig
@@ -18,7 +17,6 @@ from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Follow
 from pincette.core.messages import Estimate, GroundTruth, Message, Sample, Telemetry
-from pincette.core.messages.second import SecondTruth
 from pincette.engine.composed import ComposedLoop
 from pincette.sim.bench import Bench, open_bench
 from pincette_supervisor.journal.store import JobRow
@@ -81,16 +79,9 @@ class Laboratory:
         row = JobRow("job", "calibrate", self.rig.rig.name, "running", body, {}, "")
         return gather(self.rig, row, planned, Take(1, messages))
 
-    def _tell(
-        self,
-        seq: int,
-        x_um: float,
-        force_mN: float,
-        voltage_V: float,
-        second: SecondTruth | UnsetType = UNSET,
-    ) -> None:
+    def _tell(self, truth: GroundTruth) -> None:
         if self.told is not None:
-            self.told(GroundTruth(seq, x_um, force_mN, voltage_V, second))
+            self.told(truth)
 
     def play(self, program: Program) -> list[Message]:
         """Start the programs and play one."""
@@ -161,15 +152,15 @@ def first_grip(lab: Laboratory, condition: str) -> Held:
     truths = [message for message in messages if isinstance(message, GroundTruth)]
     # The arm's own count of ticks goes on over a restart.
     ahead = truths[0].seq - min(estimates)
-    true_mN = {truth.seq - ahead: truth.force_mN for truth in truths}
+    true_mN = {truth.seq - ahead: truth.arms[0].force_mN for truth in truths}
     last = estimates[settled[-1]]
     return Held(
-        mean_mN=fsum(estimates[seq].force_mN for seq in settled) / len(settled),
-        u_mN=last.force_uncertainty_mN,
+        mean_mN=fsum(estimates[seq].arms[0].force_mN for seq in settled) / len(settled),
+        u_mN=last.arms[0].force_uncertainty_mN,
         true_mN=fsum(true_mN[seq] for seq in settled) / len(settled),
         true_peak_mN=max(true_mN.values()),
-        stroke_change=last.stroke_change,
-        stroke_limit=last.stroke_limit,
+        stroke_change=last.arms[0].stroke_change,
+        stroke_limit=last.arms[0].stroke_limit,
     )
 
 

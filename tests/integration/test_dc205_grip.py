@@ -32,16 +32,16 @@ def test_the_bead_is_gripped(published: list[Message]) -> None:
     telemetry = [message for message in published if isinstance(message, Telemetry)]
     assert telemetry[-1].outcome == "gripped"
     hold = {message.seq for message in telemetry if message.phase == "hold"}
-    true_mN = [truth.force_mN for truth in truths(published) if truth.seq in hold]
+    true_mN = [truth.arms[0].force_mN for truth in truths(published) if truth.seq in hold]
     assert len(true_mN) >= 100
     assert fsum(true_mN) / len(true_mN) == pytest.approx(20.0, abs=1.0)
 
 
 def test_each_voltage_arrives_in_its_tick(rig: RigFile, published: list[Message]) -> None:
     """To half a step of the simulated rig; the line's own is a thousand times finer."""
-    arrived_V = {truth.seq: truth.voltage_V for truth in truths(published)}
+    arrived_V = {truth.seq: truth.arms[0].voltage_V for truth in truths(published)}
     wanted_V = {
-        message.seq: message.voltage_V
+        message.seq: message.arms[0].voltage_V
         for message in published
         if isinstance(message, Applied) and message.answered
     }

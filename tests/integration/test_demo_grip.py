@@ -37,17 +37,20 @@ def in_phase(published: list[Message], *phases: str) -> list[int]:
 def test_the_bead_is_gripped_with_the_force_that_is_stated(published: list[Message]) -> None:
     estimates = {message.seq: message for message in published if isinstance(message, Estimate)}
     truths = {
-        message.seq: message.force_mN for message in published if isinstance(message, GroundTruth)
+        message.seq: message.arms[0].force_mN
+        for message in published
+        if isinstance(message, GroundTruth)
     }
     telemetry = [message for message in published if isinstance(message, Telemetry)]
     assert telemetry[-1].outcome == "gripped"
     hold = in_phase(published, "hold")
     true_mN = [truths[seq] for seq in hold]
     mean_mN = fsum(true_mN) / len(true_mN)
-    stated_mN = max(estimates[seq].force_uncertainty_mN for seq in hold)
+    stated_mN = max(estimates[seq].arms[0].force_uncertainty_mN for seq in hold)
     assert abs(mean_mN - 20.0) < min(1.0, stated_mN)
     within = [
-        abs(estimates[seq].force_mN - truths[seq]) <= estimates[seq].force_uncertainty_mN
+        abs(estimates[seq].arms[0].force_mN - truths[seq])
+        <= estimates[seq].arms[0].force_uncertainty_mN
         for seq in hold
     ]
     assert within.count(True) >= 0.95 * len(within)
@@ -55,7 +58,9 @@ def test_the_bead_is_gripped_with_the_force_that_is_stated(published: list[Messa
 
 def test_contact_is_believed_only_where_there_is_one(published: list[Message]) -> None:
     truths = {
-        message.seq: message.force_mN for message in published if isinstance(message, GroundTruth)
+        message.seq: message.arms[0].force_mN
+        for message in published
+        if isinstance(message, GroundTruth)
     }
     assert truths[in_phase(published, "load")[0]] > 0.0
 

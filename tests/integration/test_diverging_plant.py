@@ -41,8 +41,8 @@ def check_ended(played: Played) -> None:
     else:
         assert played.trip.cause in ("following_error", "force", "position")
         assert played.applied[-1].state == "latched"
-        assert played.applied[-1].voltage_V == 0.0
-    assert max(truth.force_mN for truth in played.truths) < HARD_MN
+        assert played.applied[-1].arms[0].voltage_V == 0.0
+    assert max(truth.arms[0].force_mN for truth in played.truths) < HARD_MN
 
 
 def test_a_reading_of_the_wrong_sign_trips_while_the_arm_is_free() -> None:
@@ -50,7 +50,7 @@ def test_a_reading_of_the_wrong_sign_trips_while_the_arm_is_free() -> None:
     assert played.trip is not None
     assert applied_text(played.trip).startswith("following_error: the arm is at")
     assert played.applied[-1].state == "latched"
-    assert max(truth.force_mN for truth in played.truths) == 0.0
+    assert max(truth.arms[0].force_mN for truth in played.truths) == 0.0
 
 
 @pytest.mark.parametrize("factor", [0.1, 3.0, 6.0])
@@ -75,7 +75,7 @@ def test_a_held_part_is_kept_where_the_output_has_stopped_moving() -> None:
     played = play(at(HOLD, "output", "stuck"))
     assert played.trip is not None
     assert played.trip.cause == "following_error"
-    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
 
 
 @pytest.mark.parametrize(

@@ -58,14 +58,14 @@ class Bench:
     @property
     def x_um(self) -> float:
         assert self.position is not None
-        return self.position.x_um
+        return self.position.arms[0].x_um
 
     def play(
         self, request: dict[str, Any], stop: Callable[[Telemetry], bool] = lambda _: False
     ) -> tuple[str, list[str]]:
         """Play a job, stopped once; its outcome, and the phases that were planned."""
         known = self.position is not None  # an idle loop in lockstep says nothing before
-        stands = Present(self.virtual.applied[-1].voltage_V, self.x_um) if known else None
+        stands = Present(self.virtual.applied[-1].arms[0].voltage_V, self.x_um) if known else None
         planned = plan_job(REQUEST.validate_python(request), self.rig, stands)
         assert planned.plan.violations == []
         self.epoch += 1
@@ -105,7 +105,7 @@ def test_a_stop_on_the_way_leaves_the_part_alone_and_the_next_grip_succeeds(
     outcome, _ = bench.play({"kind": "grip"}, stopped_in(phase, tick))
     assert outcome == "stopped"
     assert bench.x_um < part.contact_um - part.contact_tolerance_um
-    assert bench.truth[-1].force_mN == 0.0
+    assert bench.truth[-1].arms[0].force_mN == 0.0
     outcome, phases = bench.play({"kind": "grip"})
     assert (outcome, phases[0]) == ("gripped", "zero")
 

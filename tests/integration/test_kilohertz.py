@@ -45,7 +45,7 @@ def test_a_grip_is_short_and_its_force_is_held(said: list[Message]) -> None:
     assert len(phases) * T - hold_s <= MOST_S
     last = [one for one in said if isinstance(one, Applied)][-1]
     assert (last.state, last.faults) == (Mode.IDLE, ())
-    true_mN = {one.seq: one.force_mN for one in said if isinstance(one, GroundTruth)}
+    true_mN = {one.seq: one.arms[0].force_mN for one in said if isinstance(one, GroundTruth)}
     assert max(true_mN.values()) <= (1.0 + PEAK) * wanted_mN
     held = [true_mN[seq] for seq, phase in phases.items() if phase == "hold" and seq in true_mN]
     assert len(held) > 0.5 * hold_s / T
@@ -99,8 +99,8 @@ def test_a_part_that_steps_in_the_hold_is_met_within_15_ms(monkeypatch: pytest.M
     loop = ComposedLoop(RIG, set_up)
     loop.bus.subscribe(TELEMETRY, step)
     said = loop.play(plan_job(GripJobRequest(kind="grip"), RIG).program)
-    true_um = {one.seq: one.x_um for one in said if isinstance(one, GroundTruth)}
-    wanted_um = {one.seq: one.x_d_um for one in said if isinstance(one, Telemetry)}
+    true_um = {one.seq: one.arms[0].x_um for one in said if isinstance(one, GroundTruth)}
+    wanted_um = {one.seq: one.arms[0].x_d_um for one in said if isinstance(one, Telemetry)}
     (at,) = stepped
     before_um = sum(true_um[seq] - wanted_um[seq] for seq in range(at - 50, at)) / 50.0
     after = range(at + 1, at + 200)

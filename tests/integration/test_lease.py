@@ -113,7 +113,7 @@ def test_a_held_part_is_held_with_the_force_it_had_long_after() -> None:
     truths = [
         item for item in messages if isinstance(item, GroundTruth) and item.seq > noted.seq + 50
     ]
-    assert min(item.force_mN for item in truths) > 0.8 * 8.0
+    assert min(item.arms[0].force_mN for item in truths) > 0.8 * 8.0
     assert all(
         item.state == "armed"
         for item in messages
@@ -130,7 +130,7 @@ def test_a_calibration_that_presses_leaves_no_force_on_the_part(length_s: float)
     last = [item for item in messages if isinstance(item, Applied)][-1]
     assert (last.final, last.state, last.part_held) == (True, "idle", False), before.phase
     truth = [item for item in messages if isinstance(item, GroundTruth)][-1]
-    assert truth.force_mN == 0.0, before.phase
+    assert truth.arms[0].force_mN == 0.0, before.phase
     assert {item.state for item in messages if isinstance(item, Applied)} == {"armed", "idle"}
 
 

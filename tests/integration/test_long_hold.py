@@ -43,8 +43,8 @@ def errors_mN(published: list[Message], *phases: str) -> list[tuple[float, float
     truths = {message.seq: message for message in published if isinstance(message, GroundTruth)}
     return [
         (
-            estimates[message.seq].force_mN - truths[message.seq].force_mN,
-            estimates[message.seq].force_uncertainty_mN,
+            estimates[message.seq].arms[0].force_mN - truths[message.seq].arms[0].force_mN,
+            estimates[message.seq].arms[0].force_uncertainty_mN,
         )
         for message in published
         if isinstance(message, Telemetry) and message.phase in phases and message.seq in truths

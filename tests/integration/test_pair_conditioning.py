@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec import UNSET, UnsetType
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.pairs import PairResult
@@ -21,7 +20,6 @@ from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Follow
 from pincette.core.messages import GroundTruth, Message
-from pincette.core.messages.second import SecondTruth
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
 from pincette.sim.bench import Bench, open_bench
@@ -67,16 +65,9 @@ class Laboratory:
         self.told: Callable[[GroundTruth], None] | None = None
         self.bench = open_bench(rig, lambda: 0.0, self._tell)
 
-    def _tell(
-        self,
-        seq: int,
-        x_um: float,
-        force_mN: float,
-        voltage_V: float,
-        second: SecondTruth | UnsetType = UNSET,
-    ) -> None:
+    def _tell(self, truth: GroundTruth) -> None:
         if self.told is not None:
-            self.told(GroundTruth(seq, x_um, force_mN, voltage_V, second))
+            self.told(truth)
 
     def rewire(self, rig: RigFile) -> None:
         """Give the arms other instruments where they stand, without notice to any program."""

@@ -60,8 +60,8 @@ def telemetry(messages: list[Message]) -> list[Telemetry]:
 def test_the_force_is_held_within_one_mN_through_the_pause(in_hold: list[Message]) -> None:
     seqs = {view.seq for view in telemetry(in_hold) if view.paused}
     assert len(seqs) == pytest.approx(PAUSE_S / T, abs=2)
-    estimates = [m.force_mN for m in in_hold if isinstance(m, Estimate) and m.seq in seqs]
-    truths = [m.force_mN for m in in_hold if isinstance(m, GroundTruth) and m.seq in seqs]
+    estimates = [m.arms[0].force_mN for m in in_hold if isinstance(m, Estimate) and m.seq in seqs]
+    truths = [m.arms[0].force_mN for m in in_hold if isinstance(m, GroundTruth) and m.seq in seqs]
     assert max(abs(force_mN - FORCE_MN) for force_mN in estimates) < WITHIN_MN
     assert abs(fsum(truths) / len(truths) - FORCE_MN) < WITHIN_MN
 
@@ -82,7 +82,7 @@ def test_the_references_rest_and_nothing_else_differs(in_hold: list[Message]) ->
     began = next(view.seq for view in telemetry(in_hold) if view.acted == (Acted.PAUSE,))
     before = [view for view in telemetry(in_hold) if view.seq < began]
     assert before == telemetry(plain)[: len(before)]
-    resting = [(v.x_r_um, v.force_r_mN) for v in telemetry(in_hold) if v.paused][1:]
+    resting = [(v.arms[0].x_r_um, v.force_r_mN) for v in telemetry(in_hold) if v.paused][1:]
     assert len(set(resting)) == 1
 
 
@@ -105,12 +105,16 @@ def test_a_path_rests_where_it_turns_and_its_force_with_it(shape: str) -> None:
     # The law needs some samples to come to rest where the path turns.
     settled = {view.seq: view.force_r_mN for view in resting[25:]}
     errors = [
-        message.force_mN - settled[message.seq]
+        message.arms[0].force_mN - settled[message.seq]
         for message in messages
         if isinstance(message, Estimate) and message.seq in settled
     ]
     assert max(abs(error) for error in errors) < WITHIN_MN
-    jumps = [abs(b.x_r_um - a.x_r_um) for a, b in pairwise(views) if b.phase == "track" == a.phase]
+    jumps = [
+        abs(b.arms[0].x_r_um - a.arms[0].x_r_um)
+        for a, b in pairwise(views)
+        if b.phase == "track" == a.phase
+    ]
     assert planned.path is not None
     fastest = peaks(planned.path).rate / RIG.part.stiffness_mN_per_um
     assert max(jumps) <= 1.05 * fastest * T

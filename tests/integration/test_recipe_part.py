@@ -81,12 +81,12 @@ def test_the_recipes_numbers_grip_what_the_rig_files_do_not(
     assert outcome(messages) == "gripped"
     held = {item.seq for item in messages if isinstance(item, Telemetry) and item.phase == "hold"}
     settled = sorted(held)[len(held) // 2 :]
-    true = {item.seq: item.force_mN for item in messages if isinstance(item, GroundTruth)}
+    true = {item.seq: item.arms[0].force_mN for item in messages if isinstance(item, GroundTruth)}
     said = {item.seq: item for item in messages if isinstance(item, Estimate)}
     for seq in settled:
         assert true[seq] == pytest.approx(FORCE_MN, abs=1.0)
-        uncertainty_mN = said[seq].force_uncertainty_mN
-        assert said[seq].force_mN == pytest.approx(true[seq], abs=2.0 * uncertainty_mN)
+        uncertainty_mN = said[seq].arms[0].force_uncertainty_mN
+        assert said[seq].arms[0].force_mN == pytest.approx(true[seq], abs=2.0 * uncertainty_mN)
 
 
 def test_the_plan_alone_would_not_do() -> None:

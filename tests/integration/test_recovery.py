@@ -59,9 +59,9 @@ class Desk:
     def _take(self, _topic: Topic, message: Message) -> None:
         self.said.append(message)
         if isinstance(message, Position):
-            self.x_um = message.x_um
+            self.x_um = message.arms[0].x_um
         elif isinstance(message, Applied):
-            self.voltage_V, self.held = message.voltage_V, message.part_held
+            self.voltage_V, self.held = message.arms[0].voltage_V, message.part_held
         elif isinstance(message, GroundTruth):
             self.truths.append(message)
         if isinstance(message, Telemetry | Applied):
@@ -74,7 +74,7 @@ class Desk:
     @property
     def force_mN(self) -> float:
         """That the part truly feels."""
-        return self.truths[-1].force_mN
+        return self.truths[-1].arms[0].force_mN
 
     def play(self, program: Program, epoch: int, watch: Watch | None = None) -> list[Message]:
         """Arm, and let it run until nothing more happens."""
@@ -162,7 +162,7 @@ def test_a_part_still_held_is_held_by_another_job_and_let_go_by_a_third(before: 
 
     held, applied = desk.job(HoldJobRequest(kind="hold"), 2, keep)
     assert (held.outcome, held.held_at_end) == ("stopped", True)
-    assert {echo.voltage_V for echo in applied} == {kept_V}
+    assert {echo.arms[0].voltage_V for echo in applied} == {kept_V}
     assert all(echo.part_held for echo in applied)
     assert desk.force_mN == pytest.approx(20.0, abs=1.0)
     let_go, applied = desk.job(ReleaseJobRequest(kind="release", release_s=1.0), 3)
@@ -171,7 +171,7 @@ def test_a_part_still_held_is_held_by_another_job_and_let_go_by_a_third(before: 
     assert desk.voltage_V == RIG.safety.safe_V
     # Until the last command a fault would have frozen the voltage.
     assert [echo.part_held for echo in applied].count(False) == 1
-    steps = [abs(b.voltage_V - a.voltage_V) for a, b in pairwise(applied)]
+    steps = [abs(b.arms[0].voltage_V - a.arms[0].voltage_V) for a, b in pairwise(applied)]
     assert max(steps) < RIG.limits.slew_V_per_s * RIG.rig.period_s
 
 
@@ -196,7 +196,7 @@ def test_a_trip_of_the_hold_freezes_again_and_a_grip_follows_the_release() -> No
     kept_V = desk.voltage_V
     result, applied = desk.job(HoldJobRequest(kind="hold"), 2, trip_and_reset)
     assert result.outcome == "tripped"
-    assert {echo.voltage_V for echo in applied} == {kept_V}
+    assert {echo.arms[0].voltage_V for echo in applied} == {kept_V}
     assert desk.held
     desk.job(ReleaseJobRequest(kind="release"), 3)
     plain = plan_job(GripJobRequest(kind="grip", hold_s=0.5, load_s=1.0), RIG, desk.present)
@@ -242,4 +242,4 @@ def test_a_move_into_the_part_goes_back(target: dict[str, float]) -> None:
     assert result.touch_force_mN is not None
     assert 2.0 <= result.touch_force_mN < 8.0
     assert desk.force_mN == 0.0
-    assert 2.0 < max(truth.force_mN for truth in desk.truths) < 8.0
+    assert 2.0 < max(truth.arms[0].force_mN for truth in desk.truths) < 8.0

@@ -26,7 +26,9 @@ def test_a_grip_ends_and_its_force_is_the_relays_own(rig: RigFile) -> None:
         views = [message for message in published if isinstance(message, Telemetry)]
         assert views[-1].outcome == "gripped"
         hold = {view.seq for view in views if view.phase == "hold"}
-        forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth) and m.seq in hold]
+        forces_mN = [
+            m.arms[0].force_mN for m in published if isinstance(m, GroundTruth) and m.seq in hold
+        ]
         return fsum(forces_mN) / len(forces_mN)
 
     force_mN = held_mN(rig)

@@ -34,7 +34,7 @@ def played(kind: Kind) -> list[Message]:
 def errors(kind: Kind) -> tuple[float, float]:
     """Return the r.m.s. error of the stated force in % of the path, and the cover of U."""
     published = played(kind)
-    true_mN = {one.seq: one.force_mN for one in published if isinstance(one, GroundTruth)}
+    true_mN = {one.seq: one.arms[0].force_mN for one in published if isinstance(one, GroundTruth)}
     tracked = {one.seq for one in published if isinstance(one, Telemetry) and one.phase == "track"}
     stated = [
         one
@@ -42,8 +42,8 @@ def errors(kind: Kind) -> tuple[float, float]:
         if isinstance(one, Estimate) and one.valid and one.seq in tracked and one.seq in true_mN
     ]
     assert len(stated) > 90
-    missed_mN = np.array([one.force_mN - true_mN[one.seq] for one in stated])
-    u_mN = np.array([one.force_uncertainty_mN for one in stated])
+    missed_mN = np.array([one.arms[0].force_mN - true_mN[one.seq] for one in stated])
+    u_mN = np.array([one.arms[0].force_uncertainty_mN for one in stated])
     rms_mN = float(np.sqrt(np.mean(missed_mN**2)))
     return 100.0 * rms_mN / PP_MN, float(np.mean(np.abs(missed_mN) <= u_mN))
 

@@ -26,8 +26,8 @@ def stays_within_the_plan(job: Played) -> bool:
     assert planned.position_max_um is not None
     assert planned.position_max_um < 52.0
     assert planned.voltage.max_V < 3.4
-    reached_V = max(applied.voltage_V for applied in job.applied)
-    reached_um = max(view.x_r_um for view in job.views)
+    reached_V = max(applied.arms[0].voltage_V for applied in job.applied)
+    reached_um = max(view.arms[0].x_r_um for view in job.views)
     print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} of {planned.voltage.max_V:.2f} V")
     assert reached_um <= planned.position_max_um
     assert max(view.force_r_mN for view in job.views if view.phase == "load") <= 1.05 * PLANNED_MN
@@ -42,7 +42,7 @@ def test_a_part_that_slips_is_let_go(profile: str, slip_um: float) -> None:
     assert job.phases[-3:] == ["load", "unload", "retreat"]
     assert stays_within_the_plan(job)
     assert job.peak_mN < 13.0
-    assert job.truths[max(job.truths)].force_mN == 0.0
+    assert job.truths[max(job.truths)].arms[0].force_mN == 0.0
     found = position_step_of(columns(job.messages, 0.02))
     assert found is not None
     assert found.slips == 1
@@ -79,7 +79,7 @@ def test_a_step_in_a_hold_freezes_the_voltage(
     job = played(in_the_hold(*order), hold_s=3.0)
     assert job.outcome == outcome
     later = [
-        job.truths[view.seq].force_mN
+        job.truths[view.seq].arms[0].force_mN
         for view in job.views
         if view.phase == "hold" and view.step_um is not None
     ]
@@ -94,7 +94,7 @@ def test_a_step_in_a_hold_freezes_the_voltage(
     assert with_ring(found, table, job.rig).rang is (cause == "slip")
     readings = [found.force_if_slip_mN, found.force_if_sensor_mN]
     assert any(reading == pytest.approx(true_mN, abs=0.7) for reading in readings)
-    assert job.truths[max(job.truths)].force_mN == 0.0
+    assert job.truths[max(job.truths)].arms[0].force_mN == 0.0
 
 
 FAST: Tree = {
@@ -142,4 +142,4 @@ def test_a_step_along_a_path_ends_it(
     assert job.outcome == outcome
     assert job.views[-1].step_um is not None
     assert job.peak_mN < 1.1 * 24.0
-    assert job.truths[max(job.truths)].force_mN == 0.0
+    assert job.truths[max(job.truths)].arms[0].force_mN == 0.0

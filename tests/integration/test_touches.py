@@ -40,7 +40,7 @@ def played(rig: RigFile, job: str) -> tuple[Telemetry, float, float]:
     program = plan_job(REQUEST.validate_python(JOBS[job]), rig).program
     published = ComposedLoop(rig).play(program)
     assert not any(m.cause for m in published if isinstance(m, Applied))
-    forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth)]
+    forces_mN = [m.arms[0].force_mN for m in published if isinstance(m, GroundTruth)]
     return [m for m in published if isinstance(m, Telemetry)][-1], max(forces_mN), forces_mN[-1]
 
 

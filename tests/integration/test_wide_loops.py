@@ -62,7 +62,7 @@ def course(rig: RigFile) -> tuple[str, float]:
     ends = [segment.phase for segment in program.segments].index("before presses")
     published = ComposedLoop(rig).play(replace(program, segments=program.segments[:ends]))
     seen = [message for message in published if isinstance(message, Telemetry)][-1]
-    return seen.outcome, max(m.force_mN for m in published if isinstance(m, GroundTruth))
+    return seen.outcome, max(m.arms[0].force_mN for m in published if isinstance(m, GroundTruth))
 
 
 def require_found(seed: int, *, relays: bool) -> None:

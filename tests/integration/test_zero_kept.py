@@ -37,7 +37,7 @@ class Rig(Bench):
         return outcome
 
     def largest_mN(self) -> float:
-        return max(truth.force_mN for truth in self.truth)
+        return max(truth.arms[0].force_mN for truth in self.truth)
 
 
 @pytest.mark.parametrize(
@@ -52,9 +52,9 @@ def test_a_part_that_presses_at_rest_stops_every_grip(
     pressed_mN: list[float] = []
     for _ in range(4):
         assert rig.grip() in REFUSED
-        pressed_mN.append(rig.truth[-1].force_mN)
-        assert rig.estimates[-1].force_mN == pytest.approx(pressed_mN[-1], abs=1.5)
-        assert rig.estimates[-1].zero_age_s is None
+        pressed_mN.append(rig.truth[-1].arms[0].force_mN)
+        assert rig.estimates[-1].arms[0].force_mN == pytest.approx(pressed_mN[-1], abs=1.5)
+        assert rig.estimates[-1].arms[0].zero_age_s is None
     # The law holds the arm where it stands, so that it presses no harder with each try.
     assert max(pressed_mN) < pressed_mN[0] + 1.0
 
@@ -70,9 +70,9 @@ def test_a_part_that_presses_less_than_a_touch_is_met_on_the_way(
         assert rig.largest_mN() < 0.6 * 15.0
     rig.virtual.order("part", "remove", None, None)
     assert rig.grip() == "no_contact"
-    stated = [estimate for estimate in rig.estimates if estimate.zero_age_s is not None]
+    stated = [estimate for estimate in rig.estimates if estimate.arms[0].zero_age_s is not None]
     assert stated
-    assert all(estimate.force_mN > -2.0 for estimate in stated)
+    assert all(estimate.arms[0].force_mN > -2.0 for estimate in stated)
 
 
 def test_once_the_part_is_gone_the_next_grip_is_a_good_one(tmp_path: Path) -> None:
@@ -81,9 +81,9 @@ def test_once_the_part_is_gone_the_next_grip_is_a_good_one(tmp_path: Path) -> No
     assert rig.grip() in REFUSED
     rig.virtual.order("part", "remove", None, None)
     assert rig.grip() == "no_contact"
-    stated = [estimate for estimate in rig.estimates if estimate.zero_age_s is not None]
+    stated = [estimate for estimate in rig.estimates if estimate.arms[0].zero_age_s is not None]
     assert stated
-    assert all(estimate.force_mN > -2.0 for estimate in stated)
+    assert all(estimate.arms[0].force_mN > -2.0 for estimate in stated)
     rig.virtual.order("part", "place", rig.rig.part.contact_um, None)
     assert rig.grip() == "gripped"
     assert rig.largest_mN() < LARGEST_MN

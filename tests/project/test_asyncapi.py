@@ -20,6 +20,7 @@ from pincette.core.codec import encode
 from pincette.core.codec.refusals import msgpack
 from pincette.core.faults import ActionCode, Cause, Mode
 from pincette.core.messages import Action, Applied, Load, Position
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import REQUESTS, ROOT, TOPICS, key, request_key
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.kinds.grip import GripJobRequest
@@ -143,8 +144,7 @@ def test_no_topic_and_no_question_is_left_out() -> None:
         assert whole["channels"][topic.name]["address"] == key("{rig}", topic, "{service}")
         assert {f"send_{topic.name}", f"latest_{topic.name}"} <= operations.keys()
         schema = whole["components"]["schemas"][topic.message.__name__]
-        names = [field.name for field in fields(topic.message) if field.name != "second"]
-        assert schema["required"] == names
+        assert schema["required"] == [field.name for field in fields(topic.message)]
     for question in REQUESTS:
         name = f"{question.service}_{question.name}"
         assert whole["channels"][name]["address"] == request_key("{rig}", question)
@@ -156,15 +156,17 @@ def test_no_topic_and_no_question_is_left_out() -> None:
 def test_units_and_texts_come_from_the_source() -> None:
     schemas = tree()["components"]["schemas"]
     position, applied = schemas["Position"], schemas["Applied"]
-    assert position["properties"]["x_um"] == {
+    assert position["properties"]["arms"]["items"] == {"$ref": "#/components/schemas/ArmPosition"}
+    assert schemas["ArmPosition"]["properties"]["x_um"] == {
         "type": "number",
         "minimum": -1e9,
         "maximum": 1e9,
+        "description": "Position towards the part.",
         "x-unit": "µm",
     }
     assert "own grid point" in position["description"]
     assert "voltage was kept" in applied["properties"]["answered"]["description"]
-    assert schemas["Estimate"]["properties"]["zero_age_s"] == {
+    assert schemas["ArmEstimate"]["properties"]["zero_age_s"] == {
         "oneOf": [{"type": "number", "minimum": -1e12, "maximum": 1e12}, {"type": "null"}],
         "x-unit": "s",
     }
@@ -172,10 +174,22 @@ def test_units_and_texts_come_from_the_source() -> None:
 
 def test_what_is_sent_is_what_the_document_says() -> None:
     program = plan_job(GripJobRequest(kind="grip"), demo_rig()).program
-    applied = Applied(1, 0, 1.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.001)
+    applied = Applied(
+        1,
+        0,
+        (ArmApplied(1.5, 0),),
+        Mode.ARMED,
+        Cause.NONE,
+        False,
+        False,
+        False,
+        answered=True,
+        refused=0,
+        command_age_s=0.001,
+    )
     components = tree()["components"]
     for message in (
-        Position(1, 0, 0.0, 1.5, True),
+        Position(1, 0, 0.0, (ArmPosition(1.5, valid=True),)),
         applied,
         Load(program),
         Action(ActionCode.STOP),

@@ -43,7 +43,7 @@ class Desk:
     def _take(self, _topic: Topic, message: Message) -> None:
         self._said.append(message)
         if isinstance(message, Applied):
-            self.voltage_V, self.held = message.voltage_V, message.part_held
+            self.voltage_V, self.held = message.arms[0].voltage_V, message.part_held
         if isinstance(message, Telemetry | Applied):
             self._watch(self, message)
 

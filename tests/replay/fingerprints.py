@@ -10,10 +10,7 @@ import hashlib
 import struct
 import sys
 from collections.abc import Callable, Sequence
-from operator import attrgetter
-from typing import NamedTuple
-
-from msgspec import UNSET
+from typing import Any, NamedTuple
 
 from pincette.config import RigFile
 from pincette.config.laws import law_definition
@@ -36,46 +33,53 @@ from tests.support.rigs import demo_rig
 from tests.support.two_arms import short_grip, two_arm_rig
 
 NUMBERS: dict[type[Message], tuple[str, ...]] = {
-    Position: ("seq", "t_s", "x_um", "valid", "second.x_um"),
+    Position: ("seq", "t_s", "arms.0.x_um", "arms.0.valid", "arms.1.x_um"),
     Estimate: (
         "seq",
-        "x_um",
-        "force_mN",
-        "force_uncertainty_mN",
-        "perturbation_mN",
-        "zero_age_s",
-        "applied_V",
-        "touch_x_um",
-        "touch_mN",
+        "arms.0.x_um",
+        "arms.0.force_mN",
+        "arms.0.force_uncertainty_mN",
+        "arms.0.perturbation_mN",
+        "arms.0.zero_age_s",
+        "arms.0.applied_V",
+        "arms.0.touch_x_um",
+        "arms.0.touch_mN",
         "valid",
-        "second.x_um",
-        "second.force_mN",
-        "second.force_uncertainty_mN",
-        "second.applied_V",
+        "arms.1.x_um",
+        "arms.1.force_mN",
+        "arms.1.force_uncertainty_mN",
+        "arms.1.applied_V",
     ),
     Command: (
         "seq",
-        "voltage_V",
+        "arms.0.voltage_V",
         "part_held",
         "zero",
         "final",
         "valid",
-        "force_mN",
-        "x_d_um",
+        "arms.0.force_mN",
+        "arms.0.x_d_um",
         "segment",
         "segment_tick",
-        "second.voltage_V",
-        "second.force_mN",
-        "second.x_d_um",
+        "arms.1.voltage_V",
+        "arms.1.force_mN",
+        "arms.1.x_d_um",
     ),
-    Applied: ("seq", "voltage_V", "limits_active", "segment", "segment_tick", "second.voltage_V"),
+    Applied: (
+        "seq",
+        "arms.0.voltage_V",
+        "arms.0.limits_active",
+        "segment",
+        "segment_tick",
+        "arms.1.voltage_V",
+    ),
     Telemetry: (
         "seq",
         "playing",
         "segment",
         "segment_tick",
-        "x_r_um",
-        "x_d_um",
+        "arms.0.x_r_um",
+        "arms.0.x_d_um",
         "force_r_mN",
         "sliding_um",
         "perturbation_mN",
@@ -84,10 +88,9 @@ NUMBERS: dict[type[Message], tuple[str, ...]] = {
         "contact_stiffness_mN_per_um",
         "held",
         "paused",
-        "second.x_um",
-        "second.x_r_um",
-        "second.place_um",
-        "second.place_r_um",
+        "arms.1.x_r_um",
+        "place_um",
+        "place_r_um",
     ),
 }
 """Numbers of each message that are hashed, in this order."""
@@ -157,11 +160,12 @@ def plays() -> Sequence[Play]:
 
 def number(message: Message, path: str) -> bytes:
     """Return the bits of a number of a message; of none where the field is absent."""
-    first, _, rest = path.partition(".")
-    value = getattr(message, first)
-    if rest and value is not UNSET:
-        value = attrgetter(rest)(value)
-    return b"-" if value is None or value is UNSET else struct.pack("<d", float(value) + 0.0)
+    name, _, of_arm = path.partition(".")
+    value: Any = getattr(message, name)
+    if of_arm:
+        arm, _, field = of_arm.partition(".")
+        value = getattr(value[int(arm)], field) if int(arm) < len(value) else None
+    return b"-" if value is None else struct.pack("<d", float(value) + 0.0)
 
 
 def fingerprint(messages: Sequence[Message]) -> tuple[int, str]:

@@ -4,7 +4,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from msgspec import UNSET
 
 from pincette.config import RigFile
 from pincette.core import plugins
@@ -81,13 +80,13 @@ def of_second(rig: RigFile) -> tuple[list[float], list[float], list[float]]:
     seqs = [seq for seq, item in sorted(told.items()) if item.answered]
     truths = [item for item in messages if isinstance(item, GroundTruth)]
     estimates = {item.seq: item for item in messages if isinstance(item, Estimate)}
-    applied = [told[seq].second for seq in seqs]
-    true = [item.second for item in truths[-len(seqs) :]]
-    followed = [estimates[seq + 1].second for seq in seqs if seq + 1 in estimates]
+    applied = [told[seq].arms[1] for seq in seqs]
+    true = [item.arms[1] for item in truths[-len(seqs) :]]
+    followed = [estimates[seq + 1].arms[1] for seq in seqs if seq + 1 in estimates]
     return (
-        [one.voltage_V for one in applied if one is not UNSET],
-        [one.voltage_V for one in true if one is not UNSET],
-        [one.applied_V for one in followed if one is not UNSET],
+        [one.voltage_V for one in applied],
+        [one.voltage_V for one in true],
+        [one.applied_V for one in followed],
     )
 
 

@@ -25,7 +25,11 @@ class Tape:
     def __init__(self, rig: RigFile, messages: Sequence[Message]) -> None:
         offset_um = rig.sensor.offset_um
         self._positions_um = iter(
-            [message.x_um + offset_um for message in messages if isinstance(message, Position)]
+            [
+                message.arms[0].x_um + offset_um
+                for message in messages
+                if isinstance(message, Position)
+            ]
         )
 
     def read_um(self) -> float:

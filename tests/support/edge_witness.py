@@ -31,7 +31,12 @@ def main() -> None:
             now = message.state, message.cause, message.part_held
             if now != before[0]:
                 before[0] = now
-                say(state=now[0], cause=now[1], part_held=now[2], voltage_V=message.voltage_V)
+                say(
+                    state=now[0],
+                    cause=now[1],
+                    part_held=now[2],
+                    voltage_V=message.arms[0].voltage_V,
+                )
         elif isinstance(message, Telemetry) and message.acted:
             say(acted=" ".join(message.acted), phase=message.phase)
 

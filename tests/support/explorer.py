@@ -132,8 +132,8 @@ class Explorer(Explored):
             begun.append("unload")  # asked for in the pause, it may have begun before the stop
         assert {told.phase for told in later if not told.paused} <= {*RESTING, *begun}
         if not begun:
-            references = {(told.x_r_um, told.force_r_mN) for told in (before, *later)}
-            put_out = {echo.voltage_V for echo in self.rig.applied[applied - 1 :]}
+            references = {(told.arms[0].x_r_um, told.force_r_mN) for told in (before, *later)}
+            put_out = {echo.arms[0].voltage_V for echo in self.rig.applied[applied - 1 :]}
             # Without a law x_r is where the arm is, and the voltage itself stays.
             assert len(references) == 1 or len(put_out) == 1
 

@@ -9,7 +9,7 @@ from enum import EnumType
 from functools import cache
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
-from msgspec import UNSET, Struct, UnsetType, structs
+from msgspec import Struct, structs
 
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.paths import Knot, Path
@@ -28,7 +28,7 @@ BY_NAME = {kind.__name__: kind for kind in sorted(KINDS, key=lambda kind: kind._
 EPOCH, OWNER = 7, 1
 """Of the arming that frames belong to, mostly."""
 NOT_NEGATIVE = ("duration_s", "move_s", "run_up_s", "contact_stiffness_mN_per_um")
-BY_ARM = ("to_um", "sides", "courses")
+BY_ARM = ("to_um", "sides", "courses", "arms")
 """Tuples with one item for each arm."""
 WORDS = ("", "a", "stop", "estop", "no command", "µm", "hold", "free", "part", "remove", "off")
 SELF_CHECKED: dict[type, tuple[Any, ...]] = {
@@ -79,12 +79,11 @@ def _value(hint: Any, name: str, chance: Chance) -> Any:
     if isinstance(hint, type) and issubclass(hint, Struct):
         return sound(hint, chance)
     if get_origin(hint) in (Union, types.UnionType):
-        choices = [item for item in get_args(hint) if item not in (type(None), UnsetType)]
+        choices = [item for item in get_args(hint) if item is not type(None)]
         found = _value(chance.choice(choices), name, chance)
         if len(choices) == len(get_args(hint)):
             return found
-        absent = UNSET if UnsetType in get_args(hint) else None
-        return absent if chance.random() < 0.6 else found
+        return None if chance.random() < 0.6 else found
     if get_origin(hint) is Literal:
         return chance.choice(get_args(hint))
     inner = get_args(hint)[0]

@@ -63,9 +63,9 @@ def approach(rig: RunningRig, seen: Witness) -> str:
     """Begin a grip and wait until the free arm is well under way; the job's id."""
 
     def under_way(view: Telemetry) -> bool:
-        moved = view.phase == "approach" and view.x_r_um > MOVED_UM
+        moved = view.phase == "approach" and view.arms[0].x_r_um > MOVED_UM
         # An arm that still creeps from the grip before crosses 0 V, where there is no way to ramp.
-        return moved and seen.newest(Applied).voltage_V > MOVED_V
+        return moved and seen.newest(Applied).arms[0].voltage_V > MOVED_V
 
     return _begin(rig, seen, under_way, {"approach_um_per_s": SLOWLY_UM_PER_S})
 
@@ -74,7 +74,7 @@ def move_away(rig: RunningRig, seen: Witness) -> str:
     """Begin to move the free arm away from the part and wait until it is far out; the job's id."""
 
     def far_out(view: Telemetry) -> bool:
-        return view.phase == "move" and seen.newest(Applied).voltage_V < FAR_V
+        return view.phase == "move" and seen.newest(Applied).arms[0].voltage_V < FAR_V
 
     move: Tree = {"kind": "move", "to_V": AWAY_V, "speed_um_per_s": AWAY_UM_PER_S, "zero": False}
     return _begin(rig, seen, far_out, move)

@@ -118,7 +118,7 @@ class Forger:
         if kind == "replay":
             return first
         command = cast(Json, msgpack.unpackb(heard))
-        command["voltage_V"] = {"not a number": NONSENSE, "absurd": 1e300}.get(kind, 3.0)
+        command["arms"][0]["voltage_V"] = {"not a number": NONSENSE, "absurd": 1e300}.get(kind, 3.0)
         command["valid"] = True
         if kind == "old epoch":
             command["epoch"] -= 1
@@ -135,7 +135,7 @@ def flood(end: threading.Event, endpoint: str, rig: str, rate_hz: float) -> Json
         "connect": {"endpoints": [endpoint]},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
     }
-    place = f"pincette/v1/{rig}/command"
+    place = f"pincette/v2/{rig}/command"
     forger = Forger(random.Random(SEED))
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
 

@@ -101,9 +101,9 @@ def _harm(rig: RunningRig, fault: Fault) -> tuple[Callable[[], float], Callable[
 def _safe(rig: RunningRig, seen: Witness, since_s: float) -> float:
     """When the instrument first put out the safe voltage."""
     step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
-    return seen.until(GroundTruth, lambda truth: abs(truth.voltage_V - safe_V) <= step_V, since_s)[
-        0
-    ]
+    return seen.until(
+        GroundTruth, lambda truth: abs(truth.arms[0].voltage_V - safe_V) <= step_V, since_s
+    )[0]
 
 
 def _wait_out(

@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from msgspec import UNSET, UnsetType
 from pydantic import TypeAdapter
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
-from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import ESTIMATE, TELEMETRY, Topic
 from pincette.engine import composed
 from pincette.engine.runner import Runner
@@ -87,16 +85,9 @@ class LastingRig:
         self._runners[runner.service.name] = runner, args, named
         return runner
 
-    def _tell(
-        self,
-        seq: int,
-        x_um: float,
-        force_mN: float,
-        voltage_V: float,
-        second: SecondTruth | UnsetType = UNSET,
-    ) -> None:
-        self.truth = GroundTruth(seq, x_um, force_mN, voltage_V, second)
-        self.peak_mN = max(self.peak_mN, force_mN)
+    def _tell(self, truth: GroundTruth) -> None:
+        self.truth = truth
+        self.peak_mN = max(self.peak_mN, truth.arms[0].force_mN)
         if self.estimate is not None:
             self.compared.append((self.estimate, self.truth))
             self.estimate = None
@@ -160,9 +151,9 @@ class LastingRig:
         Forces are stated where they have a zero. It is negative where all were within U.
         """
         found = [
-            abs(said.force_mN - truth.force_mN) - said.force_uncertainty_mN
+            abs(said.arms[0].force_mN - truth.arms[0].force_mN) - said.arms[0].force_uncertainty_mN
             for said, truth in self.compared
-            if said.valid and said.zero_age_s is not None
+            if said.valid and said.arms[0].zero_age_s is not None
         ]
         return max(found, default=-inf)
 
@@ -170,7 +161,7 @@ class LastingRig:
     def true_mN(self) -> float:
         """True force at the newest sample."""
         assert self.truth is not None
-        return self.truth.force_mN
+        return self.truth.arms[0].force_mN
 
 
 def outcome(job: Job) -> str:

@@ -47,12 +47,12 @@ def await_reaction(
     """
     safe_at, _ = seen.until_state(("latched",), fault_s)
     armed = [echo for _, echo in seen.since(Applied, fault_s - 1.0) if echo.state == "armed"]
-    kept_V = armed[-1].voltage_V
+    kept_V = armed[-1].arms[0].voltage_V
     tripped = [(at, echo) for at, echo in seen.since(Applied, fault_s) if echo.state in TRIPPED]
     begun_at, first = tripped[0]
     assert first.state == ("frozen" if held else "ramping")
     for _, echo in tripped:
-        assert echo.state == "ramping" or echo.voltage_V == kept_V
+        assert echo.state == "ramping" or echo.arms[0].voltage_V == kept_V
     ramped_at = _check_ramp(rig, seen, begun_at, kept_V)
     if held:
         limit_s = rig.safety.freeze_s
@@ -77,10 +77,10 @@ def _check_ramp(rig: RigFile, seen: Witness, begun_at: float, kept_V: float) -> 
     """When the voltage first moved; it must go to the safe voltage and never turn back."""
     echoes = seen.since(Applied, begun_at)
     safe_V = rig.safety.safe_V
-    away_V = [abs(echo.voltage_V - safe_V) for _, echo in echoes]
+    away_V = [abs(echo.arms[0].voltage_V - safe_V) for _, echo in echoes]
     assert away_V == sorted(away_V, reverse=True), "the ramp turned back"
     assert away_V[-1] == 0.0
-    return next(at for at, echo in echoes if echo.voltage_V != kept_V)
+    return next(at for at, echo in echoes if echo.arms[0].voltage_V != kept_V)
 
 
 def _check_instrument(
@@ -88,15 +88,19 @@ def _check_instrument(
 ) -> None:
     """What the instrument put out: the last voltage until the ramp, the safe one in the end."""
     step_V, exchange_s = output_step_V(rig), configure(rig).age.wake_s
-    put_out = [(at, truth.voltage_V) for at, truth in seen.since(GroundTruth, begun_at - 1.0)]
+    put_out = [
+        (at, truth.arms[0].voltage_V) for at, truth in seen.since(GroundTruth, begun_at - 1.0)
+    ]
     # The last command may have been put out just before the ramp, or long before it.
     before = [put_V for at, put_V in put_out if at < ramped_at]
     assert min(abs(put_V - kept_V) for put_V in before[-3:]) <= step_V
     frozen = [put_V for at, put_V in put_out if begun_at < at < ramped_at - exchange_s]
     assert all(abs(put_V - kept_V) <= step_V for put_V in frozen)
     safe_V = rig.safety.safe_V
-    seen.until(GroundTruth, lambda truth: abs(truth.voltage_V - safe_V) <= step_V, ramped_at, 1.0)
-    assert abs(seen.newest(GroundTruth).voltage_V - safe_V) <= step_V
+    seen.until(
+        GroundTruth, lambda truth: abs(truth.arms[0].voltage_V - safe_V) <= step_V, ramped_at, 1.0
+    )
+    assert abs(seen.newest(GroundTruth).arms[0].voltage_V - safe_V) <= step_V
 
 
 def distribution(name: str, times_s: Sequence[float], bound_s: float, stalls_s: float) -> str:

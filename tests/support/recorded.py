@@ -24,6 +24,14 @@ from pincette.core.messages import (
     Telemetry,
     Timing,
 )
+from pincette.core.messages.arms import (
+    ArmApplied,
+    ArmCommand,
+    ArmEstimate,
+    ArmPosition,
+    ArmTelemetry,
+    ArmTruth,
+)
 from pincette.core.topics import TOPIC_OF
 from pincette.records.mcap_file import McapFile
 from tests.support.histograms import counted
@@ -48,23 +56,27 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         return None if seq < 2 else number()
 
     x, force, voltage = number(), number(), number()
-    yield Position(EPOCH, seq, seq * PERIOD_S, x, valid=True)
+    yield Position(EPOCH, seq, seq * PERIOD_S, (ArmPosition(x, valid=True),))
     if 3 <= seq < 9:
         yield Burst(EPOCH, seq, 1e4, (number(), -0.0), (0.1, number()), valid=True)
     yield Estimate(
         epoch=EPOCH,
         seq=seq,
-        x_um=x,
-        force_mN=force,
-        force_uncertainty_mN=number(),
-        perturbation_mN=number(),
-        zero_age_s=later(),
-        zero_refusal=None,
-        applied_V=voltage,
         applied_seq=seq - 1,
-        limits_active=seq % 4,
         tripped=False,
         degraded=seq % 5 == 0,
+        arms=(
+            ArmEstimate(
+                x_um=x,
+                force_mN=force,
+                force_uncertainty_mN=number(),
+                perturbation_mN=number(),
+                zero_age_s=later(),
+                zero_refusal=None,
+                applied_V=voltage,
+                limits_active=seq % 4,
+            ),
+        ),
         valid=True,
     )
     yield Telemetry(
@@ -74,8 +86,7 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         phase="hold · µ",
         segment=1,
         segment_tick=seq,
-        x_r_um=number(),
-        x_d_um=number(),
+        arms=(ArmTelemetry(number(), number()),),
         force_r_mN=number(),
         sliding_um=number(),
         band_um=number(),
@@ -92,21 +103,20 @@ def tick(seq: int, chance: random.Random, *, final: bool = False) -> Iterator[Me
         epoch=EPOCH,
         seq=seq,
         owner=2**47 + 5,
-        voltage_V=voltage,
+        arms=(ArmCommand(voltage),),
         part_held=seq > 1,
         zero=seq == 0,
         final=final,
         valid=True,
         sweep=SWEEP if seq == 1 else None,
     )
-    yield GroundTruth(1000 + seq, x, force, voltage)
+    yield GroundTruth(1000 + seq, (ArmTruth(x, force, voltage),))
     yield Applied(
         epoch=EPOCH,
         seq=seq,
-        voltage_V=voltage,
+        arms=(ArmApplied(voltage, 0),),
         state=Mode.IDLE if final else Mode.ARMED,
         cause=Cause.NONE,
-        limits_active=0,
         part_held=seq > 1,
         zero=seq == 0,
         final=final,

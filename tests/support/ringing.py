@@ -72,8 +72,8 @@ def residual(rig: RigFile, truths: Sequence[tuple[float, GroundTruth]]) -> tuple
         raise ValueError(f"rig {rig.rig.name!r} is not simulated")
     writes: list[tuple[float, float]] = []
     for at_s, truth in truths:
-        if not writes or truth.voltage_V != writes[-1][1]:
-            writes.append((at_s, truth.voltage_V))
+        if not writes or truth.arms[0].voltage_V != writes[-1][1]:
+            writes.append((at_s, truth.arms[0].voltage_V))
     if len(writes) < 2:
         raise ValueError(f"no ramp: {writes}")
     parameters = plant.plant_parameters(resolved(rig.simulation, rig.output.driver))

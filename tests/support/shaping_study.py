@@ -104,10 +104,10 @@ def followed(seed: int, kind: Kind, frequency_hz: float) -> Followed:
         for one in published
         if isinstance(one, Estimate) and one.valid and one.seq in views and one.seq in truth
     ]
-    error_mN = np.array([e.force_mN - t.force_mN for e, t, _ in rows])
-    u_mN = np.array([e.force_uncertainty_mN for e, _, _ in rows])
-    beside_um = np.array([t.x_um - view.x_r_um for _, t, view in rows])
-    reference_um = np.array([view.x_r_um for _, _, view in rows])
+    error_mN = np.array([e.arms[0].force_mN - t.arms[0].force_mN for e, t, _ in rows])
+    u_mN = np.array([e.arms[0].force_uncertainty_mN for e, _, _ in rows])
+    beside_um = np.array([t.arms[0].x_um - view.arms[0].x_r_um for _, t, view in rows])
+    reference_um = np.array([view.arms[0].x_r_um for _, _, view in rows])
     return Followed(
         kind,
         frequency_hz,

@@ -54,7 +54,7 @@ class Played:
 
     @property
     def peak_mN(self) -> float:
-        return max(one.force_mN for one in self.truths.values())
+        return max(one.arms[0].force_mN for one in self.truths.values())
 
 
 def played(simulation: Tree | None = None, changes: Tree | None = None, **wishes: object) -> Played:

@@ -17,7 +17,7 @@ from pincette.bus.session import open_session
 from pincette.security.folder import Folder
 from tests.support.doors import joining
 
-KEY = "pincette/v1/demo/job"
+KEY = "pincette/v2/demo/job"
 
 
 def main() -> None:

@@ -128,7 +128,9 @@ def in_one_process(pair: str, seed: int) -> Row:
     published = ComposedLoop(known).play(program)
     views = [message for message in published if isinstance(message, Telemetry)]
     held = {view.seq for view in views if view.phase == "hold"}
-    forces_mN = [m.force_mN for m in published if isinstance(m, GroundTruth) and m.seq in held]
+    forces_mN = [
+        m.arms[0].force_mN for m in published if isinstance(m, GroundTruth) and m.seq in held
+    ]
     off = deviations(found.values, true_values(rig.simulation))
     return Row(seed, pair, off, views[-1].outcome, fsum(forces_mN) / len(forces_mN))
 

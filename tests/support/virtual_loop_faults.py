@@ -73,11 +73,11 @@ def on_the_way(
 
 
 def corrupted(payload: bytes, field: str, value: Any) -> bytes:
-    """The same map with another value in one field, where its kind has that field.
-
-    ``second`` is absent where there is one arm; what has a number of a sample may have it.
-    """
+    """The same map with another value in one field, of its own or of its first arm."""
     tree = msgpack.unpackb(payload)
-    if field in tree or (field == "second" and "seq" in tree):
+    arm = tree.get("arms", [{}])[0]
+    if field in tree:
         tree[field] = value
+    elif field in arm:
+        arm[field] = value
     return cast(bytes, msgpack.packb(tree))

@@ -6,8 +6,6 @@ from pathlib import Path
 from time import monotonic, sleep
 from unittest.mock import patch
 
-from msgspec import UNSET, UnsetType
-
 from pincette.bus.protocol import BusError, RefusalError
 from pincette.config import RigFile
 from pincette.core.messages import (
@@ -20,7 +18,6 @@ from pincette.core.messages import (
     Status,
     Telemetry,
 )
-from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import (
     APPLIED,
     SIM_COMMAND,
@@ -65,16 +62,7 @@ class VirtualRig:
         script = script_of(rig)
 
         def devices(rig_file: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
-            def truth(
-                seq: int,
-                x_um: float,
-                force_mN: float,
-                voltage_V: float,
-                second: SecondTruth | UnsetType = UNSET,
-            ) -> None:
-                publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
-
-            at = bench or open_bench(rig_file, lambda: 0.0, truth, script)
+            at = bench or open_bench(rig_file, lambda: 0.0, publish, script)
             return devices_on(at, rig_file)
 
         with (

@@ -38,7 +38,7 @@ def test_a_damaged_model_moves_nothing_and_is_named_with_the_remedy(tmp_path: Pa
         refused = pincette("model", "use", "1", "--url", rig.rig.supervisor.url, timeout_s=LONG_S)
         assert refused.returncode == 1
         assert damaged.name in refused.stderr
-        assert {echo.voltage_V for _, echo in seen.since(Applied, 0.0)} <= {0.0}
+        assert {echo.arms[0].voltage_V for _, echo in seen.since(Applied, 0.0)} <= {0.0}
 
         damaged.write_text(whole, encoding="utf-8")
         mended = pincette("model", "use", "1", "--url", rig.rig.supervisor.url, timeout_s=LONG_S)

@@ -59,7 +59,9 @@ def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_t
     job = hold(rig, seen)
     killed_s = kill(rig, "loop")
     step_V, safe_V = output_step_V(rig.rig), rig.rig.safety.safe_V
-    safe_s, _ = seen.until(GroundTruth, lambda one: abs(one.voltage_V - safe_V) <= step_V, killed_s)
+    safe_s, _ = seen.until(
+        GroundTruth, lambda one: abs(one.arms[0].voltage_V - safe_V) <= step_V, killed_s
+    )
     within(MODULE_S, safe_s - killed_s, "the module's watchdog")
     ended = rig.ended(job)
     assert ended["state"] == "failed"
@@ -73,7 +75,7 @@ def test_told_to_end_it_brings_the_arm_to_rest(rig: RunningRig, seen: Witness) -
     process = rig.fleet.members["loop"].process
     process.terminate()
     assert process.wait(10.0) == 0
-    assert seen.newest(Applied).voltage_V == rig.rig.safety.safe_V
+    assert seen.newest(Applied).arms[0].voltage_V == rig.rig.safety.safe_V
     make_ready(rig)
 
 

@@ -17,11 +17,11 @@ from typing import Any, cast
 import matplotlib.image
 import pyarrow.parquet as parquet
 import pytest
-from msgspec.structs import replace
 
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.messages import Applied, Estimate, Position
 from pincette.core.topics import LOOP, POSITION, TOPICS, key
+from tests.support.arms import with_arm
 from tests.support.checkout import ROOT, environment, run
 from tests.support.foreign import declared, outsider
 from tests.support.grips import SHORT
@@ -102,7 +102,7 @@ def test_latest_prints_every_topic_once(played: Played, tmp_path: Path, kind: st
         "applied",
         "ground_truth",
     }
-    assert ("estimate", "force_uncertainty_mN") in seen
+    assert ("estimate", "arm_1_force_uncertainty_mN") in seen
     root = key("demo", POSITION).removesuffix(POSITION.name)
     known = {key("demo", topic, one).removeprefix(root) for topic in TOPICS for one in LOOP}
     assert set(told) | {topic for topic, _ in seen} == known
@@ -117,9 +117,9 @@ def assert_is_what_was_played(rows: list[dict[str, str]], played: Played) -> Non
     for row in rows:
         tick = played.ticks[int(row["seq"])]
         assert float(row["t_s"]) == tick.position.t_s
-        assert float(row["x_um"]) == tick.estimate.x_um
-        assert float(row["force_mN"]) == tick.estimate.force_mN
-        assert float(row["voltage_V"]) == tick.applied.voltage_V
+        assert float(row["x_um"]) == tick.estimate.arms[0].x_um
+        assert float(row["force_mN"]) == tick.estimate.arms[0].force_mN
+        assert float(row["voltage_V"]) == tick.applied.arms[0].voltage_V
 
 
 def test_csv_has_each_sample_whole(played: Played, tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def publish_until_ended(bus: ZenohBus, process: "subprocess.Popen[str]") -> None
                     changes |= {"unconfirmed": seq == 3, "voltage_V": UNKNOWN_V if seq == 3 else 1}
                 else:
                     changes["valid"] = seq != 2
-                bus.publish(cast(Any, replace)(message, **changes))
+                bus.publish(with_arm(message, **changes))
         epoch += 1
         sleep(0.05)
 

@@ -96,7 +96,7 @@ class TestTokensOfOtherRigs:
         with ExitStack() as stack:
             tool = stack.enter_context(outsider("client", place))
             for name in hanging:
-                stack.enter_context(declared(tool, "silent", f"pincette/v1/{name}/call/**"))
+                stack.enter_context(declared(tool, "silent", f"pincette/v2/{name}/call/**"))
             tokens = [
                 tool.liveliness().declare_token(live_key(name, program))
                 for name in (*GHOSTS, *hanging)
@@ -188,7 +188,7 @@ class TestWhatIsPublished:
         make_ready(rig)
         during = self.seen(rig, "succeeded")
         self.compare(during, "job")
-        assert {f"pincette/v1/demo/request_log/{one}" for one in LOOP} <= during
+        assert {f"pincette/v2/demo/request_log/{one}" for one in LOOP} <= during
         self.compare(self.seen(rig), "idle")
         rig.post("/rigs/demo/estop").raise_for_status()
         sleep(SILENT_S)

@@ -71,7 +71,7 @@ def heal(seen: Witness) -> None:
     """Plug everything in again, and see that the sensor measures."""
     for target in ("sensor", "output"):
         order(seen, target, "heal")
-    seen.until(Position, lambda position: position.valid, monotonic())
+    seen.until(Position, lambda position: position.arms[0].valid, monotonic())
 
 
 def check_works_again(rig: RunningRig, seen: Witness) -> None:
@@ -110,7 +110,7 @@ def test_the_cable_of_the_sensor_is_pulled(
     assert ended["state"] == "failed"
     assert "command_age" in ended["cause"]
     assert f"sensor: {rig.rig.sensor.url}" in ended["cause"]
-    fault = fault_text(seen.newest(Position).fault)
+    fault = fault_text(seen.newest(Position).arms[0].fault)
     assert rig.rig.sensor.url in fault
     deadline = monotonic() + 1.0
     while not any("sensor: reads no position" in reason for reason in rig.view()["reasons"]):
@@ -161,8 +161,10 @@ def test_the_module_makes_itself_safe_where_the_actuator_dies(
 
 def await_safe_output(seen: Witness, since_s: float) -> float:
     """Seconds until the instrument puts out its safe value, which nobody has told it to."""
-    at_s, truth = seen.until(GroundTruth, lambda truth: truth.voltage_V == 0.0, since_s + 0.2)
-    assert truth.voltage_V == 0.0
+    at_s, truth = seen.until(
+        GroundTruth, lambda truth: truth.arms[0].voltage_V == 0.0, since_s + 0.2
+    )
+    assert truth.arms[0].voltage_V == 0.0
     return at_s - since_s
 
 
@@ -205,12 +207,14 @@ def test_lost_exchanges_end_in_a_grip_or_in_a_clean_trip(rig: RunningRig, seen: 
 
 
 def test_orders_come_from_the_command_line_too(rig: RunningRig, seen: Witness) -> None:
-    before_um = seen.newest(Position).x_um
+    before_um = seen.newest(Position).arms[0].x_um
     done = command("rig", "sensor", "wrong", "5", "--for-s", "0.5", "--rig", str(rig.path))
     assert done.returncode == 0, done.stderr
-    seen.until(Position, lambda position: position.x_um > before_um + 4.0, monotonic() - 1.0)
+    seen.until(
+        Position, lambda position: position.arms[0].x_um > before_um + 4.0, monotonic() - 1.0
+    )
     sleep(0.6)
-    assert abs(seen.newest(Position).x_um - before_um) < 1.0
+    assert abs(seen.newest(Position).arms[0].x_um - before_um) < 1.0
     wrong = command("rig", "sensor", "melt", "--rig", str(rig.path))
     assert wrong.returncode == 1
     assert "sensor knows no 'melt'" in wrong.stderr

@@ -44,14 +44,14 @@ def in_one_process(rig: RigFile, request: JobRequest = GRIP) -> Numbers:
     estimates = [message for message in published if isinstance(message, Estimate)]
     applied = [message for message in published if isinstance(message, Applied) if message.seq >= 0]
     numbers: Numbers = {
-        "x_um": [message.x_um for message in positions],
-        "force_mN": [message.force_mN for message in estimates],
-        "voltage_V": [message.voltage_V for message in applied],
+        "x_um": [message.arms[0].x_um for message in positions],
+        "force_mN": [message.arms[0].force_mN for message in estimates],
+        "voltage_V": [message.arms[0].voltage_V for message in applied],
     }
     if rig.second is not None:
-        numbers["second_x_um"] = [one.second.x_um for one in positions if one.second]
-        numbers["second_force_mN"] = [one.second.force_mN for one in estimates if one.second]
-        numbers["second_voltage_V"] = [one.second.voltage_V for one in applied if one.second]
+        numbers["second_x_um"] = [one.arms[1].x_um for one in positions]
+        numbers["second_force_mN"] = [one.arms[1].force_mN for one in estimates]
+        numbers["second_voltage_V"] = [one.arms[1].voltage_V for one in applied]
     return numbers
 
 

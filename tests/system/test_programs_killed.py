@@ -113,8 +113,8 @@ def test_a_restarted_actuator_moves_nothing_until_a_person_resets_it(
     make_ready(rig)
     begun = monotonic()
     whole_grip(rig, seen)
-    put_V = [truth.voltage_V for _, truth in seen.since(GroundTruth, begun)]
-    assert abs(put_V[-1] - seen.newest(Applied).voltage_V) <= output_step_V(rig.rig)
+    put_V = [truth.arms[0].voltage_V for _, truth in seen.since(GroundTruth, begun)]
+    assert abs(put_V[-1] - seen.newest(Applied).arms[0].voltage_V) <= output_step_V(rig.rig)
 
 
 def test_a_job_whose_actuator_was_restarted_at_once_has_failed(

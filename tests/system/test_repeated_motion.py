@@ -100,9 +100,11 @@ def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) ->
 
     published = ComposedLoop(rig.rig).play(plan_job(LEARNING, rig.rig).program)
     assert recorded(rig, first["id"]) == {
-        "x_um": [m.x_um for m in published if isinstance(m, Position)],
-        "force_mN": [m.force_mN for m in published if isinstance(m, Estimate)],
-        "voltage_V": [m.voltage_V for m in published if isinstance(m, Applied) and m.seq >= 0],
+        "x_um": [m.arms[0].x_um for m in published if isinstance(m, Position)],
+        "force_mN": [m.arms[0].force_mN for m in published if isinstance(m, Estimate)],
+        "voltage_V": [
+            m.arms[0].voltage_V for m in published if isinstance(m, Applied) and m.seq >= 0
+        ],
     }
 
     (kept,) = rig.get("/rigs/demo/learning")["programs"]

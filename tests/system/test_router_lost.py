@@ -120,7 +120,11 @@ def test_without_a_router_the_free_arm_comes_to_rest_and_stays_there(
         ended = rig.ended(job)
         sleep(SETTLED_S)
         echoes = direct.since(killed_s)
-    moved_s = [at for (_, one), (at, other) in pairwise(echoes) if one.voltage_V != other.voltage_V]
+    moved_s = [
+        at
+        for (_, one), (at, other) in pairwise(echoes)
+        if one.arms[0].voltage_V != other.arms[0].voltage_V
+    ]
     rest_s = max(moved_s, default=killed_s) - killed_s
     figures.append(
         f"router killed, arm free: at rest {rest_s:.2f} s after, lease {LEASE_S:g} s; "

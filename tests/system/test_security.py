@@ -25,6 +25,7 @@ from pincette.core.topics import ARM, COMMAND, LOAD, RESET, TRIP, Request, key
 from pincette.security.establishing import enrol
 from pincette.security.folder import Folder
 from pincette.security.identity import program
+from tests.support.arms import with_arm
 from tests.support.certificates import NOW, Intruder, ask, folder_for, stranger
 from tests.support.commands import pincette
 from tests.support.grips import SHORT, hold, make_ready, reset
@@ -79,10 +80,10 @@ def intrude(session: "zenoh.Session", seen: Witness, chance: random.Random) -> N
     """Put forged commands that differ from the next true one in their voltage alone."""
     for _ in range(ROUNDS):
         true = seen.newest(Command)
-        forged = replace(true, seq=true.seq + chance.randint(0, 3), voltage_V=FORGED_V)
+        forged = with_arm(true, seq=true.seq + chance.randint(0, 3), voltage_V=FORGED_V)
         for place in KEYS:
-            session.put(f"pincette/v1/{place}", encode(forged))
-            session.delete(f"pincette/v1/{place}")
+            session.put(f"pincette/v2/{place}", encode(forged))
+            session.delete(f"pincette/v2/{place}")
         sleep(PAUSE_S)
 
 
@@ -105,7 +106,7 @@ def assert_untouched(seen: Witness, since_s: float) -> None:
         ("armed", "", first.refused)
     }
     assert {one.epoch for one in applied} == {first.epoch}
-    assert all(one.voltage_V < FORGED_V / 2 for one in applied)
+    assert all(one.arms[0].voltage_V < FORGED_V / 2 for one in applied)
     assert last.seq > first.seq
     assert all(view.playing for _, view in seen.since(Telemetry, since_s))
 

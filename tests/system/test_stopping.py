@@ -124,9 +124,9 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness
     assert all(echo.state in ("armed", "idle") for echo in echoes)
     assert echoes[-1].state == "idle"
     # It may come to rest a little short of where it was when it was asked.
-    assert echoes[-1].voltage_V < 0.8 * FAR_V, "it went back"
-    assert len({echo.voltage_V for echo in echoes[-5:]}) == 1
-    xs_um = [position.x_um for _, position in seen.since(Position, asked_at)][-10:]
+    assert echoes[-1].arms[0].voltage_V < 0.8 * FAR_V, "it went back"
+    assert len({echo.arms[0].voltage_V for echo in echoes[-5:]}) == 1
+    xs_um = [position.arms[0].x_um for _, position in seen.since(Position, asked_at)][-10:]
     assert max(xs_um) - min(xs_um) < REST_UM
     assert rig.view()["part"] == "none"
     assert rig.view()["can_start"]
@@ -135,12 +135,12 @@ def test_a_stop_of_the_free_arm_leaves_it_at_rest(rig: RunningRig, seen: Witness
 def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Witness) -> None:
     job = hold(rig, seen)
     sleep(SETTLED_S)
-    before_mN = seen.newest(GroundTruth).force_mN
+    before_mN = seen.newest(GroundTruth).arms[0].force_mN
     act(rig, job, "stop")
     assert rig.ended(job)["state"] == "stopped"
     stopped_at = monotonic()
     sleep(SETTLED_S)
-    kept_mN = [truth.force_mN for _, truth in seen.since(GroundTruth, stopped_at)]
+    kept_mN = [truth.arms[0].force_mN for _, truth in seen.since(GroundTruth, stopped_at)]
     assert min(kept_mN) > before_mN - KEPT_MN
     assert max(kept_mN) < before_mN + KEPT_MN
     assert rig.view()["part"] == "held"
@@ -150,7 +150,7 @@ def test_a_stop_keeps_a_held_part_until_it_is_released(rig: RunningRig, seen: Wi
     make_ready(rig)
     assert rig.view()["part"] == "none"
     assert rig.job(job)["state"] == "stopped"
-    assert seen.newest(GroundTruth).force_mN == 0.0
+    assert seen.newest(GroundTruth).arms[0].force_mN == 0.0
 
 
 def test_an_abort_freezes_a_held_part_and_then_lets_it_go(

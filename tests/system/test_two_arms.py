@@ -5,7 +5,6 @@ from collections.abc import Generator
 from time import monotonic, sleep
 
 import pytest
-from msgspec import UNSET
 
 from pincette.core.messages import Applied, GroundTruth, Position, SimCommand, Telemetry
 from pincette.core.topics import SIM_COMMAND
@@ -108,23 +107,23 @@ def check_together(rig: RunningRig, seen: Witness, fault_s: float) -> None:
 def check_force(seen: Witness, since_s: float) -> None:
     """No arm has pressed harder than was planned."""
     truths = [truth for _, truth in seen.since(GroundTruth, since_s)]
-    hardest_mN = max(max(truth.force_mN, of_second(truth)) for truth in truths)
+    hardest_mN = max(max(truth.arms[0].force_mN, of_second(truth)) for truth in truths)
     assert hardest_mN <= 1.15 * FORCE_MN
 
 
 def voltages(echo: Applied) -> tuple[float, float]:
-    assert echo.second is not UNSET
-    return echo.voltage_V, echo.second.voltage_V
+    assert len(echo.arms) == 2
+    return echo.arms[0].voltage_V, echo.arms[1].voltage_V
 
 
 def put_out(truth: GroundTruth) -> tuple[float, float]:
-    assert truth.second is not UNSET
-    return truth.voltage_V, truth.second.voltage_V
+    assert len(truth.arms) == 2
+    return truth.arms[0].voltage_V, truth.arms[1].voltage_V
 
 
 def of_second(truth: GroundTruth) -> float:
-    assert truth.second is not UNSET
-    return truth.second.force_mN
+    assert len(truth.arms) == 2
+    return truth.arms[1].force_mN
 
 
 def test_a_grip_with_both_arms_succeeds(rig: RunningRig, seen: Witness) -> None:
@@ -132,7 +131,7 @@ def test_a_grip_with_both_arms_succeeds(rig: RunningRig, seen: Witness) -> None:
     ended = rig.ended(rig.start_grip(kind="grip"))
     assert ended["state"] == "succeeded", ended["cause"]
     check_force(seen, begun)
-    assert all(echo.second is not UNSET for _, echo in seen.since(Applied, begun))
+    assert all(len(echo.arms) == 2 for _, echo in seen.since(Applied, begun))
 
 
 @pytest.mark.parametrize("name", ["sensor", "estimator", "controller"])
@@ -165,11 +164,11 @@ def test_a_sensor_of_either_arm_that_is_silent_stops_both(
     assert rig.ended(job)["state"] == "failed"
     # The actuator does not wait for a sensor; what the sensor says later names the arm.
     _, told = seen.until(Position, lambda position: not position.usable, silent_s, 1.0)
-    second = UNSET if told.second is UNSET else told.second.fault
+    second = told.arms[1].fault
     if target.startswith("second"):
-        assert (told.valid, second and second.number("arm")) == (True, 2)
+        assert (told.arms[0].valid, second and second.number("arm")) == (True, 2)
     else:
-        assert (told.fault and told.fault.number("arm"), second) == (1, None)
+        assert (told.arms[0].fault and told.arms[0].fault.number("arm"), second) == (1, None)
 
 
 @pytest.mark.parametrize("target", ["output", "second_output"])

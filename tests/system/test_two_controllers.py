@@ -9,13 +9,13 @@ from time import monotonic, sleep
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from pincette.bus.topology import direct_session, endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config.reading import laid_over
 from pincette.core.messages import Applied, Command
 from pincette.core.wording import applied_text
+from tests.support.arms import with_arm
 from tests.support.grips import hold, kill, make_ready, restart, whole_grip
 from tests.support.hogs import hog
 from tests.support.rigs import Tree, rig_toml
@@ -114,18 +114,18 @@ def test_commands_of_another_owner_never_mix_with_those_of_the_first(
         owner = seen.newest(Command).owner
         while monotonic() < since + LOOK_S:
             first = commands_of(seen, owner, monotonic() - 0.5)[-1]
-            second.publish(replace(first, owner=first.owner + 1, seq=first.seq + 1, voltage_V=3.0))
+            second.publish(with_arm(first, owner=first.owner + 1, seq=first.seq + 1, voltage_V=3.0))
             sleep(rig.rig.rig.period_s)
         echoes = check_undisturbed(seen, since)
     finally:
         second.close()
-    asked_V = {one.seq: one.voltage_V for one in commands_of(seen, owner, since - 0.5)}
+    asked_V = {one.seq: one.arms[0].voltage_V for one in commands_of(seen, owner, since - 0.5)}
     own = [echo for echo in echoes if echo.answered and echo.seq in asked_V]
     assert len(own) >= 0.8 * LOOK_S / rig.rig.rig.period_s
     for echo in own:
-        off_V = abs(echo.voltage_V - asked_V[echo.seq])
-        assert echo.limits_active or off_V <= 0.5 * rig.rig.output.step_V + 1e-12
-    assert max(echo.voltage_V for echo in echoes) < 3.0
+        off_V = abs(echo.arms[0].voltage_V - asked_V[echo.seq])
+        assert echo.arms[0].limits_active or off_V <= 0.5 * rig.rig.output.step_V + 1e-12
+    assert max(echo.arms[0].voltage_V for echo in echoes) < 3.0
     assert echoes[-1].refused - before.refused >= 0.5 * LOOK_S / rig.rig.rig.period_s
     release(rig, job)
 
@@ -192,7 +192,7 @@ def test_a_stranger_floods_the_key_of_the_controller(
     )
     assert set(told["sent"]) >= {"garbage", "foreign owner", "old epoch", "replay"}
     assert sum(told["sent"].values()) >= 0.8 * RATE_HZ * FLOOD_S
-    assert max(echo.voltage_V for echo in echoes) < 3.0
+    assert max(echo.arms[0].voltage_V for echo in echoes) < 3.0
     assert echoes[-1].refused > quiet[-1].refused
     assert share <= CPU_SHARE
     assert after <= max(AGE_S, 2.0 * before)

@@ -18,13 +18,17 @@ from foxglove.layouts import (
 )
 
 PLOTS = {
-    "force, mN": ("estimate.force_mN", "telemetry.force_r_mN", "estimate.force_uncertainty_mN"),
-    "position, µm": ("estimate.x_um", "telemetry.x_r_um"),
-    "voltage, V": ("applied.voltage_V",),
+    "force, mN": (
+        "estimate.arms[0].force_mN",
+        "telemetry.force_r_mN",
+        "estimate.arms[0].force_uncertainty_mN",
+    ),
+    "position, µm": ("estimate.arms[0].x_um", "telemetry.arms[0].x_r_um"),
+    "voltage, V": ("applied.arms[0].voltage_V",),
     "sliding function, µm": ("telemetry.sliding_um", "telemetry.band_um"),
 }
 """Title of each plot, and the paths that it shows: topic and field, units in their names."""
-ONLY_IF = {"applied.voltage_V": "unconfirmed==false"}
+ONLY_IF = {"applied.arms[0].voltage_V": "unconfirmed==false"}
 """Paths that are shown while a condition holds: a voltage that the output has not confirmed may not
 be put out."""
 STATES = ("telemetry.phase", "applied.state", "job.state")

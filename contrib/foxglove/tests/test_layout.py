@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from pincette.core.messages.arms import ArmApplied, ArmEstimate, ArmTelemetry
 from pincette.core.topics import APPLIED, TOPICS
 from pincette_foxglove.layout import PLOTS, STATES, shown_path, text
 from pincette_foxglove.program import ESTOP
@@ -15,9 +16,18 @@ def test_the_file_is_what_the_program_makes() -> None:
     assert FILE.read_text(encoding="utf-8") == text()
 
 
+RECORDS = {"estimate": ArmEstimate, "telemetry": ArmTelemetry, "applied": ArmApplied}
+"""Record of one arm in the messages of a topic."""
+
+
 def test_every_path_is_a_topic_and_a_field() -> None:
     fields = {
         f"{topic.name}.{name}" for topic in TOPICS for name in topic.message.__struct_fields__
+    }
+    fields |= {
+        f"{name}.arms[0].{field}"
+        for name, record in RECORDS.items()
+        for field in record.__struct_fields__
     }
     assert {*STATES, *(path for paths in PLOTS.values() for path in paths)} <= fields
 
@@ -25,7 +35,7 @@ def test_every_path_is_a_topic_and_a_field() -> None:
 def test_every_voltage_that_is_shown_was_confirmed_by_the_output() -> None:
     shown = [shown_path(path) for paths in PLOTS.values() for path in paths]
     assert [path for path in shown if path.endswith("voltage_V")] == [
-        "applied{unconfirmed==false}.voltage_V"
+        "applied{unconfirmed==false}.arms[0].voltage_V"
     ]
     assert "unconfirmed" in APPLIED.message.__struct_fields__
 

@@ -59,7 +59,7 @@ def test_a_grip_is_seen_as_its_record_has_it(rig: RunningRig) -> None:
         assert (channel["encoding"], channel["schemaEncoding"]) == ("protobuf", "protobuf")
     phases = {one.phase for one in seen["telemetry"]}
     assert {"approach", "load", "hold"} <= phases
-    assert max(one.force_mN for one in seen["estimate"] if one.valid) == pytest.approx(
+    assert max(one.arms[0].force_mN for one in seen["estimate"] if one.valid) == pytest.approx(
         FORCE_MN, abs=1.5
     )
     numbers = [one.seq for one in seen["estimate"]]

@@ -56,7 +56,7 @@ def test_each_write_over_the_line_is_one_of_the_rig(tmp_path: Path, pace: str) -
     )
     assert [truth.seq for truth in told] == [0, 1, 2]
     step_V = 20.0 / 65536
-    assert [truth.voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)
+    assert [truth.arms[0].voltage_V for truth in told] == pytest.approx([1.0, 1.0, 0.5], abs=step_V)
 
 
 def test_in_lockstep_a_capture_sees_the_wave_that_is_played() -> None:

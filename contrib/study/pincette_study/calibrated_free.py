@@ -73,8 +73,8 @@ def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMoti
         return slice(of(phase).start + inner.start, of(phase).start + inner.stop)
 
     return FreeMotion(
-        voltage_V=[estimates[view.seq].applied_V for view in views],
-        x_um=[estimates[view.seq].x_um for view in views],
+        voltage_V=[estimates[view.seq].arms[0].applied_V for view in views],
+        x_um=[estimates[view.seq].arms[0].x_um for view in views],
         period_s=period_s,
         course=slice(0, of("teach").stop),
         cycles=whole("cycles", GAIN_CYCLES),

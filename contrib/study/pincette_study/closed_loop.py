@@ -137,17 +137,17 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
     truths = {m.seq - told[0].seq: m for m in told}
     rows = [
         (
-            view.x_r_um,
+            view.arms[0].x_r_um,
             view.force_r_mN,
             view.sliding_um,
             view.band_um,
             view.perturbation_error_mN,
             view.residual_um,
-            estimates[view.seq].x_um,
-            estimates[view.seq].force_mN,
-            estimates[view.seq].applied_V,
-            truths[view.seq].x_um,
-            truths[view.seq].force_mN,
+            estimates[view.seq].arms[0].x_um,
+            estimates[view.seq].arms[0].force_mN,
+            estimates[view.seq].arms[0].applied_V,
+            truths[view.seq].arms[0].x_um,
+            truths[view.seq].arms[0].force_mN,
         )
         for view in views
     ]

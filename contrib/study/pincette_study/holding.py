@@ -100,7 +100,7 @@ def _refused_mN(rig: RigFile) -> float:
     views = [m for m in messages if isinstance(m, Telemetry)]
     contact = {view.seq for view in views if view.phase == "contact"}
     estimates = [m for m in messages if isinstance(m, Estimate) and m.seq in contact]
-    return estimates[-1].force_uncertainty_mN
+    return estimates[-1].arms[0].force_uncertainty_mN
 
 
 def _picture(seen: Record, rig: RigFile) -> bytes:

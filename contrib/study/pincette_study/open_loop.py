@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import Simulation
+from pincette.core.messages import GroundTruth
 from pincette.sim.rig.rig import SimulatedRig
 
 Series = NDArray[np.float64]
@@ -38,19 +39,19 @@ class Motion:
 
 def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -> Motion:
     """Put out a voltage each period on a rig that starts unpoled, and look before each."""
-    truths: list[tuple[float, float]] = []
+    truths: list[GroundTruth] = []
     rig = SimulatedRig(
         simulation,
         period_s,
         lockstep=True,
         clock=lambda: 0.0,
-        truth=lambda _seq, x_um, force_mN, _voltage_V: truths.append((x_um, force_mN)),
+        truth=truths.append,
     )
     x_um: list[float] = []
     for value in voltage_V:
         x_um.append(rig.measure_um())
         rig.put_out(value)
-    true = np.array(truths)
+    true = np.array([(truth.arms[0].x_um, truth.arms[0].force_mN) for truth in truths])
     return Motion(
         period_s,
         np.array([0.0, *voltage_V[:-1]]),

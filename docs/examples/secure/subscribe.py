@@ -31,11 +31,13 @@ config = zenoh.Config.from_json5(
     )
 )
 with suppress(KeyboardInterrupt), zenoh.open(config) as session:
-    messages = session.declare_subscriber(f"pincette/v1/{given.rig}/*")
+    messages = session.declare_subscriber(f"pincette/v2/{given.rig}/*")
     for sample in messages:
         topic, m = str(sample.key_expr), msgpack.unpackb(sample.payload.to_bytes())
         if topic.endswith("/estimate"):
-            found = f"{m['x_um']:8.3f} µm {m['force_mN']:8.3f} mN"
+            arm = m["arms"][0]
+            found = f"{arm['x_um']:8.3f} µm {arm['force_mN']:8.3f} mN"
             print(found if m["valid"] else f"not valid: {m['fault']}", flush=True)
         elif topic.endswith("/applied"):
-            print("not confirmed" if m["unconfirmed"] else f"{m['voltage_V']:8.4f} V", flush=True)
+            found = f"{m['arms'][0]['voltage_V']:8.4f} V"
+            print("not confirmed" if m["unconfirmed"] else found, flush=True)

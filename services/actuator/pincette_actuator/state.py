@@ -1,6 +1,5 @@
 """The actuator's state beside that of the safety rules, and its messages and device commands."""
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.control.arm.shaping import ShapedStep
@@ -10,7 +9,7 @@ from pincette.control.safety.arm import ArmFacts
 from pincette.control.safety.causes import Mode
 from pincette.control.safety.state import SafetyLimits, SafetyState
 from pincette.core.messages import Applied, Command
-from pincette.core.messages.second import SecondApplied
+from pincette.core.messages.arms import ArmApplied
 from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave, WriteParts
 
 
@@ -33,11 +32,14 @@ class State(SafetyState, frozen=True):
 
 def facts_of(command: Command) -> CommandFacts:
     """What the safety rules know of a command."""
+    arms: list[ArmFacts] = []
+    for arm in command.arms:
+        arms.append(ArmFacts(arm.voltage_V, arm.force_mN, arm.x_d_um))
     return CommandFacts(
         epoch=command.epoch,
         owner=command.owner,
         seq=command.seq,
-        arms=_arms_of(command),
+        arms=tuple(arms),
         part_held=command.part_held,
         final=command.final,
         valid=command.valid,
@@ -46,27 +48,20 @@ def facts_of(command: Command) -> CommandFacts:
     )
 
 
-def _arms_of(command: Command) -> tuple[ArmFacts, ...]:
-    first = ArmFacts(command.voltage_V, command.force_mN, command.x_d_um)
-    second = command.second
-    if second is UNSET:
-        return (first,)
-    return first, ArmFacts(second.voltage_V, second.force_mN, second.x_d_um)
-
-
 def applied_of(
     state: State, seq: int, command: Command | None = None, age_s: float = 0.0
 ) -> Applied:
     """What became of tick ``seq``; ``command`` is the one that was taken for it, at that age."""
-    first, *others = state.arms
+    arms: list[ArmApplied] = []
+    for arm in state.arms:
+        arms.append(ArmApplied(arm.voltage_V, arm.limits_active))
     return Applied(
         epoch=state.epoch,
         seq=seq,
-        voltage_V=first.voltage_V,
+        arms=tuple(arms),
         state=state.mode,
         cause=state.cause,
         faults=state.faults,
-        limits_active=first.limits_active,
         part_held=state.part_held,
         zero=command is not None and command.zero,
         final=state.mode in (Mode.IDLE, Mode.LATCHED),
@@ -77,7 +72,6 @@ def applied_of(
         segment=None if command is None else command.segment,
         segment_tick=0 if command is None else command.segment_tick,
         slewing_s=None if command is None else state.slewing_s,
-        second=SecondApplied(others[0].voltage_V, others[0].limits_active) if others else UNSET,
     )
 
 

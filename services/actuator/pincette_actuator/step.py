@@ -3,7 +3,6 @@ of the tick out."""
 
 from typing import NamedTuple
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -83,8 +82,9 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     if (position := inputs.position) is not None and position.epoch == state.epoch:
         skipped = skipped_seq(state.arrivals, position.seq)
         state = sampled(limits, state, position.seq, _measured(position), now).settled()
-        if position.fault is not None:
-            state = explained(state, position.fault)
+        for arm in position.arms:
+            if arm.fault is not None:
+                state = explained(state, arm.fault)
     command, facts = state.pending, None
     if inputs.command is not None:
         state, command, facts = _heard(state, inputs.command)
@@ -107,10 +107,10 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
 
 
 def _measured(position: Position) -> tuple[float | None, ...]:
-    first, second = position.x_um if position.valid else None, position.second
-    if second is UNSET:
-        return (first,)
-    return first, second.x_um if second.valid else None
+    measured: list[float | None] = []
+    for arm in position.arms:
+        measured.append(arm.x_um if arm.valid else None)
+    return tuple(measured)
 
 
 def _device_said(

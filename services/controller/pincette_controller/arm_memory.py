@@ -32,14 +32,15 @@ class ArmMemory(FrozenRecord, frozen=True):
             return self
         return replace(self, expected=self._followed(voltage_V, seq, period_s))
 
-    def follow(self, estimate: Estimate, period_s: float) -> "ArmMemory":
-        """Take in the voltage applied; where it is missing, the next one counts for longer.
+    def follow(self, estimate: Estimate, arm: int, period_s: float) -> "ArmMemory":
+        """Take in the voltage applied to the arm of this index.
 
+        Where it is missing, the next one counts for longer.
         A sample that has been followed already is not followed again.
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self
-        expected, voltage_V = self.expected, estimate.applied_V
+        expected, voltage_V = self.expected, estimate.arms[arm].applied_V
         # Zeros of either sign are equal, but not the same.
         if (
             expected is not None

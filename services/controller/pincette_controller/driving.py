@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from pincette.control.planning.segments import Press, Seek
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.control_laws import ArmView, ControlLaw, Handover, Setpoint, Wanted
 from pincette_controller.player_state import Player
@@ -16,7 +16,7 @@ RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
 """Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
 
 
-def arm_view(estimate: Estimate, memory: ArmMemory) -> ArmView:
+def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
     """Return one arm as a law sees it."""
     bits, limited, response = estimate.limits_active, 0, memory.response
     if bits:

@@ -1,10 +1,9 @@
 """The force of one arm for certain, by its uncertainty U."""
 
-from pincette.core.messages import Estimate
-from pincette.core.messages.second import SecondEstimate
+from pincette.core.messages.arms import ArmEstimate
 
 
-def sure_force_mN(estimate: Estimate | SecondEstimate) -> float:
+def sure_force_mN(estimate: ArmEstimate) -> float:
     """Return F by a zero; before one F - U, the least that presses by the free response."""
     if estimate.zero_age_s is not None:
         return estimate.force_mN

@@ -24,7 +24,7 @@ from pincette.control.planning.segments import (
     Seek,
 )
 from pincette.core.faults import KEPT, Outcome, Phase
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import (
     NO_PAUSE,
@@ -69,7 +69,7 @@ WATCHED = (*KEPT, Phase.SETTLE, Phase.TRACK)
 def guard(
     program: Program,
     player: Player,
-    estimate: Estimate,
+    estimate: ArmEstimate,
     period_s: float,
     limits: StepLimits | None = None,
 ) -> Player:
@@ -129,7 +129,7 @@ def guard(
     return player
 
 
-def _listen(player: Player, estimate: Estimate) -> Player:
+def _listen(player: Player, estimate: ArmEstimate) -> Player:
     """Take the sensor's noise from the samples of a rest without contact."""
     if isinstance(player.segment, Rest):
         return with_slip(player, noise=player.slip.noise.follow(estimate.x_um))
@@ -137,7 +137,7 @@ def _listen(player: Player, estimate: Estimate) -> Player:
     return with_slip(player, noise=noise, noise_um=noise.noise_um)
 
 
-def _line(program: Program, player: Player, estimate: Estimate) -> ContactLine:
+def _line(program: Program, player: Player, estimate: ArmEstimate) -> ContactLine:
     """Add a sample to the contact line; after a slip, none of an arm that has lost the part."""
     if player.slip.slips and estimate.force_mN < program.guards.contact_force_mN:
         return ContactLine()
@@ -151,12 +151,12 @@ def too_much(program: Program, player: Player, force_mN: float) -> bool:
     return force_mN > player.began.force_mN + program.guards.force_max_mN
 
 
-def is_uncertain(estimate: Estimate, load_mN: float | None) -> bool:
+def is_uncertain(estimate: ArmEstimate, load_mN: float | None) -> bool:
     """Return whether U is as large as the force that a load goes to, so that F means nothing."""
     return load_mN is not None and estimate.force_uncertainty_mN >= load_mN
 
 
-def with_planned_line(program: Program, player: Player, estimate: Estimate) -> Player:
+def with_planned_line(program: Program, player: Player, estimate: ArmEstimate) -> Player:
     """Put a line of the planned stiffness through the newest sample, for the way back."""
     planned = program.contact_stiffness_mN_per_um
     return with_line(player, estimate.x_um - estimate.force_mN / planned, planned)
@@ -201,7 +201,7 @@ def await_zero(
     return jump(program, replace(player, outcome=Outcome.ZERO_REFUSED), Phase.RETREAT, x_um)
 
 
-def _seek(program: Program, player: Player, estimate: Estimate) -> Player:
+def _seek(program: Program, player: Player, estimate: ArmEstimate) -> Player:
     """Go on to the load after a touch; go back where a hidden force may be as large as that load.
 
     A part could press with the force of the load where U is as large, before its touch shows. A
@@ -276,7 +276,7 @@ def _follow_line(
     )
 
 
-def _watch_way(program: Program, player: Player, estimate: Estimate, period_s: float) -> Player:
+def _watch_way(program: Program, player: Player, estimate: ArmEstimate, period_s: float) -> Player:
     """Turn back where the arm meets something; what it still left behind it must clear first.
 
     A touch is what the estimator has found, or a jump of the force on a quick way to the stand-off.
@@ -329,7 +329,7 @@ def watches_at_rest(player: Player) -> bool:
 
 
 def _watch_jump(
-    program: Program, player: Player, estimate: Estimate, period_s: float
+    program: Program, player: Player, estimate: ArmEstimate, period_s: float
 ) -> tuple[Player, bool]:
     """Whether the force has left its mean over the time before.
 
@@ -348,7 +348,7 @@ def _watch_jump(
 def _turn_back(
     program: Program,
     player: Player,
-    estimate: Estimate,
+    estimate: ArmEstimate,
     touch_x_um: float | None,
     touch_mN: float,
 ) -> Player:
@@ -375,7 +375,7 @@ def _turn_back(
     return enter(touched, -1, rest)
 
 
-def _watch_frozen(program: Program, player: Player, estimate: Estimate) -> Player:
+def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Player:
     """End as ``lost`` where the step of a frozen arm has led it to where it would be free.
 
     A sensor would have to jump by just the force over the compliance to read no force.

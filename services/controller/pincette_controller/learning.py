@@ -7,7 +7,7 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.repetition import CycleLearner, cycle_ticks
 from pincette.control.planning.segments import Segment, Track
 from pincette.control.record import FrozenRecord
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.player_state import Player
 
 
@@ -40,7 +40,7 @@ def check_cycle(program: Program, period_s: float) -> None:
             raise ValueError(f"{len(known.values_um)} corrections for a cycle of {ticks} ticks")
 
 
-def learn(learning: Learning, before: Player, estimate: Estimate, period_s: float) -> Learning:
+def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: float) -> Learning:
     """Take in x - x_r of the newest sample, whose references the tick before has set."""
     path = _cyclic_path(before.segment)
     if learning.learner is None or path is None:

@@ -8,7 +8,6 @@ the same and trips. Without it the actuator's age limit would act, since no vali
 
 from operator import attrgetter
 
-from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from pincette.control.planning.program import Program
@@ -18,66 +17,46 @@ from pincette.control.safety.monitors import Watches, finding, watch_command, wa
 from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
-from pincette.core.messages.second import SecondCommand, SecondTelemetry
+from pincette.core.messages.arms import ArmCommand, ArmTelemetry
 from pincette_controller.config import ControllerConfig
 from pincette_controller.control_laws import Wanted
 from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
 
-NUMBERS, SECOND_NUMBERS = largest_floats(Telemetry), largest_floats(SecondTelemetry)
-"""Numbers of telemetry, and of its second arm, with the largest magnitude that a decoder takes."""
+NUMBERS, ARM_NUMBERS = largest_floats(Telemetry), largest_floats(ArmTelemetry)
+"""Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder takes."""
 NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
-SECOND_NUMBERS_OF = attrgetter(*[name for name, _ in SECOND_NUMBERS])
+ARM_NUMBERS_OF = attrgetter(*[name for name, _ in ARM_NUMBERS])
+OF_ARMS = ("", "second.")
+"""Beginning of a number's name in a fault, for each arm."""
 
 
-def known_force_mN(estimate: Estimate, player: Player | None) -> float | None:
-    """The force that the hard limit is held against, as the guards take it; None within a sweep."""
+def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
+    """The force that an arm's hard limit is held against, as the guards take it; None within a
+    sweep."""
     if not estimate.valid or (player is not None and isinstance(player.segment, PlayedSweep)):
         return None
-    return sure_force_mN(estimate)
+    return sure_force_mN(estimate.arms[arm])
 
 
 def no_command(
     estimate: Estimate, epoch: int, owner: int, silenced: Fault | None, player: Player | None
 ) -> Command:
-    """An invalid command with the force, by which the actuator watches a frozen part."""
+    """An invalid command with the forces, by which the actuator watches a frozen part."""
+    arms: list[ArmCommand] = []
+    for arm, seen in enumerate(estimate.arms):
+        arms.append(ArmCommand(seen.applied_V, force_mN=known_force_mN(estimate, arm, player)))
     return Command(
         epoch=epoch,
         seq=estimate.seq,
         owner=owner,
-        voltage_V=estimate.applied_V,
+        arms=tuple(arms),
         part_held=False,
         zero=False,
         final=False,
         valid=False,
         fault=estimate.fault or silenced,
-        force_mN=known_force_mN(estimate, player),
-        second=_no_command_of_second(estimate),
     )
-
-
-def second_view(estimate: Estimate) -> Estimate:
-    """The second arm's estimate as if it were the only one."""
-    second = estimate.second
-    if second is UNSET:
-        return estimate
-    return replace(
-        estimate,
-        x_um=second.x_um,
-        force_mN=second.force_mN,
-        force_uncertainty_mN=second.force_uncertainty_mN,
-        zero_age_s=second.zero_age_s,
-        applied_V=second.applied_V,
-        limits_active=second.limits_active,
-        second=UNSET,
-    )
-
-
-def _no_command_of_second(estimate: Estimate) -> SecondCommand | UnsetType:
-    if estimate.second is UNSET:
-        return UNSET
-    view = second_view(estimate)
-    return SecondCommand(view.applied_V, force_mN=known_force_mN(view, None))
 
 
 def command_of(
@@ -85,9 +64,7 @@ def command_of(
     player: Player,
     estimate: Estimate,
     owner: int,
-    voltage_V: float,
-    x_d_um: float | None,
-    second: SecondCommand | UnsetType = UNSET,
+    arms: tuple[ArmCommand, ...],
 ) -> Command:
     """Return a command with the state of the program, before it is checked."""
     segment = player.segment
@@ -95,17 +72,14 @@ def command_of(
         epoch=estimate.epoch,
         seq=estimate.seq,
         owner=owner,
-        voltage_V=voltage_V,
+        arms=arms,
         part_held=player.held,
         zero=player.zero,
         final=player.ended,
         valid=True,
         sweep=segment.sweep if isinstance(segment, PlayedSweep) and not player.ended else None,
-        force_mN=known_force_mN(estimate, player),
         segment=player.index if 0 <= player.index < len(program.segments) else None,
         segment_tick=player.ticks,
-        x_d_um=x_d_um,
-        second=second,
     )
 
 
@@ -114,6 +88,7 @@ def telemetry_of(
     before: Player,
     player: Player,
     wanted: Wanted,
+    arms: tuple[ArmTelemetry, ...],
     acted: tuple[Acted, ...],
     correction_um: float,
 ) -> Telemetry:
@@ -127,8 +102,7 @@ def telemetry_of(
         phase=player.segment.phase,
         segment=player.index,
         segment_tick=player.ticks,
-        x_r_um=before.ref.x_um,
-        x_d_um=wanted.x_d_um,
+        arms=arms,
         force_r_mN=before.ref.force_mN,
         sliding_um=output.sliding_um,
         band_um=output.band_um,
@@ -154,61 +128,59 @@ def telemetry_of(
 
 def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
     """Fault of a law that has made a number that a decoder would refuse; None without one."""
+    for arm, of_arm in zip(OF_ARMS, telemetry.arms, strict=False):
+        for (name, most), number in zip(ARM_NUMBERS, ARM_NUMBERS_OF(of_arm), strict=True):
+            if not -most <= number <= most:
+                return fault(FaultCode.LAW_NUMBER, **{f"{arm}{name}": number})
     for (name, most), number in zip(NUMBERS, NUMBERS_OF(telemetry), strict=True):
         if number is not None and not -most <= number <= most:
             return fault(FaultCode.LAW_NUMBER, **{name: number})
-    if telemetry.second is UNSET:
-        return None
-    for (name, most), number in zip(
-        SECOND_NUMBERS, SECOND_NUMBERS_OF(telemetry.second), strict=True
-    ):
-        if not -most <= number <= most:
-            return fault(FaultCode.LAW_NUMBER, **{f"second.{name}": number})
     return None
 
 
 def check_command(
-    config: ControllerConfig, watches: Watches, command: Command, estimate: Estimate
-) -> tuple[Watches, Command]:
-    """A command as it may leave; one that is refused keeps the voltage that is applied."""
-    if why := nonsense(config.voltage, command.voltage_V, command.force_mN, command.x_d_um):
-        return watches, invalid_command(command, estimate, why, known=False)
-    watches = watch_command(
-        config.monitors,
-        watch_position(config.monitors, watches, estimate.x_um),
-        seq=command.seq,
-        x_um=estimate.x_um,
-        x_d_um=command.x_d_um,
-        force_mN=command.force_mN,
-    )
-    found = finding(config.monitors, watches)
-    if found is None:
-        return watches, command
-    return watches, invalid_command(command, estimate, found.fault, known=True)
+    configs: tuple[ControllerConfig, ...],
+    watches: tuple[Watches, ...],
+    command: Command,
+    estimate: Estimate,
+) -> tuple[tuple[Watches, ...], Command]:
+    """A command as it may leave: each arm's part of it within that arm's own limits.
+
+    One that is refused keeps the voltages that are applied.
+    """
+    watched: list[Watches] = []
+    refusal, known = None, True
+    arms = zip(configs, watches, command.arms, estimate.arms, strict=True)
+    for config, before, asked, measured in arms:
+        if why := nonsense(config.voltage, asked.voltage_V, asked.force_mN, asked.x_d_um):
+            refusal, known = refusal or why, False
+            watched.append(before)
+            continue
+        after = watch_command(
+            config.monitors,
+            watch_position(config.monitors, before, measured.x_um),
+            seq=command.seq,
+            x_um=measured.x_um,
+            x_d_um=asked.x_d_um,
+            force_mN=asked.force_mN,
+        )
+        found = finding(config.monitors, after)
+        if found is not None:
+            refusal = refusal or found.fault
+        watched.append(after)
+    if refusal is not None:
+        command = invalid_command(command, estimate, refusal, known=known)
+    return tuple(watched), command
 
 
 def invalid_command(command: Command, estimate: Estimate, why: Fault, *, known: bool) -> Command:
-    """A command that keeps the applied voltage; ``known``: whether force and x_d are finite."""
+    """A command that keeps the applied voltages; ``known``: whether force and x_d are finite."""
+    arms: list[ArmCommand] = []
+    for asked, measured in zip(command.arms, estimate.arms, strict=True):
+        kept = ArmCommand(measured.applied_V)
+        if known:
+            kept = ArmCommand(measured.applied_V, asked.force_mN, asked.x_d_um)
+        arms.append(kept)
     return replace(
-        command,
-        voltage_V=estimate.applied_V,
-        zero=False,
-        final=False,
-        valid=False,
-        fault=why,
-        sweep=None,
-        force_mN=command.force_mN if known else None,
-        x_d_um=command.x_d_um if known else None,
-        second=_kept_of_second(command, estimate, known=known),
+        command, arms=tuple(arms), zero=False, final=False, valid=False, fault=why, sweep=None
     )
-
-
-def _kept_of_second(
-    command: Command, estimate: Estimate, *, known: bool
-) -> SecondCommand | UnsetType:
-    second = command.second
-    if second is UNSET or estimate.second is UNSET:
-        return second
-    if not known:
-        return SecondCommand(estimate.second.applied_V)
-    return replace(second, voltage_V=estimate.second.applied_V)

@@ -3,7 +3,6 @@
 from math import exp
 from typing import NamedTuple
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.control.laws.two_arms import Pair
@@ -45,22 +44,19 @@ class Seen(NamedTuple):
 
 def seen(estimate: Estimate) -> Seen:
     """Both arms of an estimate; raises ValueError where it has one."""
-    second = estimate.second
-    if second is UNSET:
-        raise ValueError("the estimate has one arm")
-    forces = estimate.force_mN, second.force_mN
+    first, second = estimate.arms
     return Seen(
-        tips_um=(estimate.x_um, second.x_um),
-        forces_mN=forces,
-        sure_mN=(sure_force_mN(estimate), sure_force_mN(second)),
-        zero_ages_s=(estimate.zero_age_s, second.zero_age_s),
-        zero_refused=bool(estimate.zero_refusal or second.zero_refusal),
-        zeros_unconfirmed=(estimate.zero_unconfirmed, second.zero_unconfirmed),
+        tips_um=(first.x_um, second.x_um),
+        forces_mN=(first.force_mN, second.force_mN),
+        sure_mN=(sure_force_mN(first), sure_force_mN(second)),
+        zero_ages_s=(first.zero_age_s, second.zero_age_s),
+        zero_refused=bool(first.zero_refusal or second.zero_refusal),
+        zeros_unconfirmed=(first.zero_unconfirmed, second.zero_unconfirmed),
         touches=(
-            (estimate.touch_x_um, estimate.touch_mN or 0.0),
+            (first.touch_x_um, first.touch_mN or 0.0),
             (second.touch_x_um, second.touch_mN or 0.0),
         ),
-        applied_V=(estimate.applied_V, second.applied_V),
+        applied_V=(first.applied_V, second.applied_V),
     )
 
 

@@ -3,14 +3,12 @@
 It does for two arms what ``step`` does for one.
 """
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.control.laws.two_arms import Pair
-from pincette.control.safety.monitors import Watches
 from pincette.core.faults import Acted
 from pincette.core.messages import Command, Estimate, Telemetry
-from pincette.core.messages.second import SecondCommand, SecondTelemetry
+from pincette.core.messages.arms import ArmCommand, ArmTelemetry
 from pincette_controller.actions import act, acted_in_tick
 from pincette_controller.config import ControllerConfig
 from pincette_controller.control_laws import Wanted
@@ -18,9 +16,7 @@ from pincette_controller.driving import arm_view, at_measured, drive
 from pincette_controller.outputs import (
     check_command,
     command_of,
-    invalid_command,
     known_force_mN,
-    second_view,
     telemetry_of,
 )
 from pincette_controller.pair_player import advance_pair, begin_pair
@@ -31,7 +27,7 @@ from pincette_controller.state import SecondState, State, ended_tick
 
 def followed_second(second: SecondState, estimate: Estimate, period_s: float) -> SecondState:
     """Lead the second arm's memory by the voltage applied to it."""
-    return replace(second, arm=second.arm.follow(second_view(estimate), period_s))
+    return replace(second, arm=second.arm.follow(estimate, 1, period_s))
 
 
 def play_pair(
@@ -52,19 +48,18 @@ def play_pair(
     if player.segment.open_loop:
         force_mN = 0.5 * sum(now.forces_mN)
         player = at_measured(player, now.place_um, force_mN, now.opening_um)
-    arms = arm_view(estimate, state.arm), arm_view(second_view(estimate), second.arm)
+    one, two = estimate.arms
+    arms = arm_view(one, state.arm), arm_view(two, second.arm)
     law_state, wanted = drive(state.laws, state.law_state, before, player, arms)
     voltages_V = now.applied_V if player.ended else wanted.voltages_V
     aims_um = None if player.ended or state.law_state is None else _aims_um(before, now)
-    x_d_um, second_x_d_um = (None, None) if aims_um is None else aims_um
-    of_second = SecondCommand(
-        voltages_V[1],
-        force_mN=known_force_mN(second_view(estimate), player),
-        x_d_um=second_x_d_um,
-    )
-    command = command_of(program, player, estimate, state.owner, voltages_V[0], x_d_um, of_second)
-    watches, command = _checked(
-        config, second_config, (state.watches, second.watches), command, estimate
+    asked: list[ArmCommand] = []
+    for arm, voltage_V in enumerate(voltages_V):
+        x_d_um = None if aims_um is None else aims_um[arm]
+        asked.append(ArmCommand(voltage_V, known_force_mN(estimate, arm, player), x_d_um))
+    command = command_of(program, player, estimate, state.owner, tuple(asked))
+    watches, command = check_command(
+        (config, second_config), (state.watches, second.watches), command, estimate
     )
     acted = acted_in_tick(effects, before, player)
     telemetry = _telemetry(estimate, before, player, wanted, now, acted)
@@ -89,30 +84,6 @@ def _aims_um(before: Player, now: Seen) -> Pair | None:
     return 0.5 * opening_um + before.ref.x_um, 0.5 * opening_um - before.ref.x_um
 
 
-def _checked(
-    config: ControllerConfig,
-    second_config: ControllerConfig,
-    watches: tuple[Watches, Watches],
-    command: Command,
-    estimate: Estimate,
-) -> tuple[tuple[Watches, Watches], Command]:
-    """The command as it may leave: each arm's part of it within that arm's own limits."""
-    first, kept = check_command(config, watches[0], command, estimate)
-    of_second = command.second
-    if of_second is UNSET:
-        return (first, watches[1]), kept
-    view = replace(
-        command,
-        voltage_V=of_second.voltage_V,
-        force_mN=of_second.force_mN,
-        x_d_um=of_second.x_d_um,
-    )
-    other, checked = check_command(second_config, watches[1], view, second_view(estimate))
-    if kept.valid and not checked.valid and checked.fault is not None:
-        kept = invalid_command(command, estimate, checked.fault, known=True)
-    return (first, other), kept
-
-
 def _telemetry(
     estimate: Estimate,
     before: Player,
@@ -123,18 +94,10 @@ def _telemetry(
 ) -> Telemetry:
     """Return the telemetry of sample k: its references are those that the tick before set."""
     first_um, second_um = _aims_um(before, now) or now.tips_um
+    arms = ArmTelemetry(first_um, first_um), ArmTelemetry(second_um, second_um)
     return replace(
-        telemetry_of(estimate, before, player, wanted, acted, 0.0),
-        x_r_um=first_um,
-        x_d_um=first_um,
+        telemetry_of(estimate, before, player, wanted, arms, acted, 0.0),
         contact_x_um=player.entry.held_at_um,
-        second=SecondTelemetry(
-            x_um=now.tips_um[1],
-            x_r_um=second_um,
-            x_d_um=second_um,
-            force_mN=now.forces_mN[1],
-            voltage_V=now.applied_V[1],
-            place_um=now.place_um,
-            place_r_um=before.ref.x_um,
-        ),
+        place_um=now.place_um,
+        place_r_um=before.ref.x_um,
     )

@@ -15,7 +15,7 @@ from pincette.control.planning import conditioning
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Entry, Move, Reference, Seek, Track
 from pincette.core.faults import Outcome, Phase
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.guarding import guard, is_uncertain, with_planned_line
 from pincette_controller.player_state import (
     Began,
@@ -34,7 +34,7 @@ CARRY = "move"
 """Phase in which two arms carry a held part."""
 
 
-def begin(program: Program, estimate: Estimate, period_s: float) -> Player:
+def begin(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
     """Return a player at the first segment, with the arm where it is and the force read there."""
     x_um, applied_V = estimate.x_um, estimate.applied_V
     ref = Reference(x_um, voltages_V=(applied_V,))
@@ -53,7 +53,7 @@ def begin(program: Program, estimate: Estimate, period_s: float) -> Player:
 def advance(
     program: Program,
     player: Player,
-    estimate: Estimate,
+    estimate: ArmEstimate,
     period_s: float,
     foreseen: Foreseen | None = None,
     limits: StepLimits | None = None,
@@ -85,7 +85,7 @@ def move_on(
     player: Player,
     x_um: float,
     period_s: float,
-    estimate: Estimate | None = None,
+    estimate: ArmEstimate | None = None,
 ) -> Player:
     """Leave the segments that have run their time, and begin a pause at a safe point.
 
@@ -152,7 +152,7 @@ def _at_rest(player: Player, period_s: float) -> bool:
     )
 
 
-def _next(program: Program, player: Player, x_um: float, estimate: Estimate | None) -> Player:
+def _next(program: Program, player: Player, x_um: float, estimate: ArmEstimate | None) -> Player:
     """Leave a segment that has run its time."""
     segment = player.segment
     if segment.zeroes:
@@ -188,7 +188,7 @@ def _outcome(program: Program, player: Player) -> Outcome:
     return Outcome.MOVED if moves else Outcome.NONE
 
 
-def _settle_contact(program: Program, player: Player, estimate: Estimate) -> Player:
+def _settle_contact(program: Program, player: Player, estimate: ArmEstimate) -> Player:
     """Take the contact line as fitted over the load, so that x_r and F_r agree from here on.
 
     K_e is wrong where it is so for every force within F ± U: K_e errs by the same share. A fit that

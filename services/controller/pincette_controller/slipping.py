@@ -24,7 +24,7 @@ from pincette.control.planning.load_line import (
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Press, paths_of
 from pincette.core.faults import KEPT, Outcome, Phase
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.player_state import (
     NO_PAUSE,
     Player,
@@ -74,7 +74,7 @@ def line_so_far(
 
 
 def watch_steps(
-    program: Program, player: Player, estimate: Estimate, limits: StepLimits | None
+    program: Program, player: Player, estimate: ArmEstimate, limits: StepLimits | None
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
     if limits is None or not _watched(program, player, estimate):
@@ -97,7 +97,7 @@ def watch_steps(
     return player if step is None else with_slip(player, suspect=step)
 
 
-def _watched(program: Program, player: Player, estimate: Estimate) -> bool:
+def _watched(program: Program, player: Player, estimate: ArmEstimate) -> bool:
     """Whether a part is pressed, so that the position follows from voltage and stiffness.
 
     Along a path it is not where the force is less than that of a touch: the arm may be free there.
@@ -127,7 +127,7 @@ def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) ->
 def _confirm(
     program: Program,
     player: Player,
-    estimate: Estimate,
+    estimate: ArmEstimate,
     limits: StepLimits,
     free_um: float,
     kappa: Kappa,
@@ -148,7 +148,7 @@ def _confirm(
     return _act(program, player, estimate, forwards=step.forwards)
 
 
-def _act(program: Program, player: Player, estimate: Estimate, *, forwards: bool) -> Player:
+def _act(program: Program, player: Player, estimate: ArmEstimate, *, forwards: bool) -> Player:
     """End, freeze or load again after a confirmed step."""
     segment, x_um = player.segment, estimate.x_um
     if segment.open_loop and rests(player):
@@ -202,7 +202,7 @@ def rests(player: Player) -> bool:
     return segment.phase in KEPT or player.pause.active
 
 
-def _moved_line(player: Player, estimate: Estimate, K_e: float) -> Player:
+def _moved_line(player: Player, estimate: ArmEstimate, K_e: float) -> Player:
     """Put the line through the newest sample, with the stiffness there was: x_e = x - F/K_e."""
     ref = player.ref._replace(x_um=estimate.x_um, speed_um_per_s=0.0, force_mN=estimate.force_mN)
     player = replace(player, line=ContactLine(), ref=ref, bump=True)

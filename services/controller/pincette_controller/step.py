@@ -1,6 +1,5 @@
 """The controller as a service: an estimate in, a command and the controller's own view out."""
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -13,6 +12,7 @@ from pincette.core.messages import (
     Message,
     RequestLog,
 )
+from pincette.core.messages.arms import ArmCommand, ArmEstimate, ArmTelemetry
 from pincette.core.service import DeviceCommand, Input, Service
 from pincette.core.topics import (
     ACTION,
@@ -37,6 +37,7 @@ from pincette_controller.learning import begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
     command_of,
+    known_force_mN,
     no_command,
     telemetry_of,
 )
@@ -76,10 +77,10 @@ def _answer(
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     if estimate is None:
         return state, ()
-    if estimate.epoch != state.epoch:
+    if estimate.epoch != state.epoch or len(estimate.arms) != (1 if config.second is None else 2):
         return replace(state, refused=state.refused + 1), ()
-    state = replace(state, arm=state.arm.follow(estimate, config.period_s))
-    if state.second is not None and estimate.second is not UNSET:
+    state = replace(state, arm=state.arm.follow(estimate, 0, config.period_s))
+    if state.second is not None:
         state = replace(state, second=followed_second(state.second, estimate, config.period_s))
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         if config.second is not None and state.second is not None:
@@ -96,13 +97,13 @@ def ahead(config: ControllerConfig, state: State, told: Message) -> State:
     the references to the next sample."""
     if not isinstance(told, Command) or not told.valid or told.epoch != state.epoch:
         return state
-    arm = _led_ahead(config, state.arm, told.voltage_V, told.seq)
+    arm = _led_ahead(config, state.arm, told.arms[0].voltage_V, told.seq)
     second, player = state.second, state.player
     if second is None:
         coming = None if player is None else foresee(player)
         return replace(state, arm=arm, foreseen=coming)
-    if config.second is not None and told.second is not UNSET:
-        other = _led_ahead(config.second, second.arm, told.second.voltage_V, told.seq)
+    if config.second is not None:
+        other = _led_ahead(config.second, second.arm, told.arms[1].voltage_V, told.seq)
         second = replace(second, arm=other)
     return replace(state, arm=arm, second=second)
 
@@ -121,24 +122,27 @@ def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     """Play one tick: actions, guards and references, then the law, then the checked command."""
-    before = state.player or begin(program, estimate, config.period_s)
+    measured = estimate.arms[0]
+    before = state.player or begin(program, measured, config.period_s)
     known = state.learning or begin_learning(program)
-    player, later, effects = act(program, before, state.pending, estimate.seq, estimate.x_um)
-    player = advance(program, player, estimate, config.period_s, state.foreseen, config.steps)
-    learning = correct(learn(known, before, estimate, config.period_s), player, config.period_s)
+    player, later, effects = act(program, before, state.pending, estimate.seq, measured.x_um)
+    player = advance(program, player, measured, config.period_s, state.foreseen, config.steps)
+    learning = correct(learn(known, before, measured, config.period_s), player, config.period_s)
     if player.segment.open_loop:
-        player = at_measured(player, estimate.x_um, estimate.force_mN)
-    arms = (arm_view(estimate, state.arm),)
+        player = at_measured(player, measured.x_um, measured.force_mN)
+    arms = (arm_view(measured, state.arm),)
     law_state, wanted = drive(
         state.laws, state.law_state, before, player, arms, learning.correction_um
     )
-    voltage_V = _planned_V(program, player, estimate, wanted.voltages_V[0])
+    voltage_V = _planned_V(program, player, measured, wanted.voltages_V[0])
     steered = state.law_state is not None and not player.segment.open_loop
     x_d_um = wanted.x_d_um if steered and not player.ended else None
-    command = command_of(program, player, estimate, state.owner, voltage_V, x_d_um)
-    watches, command = check_command(config, state.watches, command, estimate)
+    asked = ArmCommand(voltage_V, known_force_mN(estimate, 0, player), x_d_um)
+    command = command_of(program, player, estimate, state.owner, (asked,))
+    watches, command = check_command((config,), (state.watches,), command, estimate)
     acted = acted_in_tick(effects, before, player)
-    view = telemetry_of(estimate, before, player, wanted, acted, known.correction_um)
+    references = (ArmTelemetry(before.ref.x_um, wanted.x_d_um),)
+    view = telemetry_of(estimate, before, player, wanted, references, acted, known.correction_um)
     return ended_tick(
         state,
         player,
@@ -148,19 +152,19 @@ def _play(
         estimate,
         law_state=law_state,
         learning=learning,
-        watches=watches,
+        watches=watches[0],
     )
 
 
-def _planned_V(program: Program, player: Player, estimate: Estimate, wanted_V: float) -> float:
+def _planned_V(program: Program, player: Player, measured: ArmEstimate, wanted_V: float) -> float:
     """Return the voltage to command: frozen, or within the range that the plan has stated."""
     if player.ended:
-        return estimate.applied_V
-    voltage_V = wanted_V if player.slip.suspect is None else estimate.applied_V
+        return measured.applied_V
+    voltage_V = wanted_V if player.slip.suspect is None else measured.applied_V
     planned = program.planned_range
     if planned is None:
         return voltage_V
-    low_V, high_V = planned.voltage.from_voltage(estimate.applied_V)
+    low_V, high_V = planned.voltage.from_voltage(measured.applied_V)
     return min(max(voltage_V, low_V), high_V)
 
 

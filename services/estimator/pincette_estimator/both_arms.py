@@ -6,14 +6,12 @@ of them is wrong, or that something else holds the part.
 
 from math import exp, hypot
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.laws.two_arms import Pair
 from pincette.control.record import FrozenRecord
-from pincette.core.messages import Applied, Estimate, Position
-from pincette.core.messages.second import SecondEstimate
+from pincette.core.messages import Estimate
 
 APART_S = 0.5
 """Time constant of the mean, long against a swing of the part."""
@@ -31,17 +29,16 @@ class ForcesApart(FrozenRecord, frozen=True):
 
     def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForcesApart":
         """Take in a sample of both arms; without a part, or a force that is known, begin anew."""
-        second = both.second
-        if not held or not both.valid or second is UNSET:
+        first, second = both.arms
+        known = first.zero_age_s is not None and second.zero_age_s is not None
+        if not held or not both.valid or not known:
             return ForcesApart() if self.held_s else self
-        if both.zero_age_s is None or second.zero_age_s is None:
-            return ForcesApart() if self.held_s else self
-        difference_mN, mean_mN = difference(both), self.mean_mN
+        difference_mN, mean_mN = first.force_mN - second.force_mN, self.mean_mN
         share = 1.0 if not self.held_s else 1.0 - exp(-period_s / APART_S)
         return ForcesApart(
             self.held_s + period_s,
             mean_mN + share * (difference_mN - mean_mN),
-            hypot(both.force_uncertainty_mN, second.force_uncertainty_mN),
+            hypot(first.force_uncertainty_mN, second.force_uncertainty_mN),
         )
 
     @property
@@ -65,48 +62,12 @@ def moving_V(moving: Pair, voltage_V: float, other_V: float) -> float:
     return own * voltage_V + others * other_V
 
 
-def difference(both: Estimate) -> float:
-    """F̂_1 - F̂_2 in mN, of one part that both press; 0 where there is one arm."""
-    return 0.0 if both.second is UNSET else both.force_mN - both.second.force_mN
-
-
-def second_position(position: Position) -> Position:
-    """The second arm's sample, as if it were the only one; invalid where there is none."""
-    second = position.second
-    if second is UNSET:
-        return replace(position, x_um=0.0, valid=False)
-    return replace(position, x_um=second.x_um, valid=second.valid, fault=second.fault, second=UNSET)
-
-
-def second_applied(applied: Applied) -> Applied | None:
-    """The second arm's voltage, as if it were the only one; None where there is none."""
-    second = applied.second
-    if second is UNSET:
-        return None
-    return replace(
-        applied, voltage_V=second.voltage_V, limits_active=second.limits_active, second=UNSET
-    )
-
-
 def joined(first: Estimate, second: Estimate) -> Estimate:
     """One estimate of both arms, valid where each is."""
     return replace(
         first,
         degraded=first.degraded or second.degraded,
+        arms=(*first.arms, *second.arms),
         valid=first.valid and second.valid,
         fault=first.fault or second.fault,
-        second=SecondEstimate(
-            x_um=second.x_um,
-            force_mN=second.force_mN,
-            force_uncertainty_mN=second.force_uncertainty_mN,
-            zero_age_s=second.zero_age_s,
-            zero_refusal=second.zero_refusal,
-            applied_V=second.applied_V,
-            limits_active=second.limits_active,
-            touch_x_um=second.touch_x_um,
-            touch_mN=second.touch_mN,
-            stroke_change=second.stroke_change,
-            stroke_limit=second.stroke_limit,
-            zero_unconfirmed=second.zero_unconfirmed,
-        ),
     )

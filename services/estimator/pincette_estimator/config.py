@@ -66,8 +66,15 @@ class EstimatorConfig:
     moving: tuple[float, float] | None = None
     """By how much this arm's voltage, and the other's, move the tip of an arm that holds a part
     with another one: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None: it is alone."""
+    arm: int = 0
+    """Index of this arm in messages."""
     second: "EstimatorConfig | None" = None
     """Of the second arm."""
+
+    @property
+    def arms(self) -> int:
+        """Return the number of arms that the rig has."""
+        return 1 if self.second is None else 2
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
@@ -85,7 +92,7 @@ def configure(rig: RigFile) -> EstimatorConfig:
     squeeze = s_1 + s_2 + 1.0 / rig.part.stiffness_mN_per_um
     moving = [(1.0 - s_1 / squeeze, -s_1 / squeeze * d_2 / d_1)]
     moving.append((1.0 - s_2 / squeeze, -s_2 / squeeze * d_1 / d_2))
-    return replace(first, moving=moving[0], second=replace(others[0], moving=moving[1]))
+    return replace(first, moving=moving[0], second=replace(others[0], arm=1, moving=moving[1]))
 
 
 def _of_arm(rig: RigFile) -> EstimatorConfig:

@@ -11,7 +11,6 @@ from pincette.control.response.residual_table import Residual
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Estimate, Message
-from pincette_estimator.both_arms import second_applied
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import Followed, Foreseen, Ringing, State
 from pincette_estimator.statements import within
@@ -36,19 +35,17 @@ def ahead(config: EstimatorConfig, state: State, told: Message) -> State:
 
 
 def _ahead_of_sample(config: EstimatorConfig, state: State, applied: Applied) -> State:
-    if applied.epoch != state.epoch:
+    if applied.epoch != state.epoch or len(applied.arms) != config.arms:
         return state
     state = _led_ahead(config, state, applied)
     if state.second is None or config.second is None:
         return state
-    if (voltage := second_applied(applied)) is None:
-        return state
-    second = _led_ahead(config.second, state.second, voltage)
-    return replace(state, second=second, second_applied=(applied, voltage))
+    return replace(state, second=_led_ahead(config.second, state.second, applied))
 
 
 def _led_ahead(config: EstimatorConfig, state: State, applied: Applied) -> State:
-    if not within(config.voltage_V, applied.voltage_V) or applied.seq < state.followed_seq:
+    voltage_V = applied.arms[config.arm].voltage_V
+    if not within(config.voltage_V, voltage_V) or applied.seq < state.followed_seq:
         return state
     followed, seq = _followed(config, state, applied), applied.seq + 1
     missed = _missed(config, state, applied)
@@ -59,7 +56,7 @@ def _led_ahead(config: EstimatorConfig, state: State, applied: Applied) -> State
 
 def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Followed:
     """What a voltage makes of the memories, over all samples since the last that had one."""
-    voltage_V = applied.voltage_V
+    voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
     response = state.response.follow(voltage_V, passed_s)
     return Followed(
@@ -90,7 +87,7 @@ def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied
     if applied is not None:
         lost = lost or applied.unconfirmed or applied.cause in OUTPUT_LOST
         if state.followed_seq < 0:
-            moved_V = abs(applied.voltage_V - state.response.voltage_V)
+            moved_V = abs(applied.arms[config.arm].voltage_V - state.response.voltage_V)
             lost = lost or moved_V > config.unseen_V
     if not lost or state.unknown is config.unknown:
         return state

@@ -195,8 +195,6 @@ class State(FrozenRecord, frozen=True):
     foreseen: Foreseen | None = None
     second: "State | None" = None
     """Of the second arm."""
-    second_applied: tuple[Applied, Applied] | None = None
-    """The voltages of both arms, and those of the second as it has been led ahead by them."""
     apart: ForcesApart = field(default_factory=ForcesApart)
     """How far the forces of two arms differ."""
     bottom: Bottom = Bottom()

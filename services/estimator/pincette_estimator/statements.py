@@ -5,6 +5,7 @@ from math import hypot
 from pincette.control.force.estimation import COVERAGE
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Applied, Estimate, Position
+from pincette.core.messages.arms import ArmEstimate
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.state import State, touched
 from pincette_estimator.uncertainty import stroke_uncertainty_mN, uncertainty_mN
@@ -18,7 +19,8 @@ def estimate(
     F_mN: float,
     p_mN: float,
 ) -> Estimate:
-    """State the force of the sample just taken in, and its uncertainty."""
+    """State the force of an arm at the sample just taken in, and its uncertainty."""
+    x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
     u_F_mN = hypot(
         _uncertainty_mN(config, state, position.seq),
@@ -28,30 +30,33 @@ def estimate(
         state,
         compliance_um_per_mN=config.compliance_um_per_mN,
         step_um=config.kink_limits.step_um,
-        x_um=position.x_um,
+        x_um=x_um,
         F_mN=F_mN,
         u_F_mN=u_F_mN,
     )
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um,
+    arm = ArmEstimate(
+        x_um=x_um,
         force_mN=F_mN,
         force_uncertainty_mN=u_F_mN,
         perturbation_mN=p_mN,
         zero_age_s=age_s,
         zero_refusal=state.zero_refusal,
-        applied_V=applied.voltage_V,
-        applied_seq=applied.seq,
-        limits_active=applied.limits_active,
-        tripped=applied.state in TRIPPED,
-        degraded=False,
-        valid=True,
+        applied_V=output.voltage_V,
+        limits_active=output.limits_active,
         touch_x_um=touch_x_um,
         touch_mN=touch_mN,
         stroke_change=None if state.stroke is None else state.stroke.change,
         stroke_limit=None if state.stroke is None else state.stroke.limit,
         zero_unconfirmed=state.zero_unconfirmed,
+    )
+    return Estimate(
+        epoch=position.epoch,
+        seq=position.seq,
+        applied_seq=applied.seq,
+        tripped=applied.state in TRIPPED,
+        degraded=False,
+        arms=(arm,),
+        valid=True,
     )
 
 
@@ -77,20 +82,25 @@ def degraded(
     config: EstimatorConfig, state: State, position: Position, applied: Applied | None
 ) -> Estimate:
     """An estimate that must not be used for control: the voltage or the measurement is missing."""
-    return Estimate(
-        epoch=position.epoch,
-        seq=position.seq,
-        x_um=position.x_um if within(config.position_um, position.x_um) else 0.0,
+    x_um = position.arms[config.arm].x_um
+    output = None if applied is None else applied.arms[config.arm]
+    arm = ArmEstimate(
+        x_um=x_um if within(config.position_um, x_um) else 0.0,
         force_mN=0.0,
         force_uncertainty_mN=0.0,
         perturbation_mN=0.0,
         zero_age_s=None,
         zero_refusal=state.zero_refusal,
-        applied_V=state.response.voltage_V if applied is None else applied.voltage_V,
+        applied_V=state.response.voltage_V if output is None else output.voltage_V,
+        limits_active=0 if output is None else output.limits_active,
+    )
+    return Estimate(
+        epoch=position.epoch,
+        seq=position.seq,
         applied_seq=-1 if applied is None else applied.seq,
-        limits_active=0 if applied is None else applied.limits_active,
         tripped=applied is not None and applied.state in TRIPPED,
         degraded=applied is None,
+        arms=(arm,),
         valid=False,
         fault=_fault(config, state, position, applied),
     )
@@ -100,13 +110,14 @@ def _fault(
     config: EstimatorConfig, state: State, position: Position, applied: Applied | None
 ) -> Fault | None:
     """Why there is no force to be had from a sample."""
-    if not position.valid:
-        return position.fault
+    sample = position.arms[config.arm]
+    if not sample.valid:
+        return sample.fault
     low_um, high_um = config.position_um
-    if not low_um <= position.x_um <= high_um:
+    if not low_um <= sample.x_um <= high_um:
         return fault(
             FaultCode.POSITION_OUT_OF_RANGE,
-            x_um=position.x_um,
+            x_um=sample.x_um,
             minimum_um=low_um,
             maximum_um=high_um,
         )

@@ -2,7 +2,6 @@
 
 from math import inf
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -23,7 +22,7 @@ from pincette.core.faults import TRIPPED
 from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Position
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
-from pincette_estimator.both_arms import joined, moving_V, second_applied, second_position
+from pincette_estimator.both_arms import joined, moving_V
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.following import ahead, follow_voltage, unfollowed
 from pincette_estimator.state import FreeMotion, Inputs, State, stroke_fault
@@ -46,31 +45,24 @@ def start(config: EstimatorConfig) -> State:
 def step(
     config: EstimatorConfig, state: State, inputs: Inputs, _now: float
 ) -> tuple[State, tuple[Message | SetVoltage, ...]]:
-    """Estimate the force of one sample; a sample of another epoch is dropped and counted."""
+    """Estimate the force of one sample; a sample of another epoch, or of another number of arms
+    than the rig has, is dropped and counted."""
     position, applied = inputs.position, inputs.applied
     if position is None:
         return state, ()
-    if position.epoch != state.epoch:
+    if position.epoch != state.epoch or len(position.arms) != config.arms:
         return replace(state, refused=state.refused + 1), ()
+    if applied is not None and len(applied.arms) != config.arms:
+        state, applied = replace(state, refused=state.refused + 1), None
     second, second_config = state.second, config.second
-    other_V = None
-    if applied is not None and applied.second is not UNSET:
-        other_V = applied.second.voltage_V
-    state, first = _estimated(config, state, position, applied, other_V)
+    state, first = _estimated(config, state, position, applied)
     if second is None or second_config is None:
         return state, (first,)
-    known, voltage = state.second_applied, None
-    if applied is not None:
-        led = known is not None and known[0] is applied
-        voltage = known[1] if known is not None and led else second_applied(applied)
-    first_V = None if applied is None else applied.voltage_V
-    second, of_second = _estimated(
-        second_config, second, second_position(position), voltage, first_V
-    )
+    second, of_second = _estimated(second_config, second, position, applied)
     both = joined(first, of_second)
     held = applied is not None and applied.part_held
     apart = state.apart.follow(both, config.period_s, held=held)
-    return replace(state, second=second, second_applied=None, apart=apart), (both,)
+    return replace(state, second=second, apart=apart), (both,)
 
 
 def _estimated(
@@ -78,24 +70,25 @@ def _estimated(
     state: State,
     position: Position,
     applied: Applied | None,
-    other_V: float | None,
 ) -> tuple[State, Estimate]:
-    """Estimate the force of one arm; ``other_V`` is the other's voltage, where there is one."""
-    if applied is not None and not within(config.voltage_V, applied.voltage_V):
+    """Estimate the force of one arm."""
+    if applied is not None and not within(config.voltage_V, applied.arms[config.arm].voltage_V):
         # Followed once, it would stay in the memory of the arm.
         state, applied = replace(state, refused=state.refused + 1), None
     state = unfollowed(config, state, position.seq, applied)
     if applied is None:
         return state, degraded(config, state, position, None)
     state = follow_voltage(config, state, applied)
-    measured = position.valid and within(config.position_um, position.x_um)
+    sample = position.arms[config.arm]
+    measured = sample.valid and within(config.position_um, sample.x_um)
     if measured:
-        voltage_V, held = applied.voltage_V, False
-        if config.moving is not None and other_V is not None and applied.part_held:
+        voltage_V, held = applied.arms[config.arm].voltage_V, False
+        if config.moving is not None and applied.part_held:
+            other_V = applied.arms[1 - config.arm].voltage_V
             voltage_V, held = moving_V(config.moving, voltage_V, other_V), True
-        stuck = state.stuck.follow(position.x_um, voltage_V, config.stuck_V, held=held)
+        stuck = state.stuck.follow(sample.x_um, voltage_V, config.stuck_V, held=held)
         state = replace(state, stuck=stuck)
-    due_V = _zero_due_V(state, applied)
+    due_V = _zero_due_V(config, state, applied)
     if not measured or state.stuck.stuck:
         state = replace(state, zero_due_V=due_V)
         return state, degraded(config, state, position, applied)
@@ -107,15 +100,16 @@ def _estimated(
     return state, estimate(config, state, position, applied, F_mN, p_mN)
 
 
-def _zero_due_V(state: State, applied: Applied) -> float | None:
+def _zero_due_V(config: EstimatorConfig, state: State, applied: Applied) -> float | None:
     """Return the voltage of a zero that this sample has to take; None: there is none.
 
     A zero whose sample was not measured stays due while the output keeps its voltage and no other
     command has been put out: the arm is in the same rest.
     """
+    voltage_V = applied.arms[config.arm].voltage_V
     if applied.zero:
-        return applied.voltage_V
-    moved = applied.answered or applied.voltage_V != state.zero_due_V
+        return voltage_V
+    moved = applied.answered or voltage_V != state.zero_due_V
     return None if moved or applied.state in TRIPPED else state.zero_due_V
 
 
@@ -123,7 +117,7 @@ def _take_sample(
     config: EstimatorConfig, state: State, position: Position, applied: Applied
 ) -> tuple[State, float, float]:
     """Take in a measurement; the next state, the force (53) and the perturbation (6) in mN."""
-    x_um, voltage_V = position.x_um, applied.voltage_V
+    x_um, voltage_V = position.arms[config.arm].x_um, applied.arms[config.arm].voltage_V
     first = state.observed_seq is None
     missed = state.observed_seq != position.seq - 1
     state = _follow_free_motion(config, state, x_um, applied)
@@ -174,7 +168,7 @@ def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied)
     response, limits = state.response, config.zero_limits
     if state.zero_kept:
         ahead_um = response.residual_um(response.sample(x_um))
-        known = applied.voltage_V <= state.known_V
+        known = applied.arms[config.arm].voltage_V <= state.known_V
         drift_um = _drift_um(config, state, 0.0)
         most_um = limits.change_um(response, drift_um, known)
         if known:
@@ -207,7 +201,7 @@ def _follow_free_motion(
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
     response = state.response
-    nominal_um = response.nominal_um_per_V * applied.voltage_V
+    nominal_um = response.nominal_um_per_V * applied.arms[config.arm].voltage_V
     detector = state.contact_detector
     if first:
         detector = _begun_detector(state, x_um, nominal_um, applied)
@@ -248,7 +242,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         touch=state.contact_detector.touch,
         zeroed=state.zero_s is not None or state.zero_kept,
         kept=state.zero_kept,
-        memory_known=applied.voltage_V <= state.known_V,
+        memory_known=applied.arms[config.arm].voltage_V <= state.known_V,
     )
     if refusal:
         return replace(state, zero_refusal=refusal)
@@ -256,7 +250,8 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     state = _with_stroke(config, state, compared)
     if state.stroke is not None and state.stroke.refused:
         return replace(state, zero_refusal=stroke_fault(state.stroke))
-    nominal_um = response.nominal_um_per_V * applied.voltage_V
+    x_um, voltage_V = position.arms[config.arm].x_um, applied.arms[config.arm].voltage_V
+    nominal_um = response.nominal_um_per_V * voltage_V
     response = _rezeroed(config, state, before)
     unknown = narrowed_past(config, replace(state, unknown=rested_past(config, state)), t_s)
     if isinstance(response, IdentifiedResponse) and response.conditioned:
@@ -265,8 +260,8 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
         state,
         response=response,
         unknown=unknown.rezero(response),
-        contact_detector=state.contact_detector.restarted(position.x_um, nominal_um),
-        reversal_memory=ReversalMemory(applied.voltage_V),
+        contact_detector=state.contact_detector.restarted(x_um, nominal_um),
+        reversal_memory=ReversalMemory(voltage_V),
         zero_s=t_s,
         zero_kept=False,
         kept_age_s=0.0,

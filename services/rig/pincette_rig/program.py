@@ -6,13 +6,10 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
-from msgspec import UNSET, UnsetType
-
 from pincette import __version__
 from pincette.bus.refused import RefusedMessages
 from pincette.config import ConfigError
-from pincette.core.messages import GroundTruth, Status
-from pincette.core.messages.second import SecondTruth
+from pincette.core.messages import Status
 from pincette.core.topics import STATUS
 from pincette.engine.program import Context
 from pincette.engine.realtime.os_scheduling import raise_priority
@@ -74,20 +71,11 @@ def run(context: Context) -> None:
         raise_priority(rig.realtime.of("rig"))
     bus = context.open_bus()
 
-    # From the output's thread, before the write is answered; ``seq`` counts ticks from 0.
-    def tell(
-        seq: int,
-        x_um: float,
-        force_mN: float,
-        voltage_V: float,
-        second: SecondTruth | UnsetType = UNSET,
-    ) -> None:
-        bus.publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
-
     try:
         script = script_of(rig)
         pace = Pace(simulation.pace) if rig.lockstep and simulation.pace else None
-        truth = tell if simulation.truth else None
+        # From the output's thread, before the write is answered.
+        truth = bus.publish if simulation.truth else None
         bench = open_bench(rig, time.monotonic, truth, script, pace)
         with bench.offer(), kept_arm(ArmFile(rig, context.data, bench.rig)):
             serve_sim_commands(bus, script)

@@ -3,7 +3,6 @@
 from math import isfinite
 from typing import NamedTuple
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -11,7 +10,7 @@ from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault, FaultCode, fault
 from pincette.core.idle_sampling import idle_periods
 from pincette.core.messages import Ack, Arm, Burst, Idle, Message, Position
-from pincette.core.messages.second import SecondPosition
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.service import (
     Acquired,
     ArmReading,
@@ -56,7 +55,7 @@ def start(_config: SensorConfig) -> State:
     return State()
 
 
-def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> SecondPosition:
+def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
     """Return one arm's position, or the fault why the reading is no measurement.
 
     Parameters
@@ -66,10 +65,10 @@ def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> SecondPositio
     """
     found = _fault(config, reading)
     if found is None:
-        return SecondPosition(config.position_um(reading.x_um), valid=True)
+        return ArmPosition(config.position_um(reading.x_um), valid=True)
     if arm and found.number("arm") is None:
         found = found.with_values(arm=arm + 1)
-    return SecondPosition(0.0, valid=False, fault=found)
+    return ArmPosition(0.0, valid=False, fault=found)
 
 
 def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
@@ -96,21 +95,13 @@ def step(
     if reading is None:
         return state, ()
     began_s = now if state.began_s is None else state.began_s
-    arms = [
-        _measured(own, one, arm)
-        for arm, (own, one) in enumerate(zip(config.arms, reading.arms, strict=True))
-    ]
-    found = next((arm.fault for arm in arms if arm.fault is not None), None)
-    first, *others = arms
-    position = Position(
-        state.epoch,
-        state.seq,
-        now - began_s,
-        first.x_um,
-        first.valid,
-        first.fault,
-        others[0] if others else UNSET,
-    )
+    arms: list[ArmPosition] = []
+    found = None
+    for arm, (own, one) in enumerate(zip(config.arms, reading.arms, strict=True)):
+        measured = _measured(own, one, arm)
+        found = found or measured.fault
+        arms.append(measured)
+    position = Position(state.epoch, state.seq, now - began_s, tuple(arms))
     refused = state.refused + (found is not None)
     stride = idle_periods(config.period_s) if state.idle else 1
     after = State(state.epoch, state.seq + stride, began_s, refused, found, state.idle, stride)

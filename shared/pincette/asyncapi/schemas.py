@@ -8,7 +8,6 @@ from typing import Any
 
 from msgspec import Struct, inspect
 
-from pincette.core.codec.refusals import may_be_absent
 from pincette.core.units import unit_of
 
 Json = dict[str, Any]
@@ -80,7 +79,7 @@ def record_schema(kind: type) -> Json:
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
     tags: Json = {} if node.tag_field is None else {node.tag_field: {"const": node.tag}}
     if tags or node.fields:
-        required = [field.name for field in node.fields if not may_be_absent(field)]
+        required = [field.name for field in node.fields]
         tree["required"] = [*tags, *required]
         tree["properties"] = tags | {
             field.name: _field(field.name, field.type, texts) for field in node.fields

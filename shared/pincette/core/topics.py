@@ -16,7 +16,7 @@ from pincette.core import messages
 from pincette.core.messages import Message
 
 NAMESPACE = "pincette"
-WIRE = 1
+WIRE = 2
 """Version of keys and payloads; a change that breaks a listener raises it."""
 ROOT = f"{NAMESPACE}/v{WIRE}"
 RIG_NAME = r"[a-z][a-z0-9-]{0,30}"

@@ -3,13 +3,10 @@
 from collections.abc import Callable
 from typing import cast
 
-from msgspec import UNSET, UnsetType
-
 from pincette.bus.protocol import Bus
 from pincette.config import RigFile
 from pincette.core import plugins
 from pincette.core.messages import Ack, GroundTruth, Message, SimCommand
-from pincette.core.messages.second import SecondTruth
 from pincette.core.topics import SIM_COMMAND, Request
 from pincette.engine.instrument import Device, of_arms
 from pincette.instruments.line.memory_link import MemoryLink
@@ -21,21 +18,12 @@ from pincette.sim.script.script import Script, script_of
 def simulated_bench(rig: RigFile, publish: Callable[[GroundTruth], None]) -> Bench:
     """Set up the simulated rig of this process, in lockstep, with its script if any."""
 
-    def tell(
-        seq: int,
-        x_um: float,
-        force_mN: float,
-        voltage_V: float,
-        second: SecondTruth | UnsetType = UNSET,
-    ) -> None:
-        publish(GroundTruth(seq, x_um, force_mN, voltage_V, second))
-
     simulation = rig.simulation
     scripted = simulation is not None and (simulation.scripts or simulation.script)
     return open_bench(
         rig,
         lambda: 0.0,
-        tell,
+        publish,
         script_of(rig) if scripted else None,
     )
 

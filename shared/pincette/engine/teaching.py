@@ -73,7 +73,7 @@ def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], 
             f"the free motion ended as {outcome.value!r} after {len(estimates)} samples, it must "
             f"end as {Outcome.MOVED.value!r}: raise the limit of the rig file that it met"
         )
-    return [item.applied_V for item in estimates], [item.x_um for item in estimates]
+    return [item.arms[0].applied_V for item in estimates], [item.arms[0].x_um for item in estimates]
 
 
 def without_part(rig: RigFile) -> RigFile:

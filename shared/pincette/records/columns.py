@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, cast
 
-from msgspec import UNSET, inspect
+from msgspec import inspect
 from msgspec.structs import replace
 
 from pincette.core.messages import (
@@ -18,13 +18,13 @@ from pincette.core.messages import (
     Sample,
     Telemetry,
 )
-from pincette.core.messages.second import (
-    SecondApplied,
-    SecondCommand,
-    SecondEstimate,
-    SecondPosition,
-    SecondTelemetry,
-    SecondTruth,
+from pincette.core.messages.arms import (
+    ArmApplied,
+    ArmCommand,
+    ArmEstimate,
+    ArmPosition,
+    ArmTelemetry,
+    ArmTruth,
 )
 from pincette.core.units import unit_of
 from pincette.records.parquet import Field, Kind
@@ -37,19 +37,24 @@ class Column(Field):
 
     message: type[Message]
     field: str
+    arm: int | None = None
+    """Index of the arm whose record has the field; None for a field of the message itself."""
 
 
-def _column(message: type[Message], name: str, meaning: str, field: str = "") -> Column:
-    """A column of a message's field, which has the column's name unless one is given."""
+def _column(
+    message: type[Message], name: str, meaning: str, field: str = "", arm: int = 0
+) -> Column:
+    """A column of a message's field, or else of that of an arm, which has the column's name unless
+    one is given."""
     field = field or name
-    kind = KINDS.get(scalar_of(message, field), "text")
-    return Column(name, unit_of(field), meaning, kind, message, field)
+    own = field in message.__struct_fields__
+    kind = KINDS.get(scalar_of(message if own else ARMS[message], field), "text")
+    return Column(name, unit_of(field), meaning, kind, message, field, None if own else arm)
 
 
 def _of_second(message: type[Message], name: str, meaning: str, field: str) -> Column:
-    """A column of what a message says of the second arm."""
-    kind = KINDS.get(scalar_of(SECONDS[message], field), "text")
-    return Column(name, unit_of(field), meaning, kind, message, f"second.{field}")
+    """A column of the second arm, or of the part that two arms hold."""
+    return _column(message, name, meaning, field, 1)
 
 
 KINDS: Mapping[type[inspect.Type], Kind] = {
@@ -57,15 +62,15 @@ KINDS: Mapping[type[inspect.Type], Kind] = {
     inspect.IntType: "int",
     inspect.BoolType: "bool",
 }
-SECONDS: Mapping[type[Message], Any] = {
-    Position: SecondPosition,
-    Estimate: SecondEstimate,
-    Command: SecondCommand,
-    Applied: SecondApplied,
-    Telemetry: SecondTelemetry,
-    GroundTruth: SecondTruth,
+ARMS: Mapping[type[Message], Any] = {
+    Position: ArmPosition,
+    Estimate: ArmEstimate,
+    Command: ArmCommand,
+    Applied: ArmApplied,
+    Telemetry: ArmTelemetry,
+    GroundTruth: ArmTruth,
 }
-"""What a message has in its field ``second``."""
+"""Records that a message has in its field ``arms``."""
 COLUMNS = (
     _column(Position, "sensor_t_s", "the sensor's own time of the sample", "t_s"),
     _column(Position, "x_um", "measured position of the tip, x"),
@@ -193,7 +198,7 @@ def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]
             if seq >= 0 and (over is None or seq <= over)
         }
     )
-    two = any(item.second is not UNSET for item in applied.values())
+    two = any(len(item.arms) > 1 for item in applied.values())
     return table_of(found, numbers, period_s, two=two)
 
 
@@ -209,32 +214,33 @@ def table_of(
     ``two``: with the columns of the second arm.
     """
     table: dict[str, list[Any]] = {"seq": [*numbers], "t_s": [seq * period_s for seq in numbers]}
-    rows: dict[type[Message], list[Message | None]] = {}
+    rows: dict[tuple[type[Message], int | None], list[Any]] = {}
     for column in (*COLUMNS, *SECOND_COLUMNS) if two else COLUMNS:
-        if column.message not in rows:
+        place = column.message, column.arm
+        if place not in rows:
             samples = found.get(column.message, {})
-            rows[column.message] = [samples.get(seq) for seq in numbers]
+            rows[place] = _records((samples.get(seq) for seq in numbers), column.arm)
         value_of = _reader(column)
-        table[column.name] = [
-            None if message is None else value_of(message) for message in rows[column.message]
-        ]
+        table[column.name] = [None if one is None else value_of(one) for one in rows[place]]
     return table
 
 
-def _reader(column: Column) -> Callable[[Message], Any]:
-    """Return the function that reads a column's value from its message."""
-    if "." not in column.field and column.kind != "text":
-        return attrgetter(column.field)  # several times as fast
-    return lambda message: _cell(_value(message, column.field))
+def _records(messages: Iterable[Any], arm: int | None) -> list[Any]:
+    """Return these messages, or the record of one arm in each; None where there is none."""
+    if arm is None:
+        return [*messages]
+    return [
+        None if message is None or arm >= len(message.arms) else message.arms[arm]
+        for message in messages
+    ]
 
 
-def _value(message: Message, field: str) -> Any:
-    """Return a field of a message, or of its part for the second arm."""
-    of, _, inner = field.partition(".")
-    if not inner:
-        return getattr(message, of)
-    second = getattr(message, of)
-    return None if second is UNSET else getattr(second, inner)
+def _reader(column: Column) -> Callable[[Any], Any]:
+    """Return the function that reads a column's value from its message, or from an arm's record."""
+    read = attrgetter(column.field)
+    if column.kind != "text":
+        return read  # several times as fast
+    return lambda record: _cell(read(record))
 
 
 def _cell(value: Any) -> Any:

@@ -18,6 +18,7 @@ from pincette.core.messages import GroundTruth, JobNotice, Message
 from pincette.core.topics import TOPIC_OF, TOPICS, Topic, key
 from pincette.core.units import unit_of
 from pincette.records import record_times
+from pincette.records.columns import ARMS
 from pincette.records.record_times import LAST_NS, sample_0_ns, utc_text
 from pincette.records.schemas import SCHEMAS
 
@@ -140,7 +141,9 @@ class McapFile:
     def _register(self, rig: str, topic: Topic) -> int:
         schema = SCHEMAS[topic.name]
         number = self._writer.register_schema(schema.name, "protobuf", schema.descriptor)
-        units = {name: unit_of(name) for name in topic.message.__struct_fields__}
+        records = [topic.message, *([ARMS[topic.message]] if topic.message in ARMS else [])]
+        names = [name for record in records for name in record.__struct_fields__]
+        units = {name: unit_of(name) for name in names}
         metadata = {
             "key": key(rig, topic),
             "producer": topic.producer,

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.core.messages import (
@@ -70,7 +69,7 @@ class RowBlocks:
             return
         if isinstance(message, Applied):
             self._newest_applied = max(self._newest_applied, message.seq)
-            self.two_arms = self.two_arms or message.second is not UNSET
+            self.two_arms = self.two_arms or len(message.arms) > 1
             if message.final and message.seq >= 0:
                 self._over = min(message.seq, message.seq if self._over is None else self._over)
         if message.seq >= self._next:

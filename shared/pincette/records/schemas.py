@@ -10,9 +10,8 @@ from typing import Any, Generic, TypeVar, cast
 
 import msgspec
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from msgspec import UNSET, inspect
+from msgspec import inspect
 
-from pincette.core.codec.refusals import may_be_absent
 from pincette.core.messages import Message
 from pincette.core.topics import TOPICS
 
@@ -263,8 +262,6 @@ def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
         read = inner.cls
     if repeated:
         return lambda proto: tuple([read(item) for item in getattr(proto, name)])
-    if may_be_absent(field):
-        return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else UNSET
     if optional:
         return lambda proto: read(getattr(proto, name)) if proto.HasField(name) else None
     return lambda proto: read(getattr(proto, name))

@@ -3,10 +3,8 @@
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from pincette.config import ConfigError, RigFile, Simulation
-from pincette.core.messages.second import SecondTruth
 from pincette.sim.instruments.fitting import (
     TABLES,
     Fitted,
@@ -17,21 +15,12 @@ from pincette.sim.instruments.fitting import (
 )
 from pincette.sim.instruments.protocol import Instrument
 from pincette.sim.rig.pair_rig import ArmOfPair, SimulatedPair
-from pincette.sim.rig.rig import SimulatedRig
+from pincette.sim.rig.rig import SimulatedRig, TruthSink
 from pincette.sim.script.script import Script
 from pincette.sim.wires.wire import serve
 
 PREFIXES = ("", "second_")
 """Before the tables of each arm, in names of instruments and in a script."""
-
-
-class BenchTruthSink(Protocol):
-    """What a rig of either kind tells of its truth: ``TruthSink``, and ``PairTruthSink``."""
-
-    def __call__(
-        self, seq: int, x_um: float, force_mN: float, voltage_V: float, second: SecondTruth = ..., /
-    ) -> None:
-        """Take it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +72,7 @@ class Bench:
 def open_bench(
     rig_file: RigFile,
     clock: Callable[[], float],
-    truth: BenchTruthSink | None = None,
+    truth: TruthSink | None = None,
     script: Script | None = None,
     pace: Callable[[float], None] | None = None,
 ) -> Bench:
@@ -146,7 +135,7 @@ def _simulated(
     rig_file: RigFile,
     simulation: Simulation,
     clock: Callable[[], float],
-    truth: BenchTruthSink | None,
+    truth: TruthSink | None,
 ) -> tuple[SimulatedRig | SimulatedPair, tuple[SimulatedRig | ArmOfPair, ...]]:
     """The plant, and it or its arms as instruments meet them; raises ValueError."""
     period_s, lockstep = rig_file.rig.period_s, rig_file.lockstep

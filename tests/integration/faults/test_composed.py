@@ -16,6 +16,7 @@ from pincette.core.faults import Cause
 from pincette.core.messages import Estimate, Trip
 from pincette.core.service import AnyService
 from pincette_estimator import SERVICE as ESTIMATOR
+from tests.support.arms import with_arm
 from tests.support.reactions import REACTION_S, TRIPPED
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_catalogue import FATAL, HARMLESS, HUNG_S, befalling
@@ -142,7 +143,8 @@ def test_what_is_no_number_inside_a_program_never_becomes_a_voltage() -> None:
     begun_s = loop.now_s
     loop.run(begun_s + 2.0 * REACTION_S)
     assert any(
-        isinstance(one, Estimate) and one.force_mN != one.force_mN for _, one in loop.told or []
+        isinstance(one, Estimate) and one.arms[0].force_mN != one.arms[0].force_mN
+        for _, one in loop.told or []
     )
     assert loop.newest.state in (*TRIPPED, "latched")
     assert all(isfinite(put_V) for _, put_V in loop.put_out)
@@ -153,6 +155,6 @@ def _without_numbers(service: AnyService) -> AnyService:
 
     def step(*given: Any) -> Any:
         state, outputs = service.step(*given)
-        return state, tuple(replace(one, force_mN=nan) for one in outputs)
+        return state, tuple(with_arm(one, force_mN=nan) for one in outputs)
 
     return replace(service, step=step)

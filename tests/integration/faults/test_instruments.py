@@ -39,10 +39,10 @@ def check_safe(played: Played, state: str, seq: int) -> None:
     assert (trip.seq, trip.state) == (seq, state)
     after = [echo for echo in played.applied if echo.seq >= trip.seq]
     assert not any(echo.answered for echo in after)
-    assert (after[-1].state, after[-1].voltage_V, after[-1].final) == ("latched", 0.0, True)
-    kept_V = next(echo.voltage_V for echo in played.applied if echo.seq == trip.seq - 1)
+    assert (after[-1].state, after[-1].arms[0].voltage_V, after[-1].final) == ("latched", 0.0, True)
+    kept_V = next(echo.arms[0].voltage_V for echo in played.applied if echo.seq == trip.seq - 1)
     frozen = [echo for echo in after if echo.state == "frozen"]
-    assert {echo.voltage_V for echo in frozen} <= {kept_V}
+    assert {echo.arms[0].voltage_V for echo in frozen} <= {kept_V}
     # The end of the freeze falls on a tick, or a rounding after it.
     assert len(frozen) - (round(FREEZE_S / T) if state == "frozen" else 0) in (0, 1)
     assert len(after) - len(frozen) <= RAMP_TICKS + 1
@@ -56,7 +56,7 @@ def check_untripped(played: Played) -> None:
 def test_a_grip_without_a_fault_succeeds() -> None:
     check_untripped(CLEAN)
     assert CLEAN.outcome == "gripped"
-    assert all(position.valid for position in CLEAN.positions)
+    assert all(position.arms[0].valid for position in CLEAN.positions)
     assert all(estimate.valid for estimate in CLEAN.estimates)
 
 
@@ -94,8 +94,8 @@ def test_a_force_above_the_limit_ends_the_grip_and_lets_go() -> None:
     assert played.outcome == "overforce"
     check_untripped(played)
     # The weight still pulls, and the arm does not rise against it.
-    assert played.positions[-1].x_um < 1.0
-    assert played.truths[-1].force_mN == 0.0
+    assert played.positions[-1].arms[0].x_um < 1.0
+    assert played.truths[-1].arms[0].force_mN == 0.0
     lighter = play(at(HOLD, "weight", "hang", value=2.0))
     # Nothing but the sensor, or what pushes the part, moves the arm back at once.
     assert lighter.outcome == "sensor_jump"
@@ -117,11 +117,14 @@ def test_the_third_sample_in_a_row_that_is_none_trips(
     played = play(at(seq, "sensor", what))
     check_safe(played, state, seq + 2)
     bad = [position for position in played.positions if position.seq >= seq]
-    assert all(not position.valid and said in fault_text(position.fault) for position in bad)
+    assert all(
+        not position.arms[0].valid and said in fault_text(position.arms[0].fault)
+        for position in bad
+    )
     assert "command_age" in played.applied[-1].cause
     for count in (1, 2):
         twin = play(at(seq, "sensor", what, for_s=count * T))
-        assert [position.seq for position in twin.positions if not position.valid] == [
+        assert [position.seq for position in twin.positions if not position.arms[0].valid] == [
             seq + place for place in range(count)
         ]
         check_untripped(twin)
@@ -131,7 +134,7 @@ def test_the_third_sample_in_a_row_that_is_none_trips(
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_either_side_of_the_range_is_named(side: float) -> None:
     played = play(at(HOLD, "sensor", "over_range", value=side))
-    fault = fault_text(played.positions[-1].fault)
+    fault = fault_text(played.positions[-1].arms[0].fault)
     assert ("above" if side > 0.0 else "below") in fault
 
 
@@ -145,14 +148,14 @@ def test_a_stuck_sensor_is_found_within_ten_samples_while_the_voltage_moves(
     assert played.trip is not None
     assert played.trip.seq - seq < 10
     check_safe(played, state, played.trip.seq)
-    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
 
 
 def test_a_stuck_sensor_of_a_quiet_arm_does_not_trip() -> None:
     # In a hold the law follows the creep: from the eighth sample on the voltage gives it away.
     for seq, count in ((1, 12), (HOLD, 7)):
         played = play(at(seq, "sensor", "stuck", for_s=count * T))
-        stuck = {position.x_um for position in played.positions[seq : seq + count]}
+        stuck = {position.arms[0].x_um for position in played.positions[seq : seq + count]}
         assert len(stuck) == 1
         check_untripped(played)
         # In a hold the reading steps as it comes back.
@@ -187,7 +190,7 @@ def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
 def test_an_intermittent_sensor_carries_on_or_trips(share: float) -> None:
     played = play(at(0, "sensor", "intermittent", value=share))
-    bad = [not position.valid for position in played.positions]
+    bad = [not position.arms[0].valid for position in played.positions]
     in_a_row = any(bad[place : place + 3] == [True] * 3 for place in range(len(bad)))
     assert (played.trip is not None) == in_a_row
     assert played.applied[-1].final
@@ -223,7 +226,7 @@ def test_an_instrument_that_lives_in_the_past_never_presses_too_hard(
 ) -> None:
     """Nothing tells that a reading is old: no age limit sees it, but the guards bound it."""
     played = play(at(seq, target, "delayed", value=periods * T))
-    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
     assert played.applied[-1].final
     if periods <= 2:
         check_untripped(played)
@@ -234,7 +237,7 @@ def test_an_instrument_that_lives_in_the_past_never_presses_too_hard(
 @pytest.mark.parametrize("value", [5.0, -5.0])
 def test_a_sensor_that_jumps_stays_bounded(value: float) -> None:
     played = play(at(HOLD, "sensor", "wrong", value=value))
-    assert max(truth.force_mN for truth in played.truths) < FORCE_MAX_MN
+    assert max(truth.arms[0].force_mN for truth in played.truths) < FORCE_MAX_MN
     assert played.applied[-1].final
 
 
@@ -253,7 +256,7 @@ def test_no_number_of_a_faulty_grip_is_infinite() -> None:
     for what in ("garbage", "over_range", "stuck", "off"):
         played = play(at(LOAD, "sensor", what))
         assert all(
-            isfinite(estimate.force_mN) and isfinite(estimate.perturbation_mN)
+            isfinite(estimate.arms[0].force_mN) and isfinite(estimate.arms[0].perturbation_mN)
             for estimate in played.estimates
         )
         assert all(echo.state in ("armed", "idle", "latched", *TRIPPED) for echo in played.applied)

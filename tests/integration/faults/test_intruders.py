@@ -8,8 +8,10 @@ from msgspec.structs import replace
 
 from pincette.core.codec import encode
 from pincette.core.messages import Applied, Command, Estimate, Position, Status, StatusRequest
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.topics import APPLIED, COMMAND, ESTIMATE, POSITION
 from pincette.core.wording import status_text
+from tests.support.arms import with_arm
 from tests.support.scripted import PROGRAM
 from tests.support.virtual_loop import VirtualLoop
 from tests.support.virtual_loop_places import EPOCH, T, place
@@ -34,16 +36,16 @@ def commands(loop: VirtualLoop) -> list[Command]:
 
 def check_obeys(loop: VirtualLoop, owner: int, least_share: float = 0.9) -> None:
     """It follows one owner, tick by tick, and trips of nobody."""
-    asked = {item.seq: item.voltage_V for item in commands(loop) if item.owner == owner}
+    asked = {item.seq: item.arms[0].voltage_V for item in commands(loop) if item.owner == owner}
     answered = [echo for echo in echoes(loop) if echo.answered]
     assert {echo.state for echo in echoes(loop)} == {"armed"}
     assert len(answered) >= least_share * WATCHED_S / T
-    limited = [echo for echo in answered if echo.limits_active]
+    limited = [echo for echo in answered if echo.arms[0].limits_active]
     half_V = 0.5 * loop.rig.output.step_V + 1e-12
     wrong = [
         echo
         for echo in answered
-        if echo.seq not in asked or abs(echo.voltage_V - asked[echo.seq]) > half_V
+        if echo.seq not in asked or abs(echo.arms[0].voltage_V - asked[echo.seq]) > half_V
     ]
     assert set(map(id, wrong)) <= set(map(id, limited))
 
@@ -86,7 +88,7 @@ def test_old_commands_again_are_refused_one_by_one() -> None:
     chance = random.Random(4)
     for count in range(200):
         again = chance.choice(old)
-        forged = replace(again, voltage_V=3.9)
+        forged = with_arm(again, voltage_V=3.9)
         at_s = loop.now_s + chance.uniform(0.0, WATCHED_S)
         payload = encode(forged if count % 2 else again)
         loop.call_at(at_s, partial(stranger_says, payload=payload))
@@ -127,7 +129,9 @@ def test_a_flood_of_forged_and_broken_commands_is_refused_and_the_loop_goes_on()
     """Ten times the rate: other owners, other epochs, the future, the past, and no messages."""
     loop = place("approach").loop.fork(5)
     chance = random.Random(5)
-    good = Command(EPOCH, 0, loop.runner("controller").instance, 3.9, True, False, False, True)
+    good = Command(
+        EPOCH, 0, loop.runner("controller").instance, (ArmCommand(3.9),), True, False, False, True
+    )
     begun_s, count = loop.now_s, round(TIMES_THE_RATE * WATCHED_S / T)
     for number in range(count):
         forged = replace(good, seq=chance.choice((-1, 0, 1, 2**40, chance.randrange(200))))

@@ -98,7 +98,7 @@ def test_a_zero_is_taken_whichever_of_its_messages_is_lost(
     assert loop.zero_seq is not None
     last = loop.zero_seq + SOON
     requested = [one.seq for one in loop.told_of(Command) if one.zero and one.seq <= last]
-    ages_s = {one.seq: one.zero_age_s for one in loop.told_of(Estimate) if one.valid}
+    ages_s = {one.seq: one.arms[0].zero_age_s for one in loop.told_of(Estimate) if one.valid}
     # The zero of the first rest holds until that of the next one is requested.
     assert ages_s[last] is not None
     assert requested == [loop.zero_seq, again(ages_s, last)]

@@ -2,10 +2,9 @@
 
 from itertools import pairwise
 from math import inf, nan
-from typing import Any, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
-from msgspec.structs import fields
 
 from pincette.core.messages import Applied, Command, Estimate, Message, Position
 from tests.support.virtual_loop import VirtualLoop
@@ -18,10 +17,18 @@ SOURCES: dict[type[Message], str] = {
     Command: "controller",
     Applied: "actuator",
 }
+
+
+def hints_of(kind: type[Message]) -> dict[str, Any]:
+    """Fields of a message and of the record of its arm, with their types."""
+    own = get_type_hints(kind)
+    return own | get_type_hints(get_args(own["arms"])[0])
+
+
 FIELDS = [
-    pytest.param(source, field.name, id=f"{kind.__name__}.{field.name}")
+    pytest.param(source, field, id=f"{kind.__name__}.{field}")
     for kind, source in SOURCES.items()
-    for field in fields(kind)
+    for field in hints_of(kind)
 ]
 NO_NUMBERS = (nan, inf, -inf)
 NO_VALUES: tuple[Any, ...] = (b"\0", [], [1.0], {"a": 1}, -(2**63))
@@ -59,12 +66,12 @@ def check_voltages(loop: VirtualLoop) -> None:
 
 def is_float(source: str, field: str) -> bool:
     kind = next(kind for kind, name in SOURCES.items() if name == source)
-    return any(item.name == field and "float" in str(item.type) for item in fields(kind))
+    return "float" in str(hints_of(kind)[field])
 
 
 def is_list(source: str, field: str) -> bool:
     kind = next(kind for kind, name in SOURCES.items() if name == source)
-    return get_origin(get_type_hints(kind)[field]) is tuple
+    return get_origin(hints_of(kind)[field]) is tuple
 
 
 @pytest.mark.parametrize(("source", "field"), FIELDS)

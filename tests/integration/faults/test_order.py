@@ -176,6 +176,6 @@ def test_a_loop_whose_messages_all_come_twice_does_what_it_did(seed: int) -> Non
         for loop in loops
     )
     assert len(once) > 45
-    assert [view.x_r_um for view in once] == [view.x_r_um for view in twice]
+    assert [view.arms[0].x_r_um for view in once] == [view.arms[0].x_r_um for view in twice]
     assert {echo.state for _, echo in loops[1].applied} == {"armed"}
     assert loops[1].runner("estimator").refused > 40

@@ -101,7 +101,7 @@ def test_a_part_that_is_frozen_can_be_held_on_from_the_voltage_that_holds_it(sta
     loop.arm(HOLD, EPOCH + 1)
     loop.run(loop.now_s + 0.25)
     assert (loop.newest.state, loop.newest.part_held) == ("armed", True)
-    voltages_V = [frozen.voltage_V, *(put_V for _, put_V in loop.put_out[kept:])]
+    voltages_V = [frozen.arms[0].voltage_V, *(put_V for _, put_V in loop.put_out[kept:])]
     steps_V = [abs(after - before) for before, after in pairwise(voltages_V)]
     assert max(steps_V) <= loop.rig.limits.slew_V_per_s * T + 0.001
     assert abs(voltages_V[1] - voltages_V[0]) < 0.05, "the arming makes no jump"

@@ -7,7 +7,6 @@ actuator, and by the outputs' own watchdogs where the actuator, or one output, i
 from functools import cache
 
 import pytest
-from msgspec import UNSET
 
 from pincette.core.messages import Applied, Telemetry
 from pincette.core.wording import applied_text
@@ -111,8 +110,8 @@ def check_trips(state: str, fault: Fault, phase: float) -> None:
 
 def voltages(echo: Applied) -> tuple[float, float]:
     """Of both arms."""
-    assert echo.second is not UNSET
-    return echo.voltage_V, echo.second.voltage_V
+    assert len(echo.arms) == 2
+    return echo.arms[0].voltage_V, echo.arms[1].voltage_V
 
 
 def first_safe_s(loop: VirtualPairLoop, since_s: float) -> list[float]:

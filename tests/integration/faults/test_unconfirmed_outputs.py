@@ -15,6 +15,7 @@ import pytest
 
 from pincette.config import RigFile, read_rig
 from pincette.core.messages import Applied, Arm, Command, Position, Reset
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.engine.runner import Runner
 from pincette.instruments.icpdas_i7024 import I7024, I7024Options
 from pincette.instruments.line.memory_link import MemoryLink
@@ -155,11 +156,15 @@ class Stage:
             self._keep(self.runner.tick(self.now_s))
 
     def _tick(self) -> None:
-        self.runner.take(Position(self.epoch, self.seq, self.now_s, 1.0, True), self.now_s)
+        self.runner.take(
+            Position(self.epoch, self.seq, self.now_s, (ArmPosition(1.0, valid=True),)), self.now_s
+        )
         self._keep(self.runner.fire(self.now_s) or ())
         self.wired.now_s += 0.003
         self.wanted_V = min(HIGH_V, self.wanted_V + 0.15)
-        command = Command(self.epoch, self.seq, 5, self.wanted_V, False, False, False, True)
+        command = Command(
+            self.epoch, self.seq, 5, (ArmCommand(self.wanted_V),), False, False, False, True
+        )
         self.runner.take(command, self.now_s)
         self._keep(self.runner.fire(self.now_s) or ())
         self.seq += 1
@@ -218,7 +223,9 @@ def tells_no_untruth(stage: Stage, said: str) -> None:
     """What is told as put out is put out, or told as unconfirmed."""
     echo = stage.echoes[-1][1]
     if echo.state != "armed" and not echo.unconfirmed and stage.wired.fate != "power cycle":
-        assert stage.wired.put_V == pytest.approx(echo.voltage_V, abs=0.35), f"{said}: {echo}"
+        assert stage.wired.put_V == pytest.approx(echo.arms[0].voltage_V, abs=0.35), (
+            f"{said}: {echo}"
+        )
 
 
 FATES: tuple[Fate, ...] = ("write lost", "answer lost", "line gone", "power cycle")
@@ -248,8 +255,10 @@ def test_an_idle_output_that_has_lost_its_voltage_is_not_stepped_by_the_next_job
     stage.ask(Reset(acknowledge=True))
     stage.arm()
     stage.run(CLIMB_S, chance)
-    final = Command(stage.epoch, stage.seq, 5, HIGH_V, False, False, True, True)
-    stage.runner.take(Position(stage.epoch, stage.seq, stage.now_s, 1.0, True), stage.now_s)
+    final = Command(stage.epoch, stage.seq, 5, (ArmCommand(HIGH_V),), False, False, True, True)
+    stage.runner.take(
+        Position(stage.epoch, stage.seq, stage.now_s, (ArmPosition(1.0, valid=True),)), stage.now_s
+    )
     stage.runner.fire(stage.now_s)
     stage.runner.take(final, stage.now_s)
     stage.runner.fire(stage.now_s)

@@ -43,9 +43,9 @@ def held(loop: VirtualLoop) -> list[tuple[float, float]]:
     found: list[tuple[float, float]] = []
     while (view := view_of(loop)) is not None and view.phase == "hold":
         told = next(one for _, one in reversed(loop.told or []) if isinstance(one, Estimate))
-        assert told.zero_age_s is not None, told.zero_refusal
-        error_mN = told.force_mN - loop.bench.rig.snapshot().force_mN
-        found.append((error_mN, told.force_uncertainty_mN))
+        assert told.arms[0].zero_age_s is not None, told.arms[0].zero_refusal
+        error_mN = told.arms[0].force_mN - loop.bench.rig.snapshot().force_mN
+        found.append((error_mN, told.arms[0].force_uncertainty_mN))
         loop.run(loop.now_s + T)
     return found
 

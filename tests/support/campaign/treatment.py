@@ -192,7 +192,7 @@ def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripp
     watched, result = opened.watched, job.result or {}
     held_mN, true_mN = result.get("force_held_mN"), _true_held(watched, opened)
     last = [one for one in list(watched.samples.values())[-LAST:] if one.estimate.valid]
-    known = bool(last) and all(one.estimate.zero_age_s is not None for one in last)
+    known = bool(last) and all(one.estimate.arms[0].zero_age_s is not None for one in last)
     return replace(
         gripped,
         outcome=str(result.get("outcome", job.state)),
@@ -203,8 +203,8 @@ def _judged(opened: Laboratory, gripped: Gripped, body: dict[str, Any]) -> Gripp
         held_mN=held_mN,
         uncertainty_mN=result.get("force_uncertainty_mN"),
         true_mN=true_mN,
-        last_mN=_mean([one.estimate.force_mN for one in last]) if known else None,
-        last_uncertainty_mN=_mean([one.estimate.force_uncertainty_mN for one in last]),
+        last_mN=_mean([one.estimate.arms[0].force_mN for one in last]) if known else None,
+        last_uncertainty_mN=_mean([one.estimate.arms[0].force_uncertainty_mN for one in last]),
         last_true_mN=_mean([one.truth.force_mN for one in last]),
         marked=_marked(job),
     )

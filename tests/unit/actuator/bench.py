@@ -9,6 +9,7 @@ from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Ack, Applied, Arm, Command, Message, Position, Reset
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import DeviceCommand
 from pincette.core.wording import cause_text
 from pincette_actuator.requests import handle
@@ -51,13 +52,15 @@ def armed(config: SafetyLimits = CONFIG) -> State:
 
 
 def position(seq: int, epoch: int = EPOCH) -> Inputs:
-    return Inputs(None, None, Position(epoch, seq, seq * T, 1.0, True))
+    return Inputs(None, None, Position(epoch, seq, seq * T, (ArmPosition(1.0, valid=True),)))
 
 
 def command(
     seq: int, voltage_V: float = 1.0, *, held: bool = False, epoch: int = EPOCH, owner: int = OWNER
 ) -> Inputs:
-    return Inputs(None, Command(epoch, seq, owner, voltage_V, held, False, False, True), None)
+    return Inputs(
+        None, Command(epoch, seq, owner, (ArmCommand(voltage_V),), held, False, False, True), None
+    )
 
 
 WAKE = Inputs(None, None, None)

@@ -16,10 +16,12 @@ from pincette.control.safety.arm import ArmLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.faults import Cause
 from pincette.core.messages import Arm, Command, Message, Position, Reset, Trip
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import DeviceCommand, RefusedError, SetVoltage
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, start, step
+from tests.support.arms import with_arm
 
 from .bench import ARM, CONFIG, EPOCH, OFF, OWNER, WAKE, T
 
@@ -145,7 +147,7 @@ def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tu
 
     if sample != "none":
         x_um = 900.0 if sample == "beyond" else 1.0
-        seen = Position(EPOCH, seq, 0.0, x_um, valid=sample != "invalid")
+        seen = Position(EPOCH, seq, 0.0, (ArmPosition(x_um, valid=sample != "invalid"),))
         yield after(f"{sample} sample", Inputs(None, None, seen))
     quarter += 1
     if command == "none":
@@ -153,8 +155,8 @@ def moved(place: Place, sample: str, command: str, question: str) -> Iterator[tu
     else:
         changes = dict(COMMANDS[command])
         number = seq + int(str(changes.pop("seq", 0)))
-        good = Command(EPOCH, number, OWNER, 0.5, False, False, False, True)
-        yield after(command, Inputs(None, replace(good, **changes), None))  # pyright: ignore[reportArgumentType]  fields by name
+        good = Command(EPOCH, number, OWNER, (ArmCommand(0.5),), False, False, False, True)
+        yield after(command, Inputs(None, with_arm(good, **changes), None))
     for _ in range(2):
         quarter += 1
         yield after("wake", WAKE)

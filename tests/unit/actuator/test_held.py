@@ -32,7 +32,7 @@ def rearmed(state: State, now: float = 0.2) -> State:
     state, _, outputs = handle(CONFIG, state, Arm(12, OWNER, ""), now)
     (applied,) = outputs
     assert isinstance(applied, Applied)
-    assert (applied.part_held, applied.voltage_V) == (True, 1.0)
+    assert (applied.part_held, applied.arms[0].voltage_V) == (True, 1.0)
     return state
 
 

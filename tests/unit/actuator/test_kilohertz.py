@@ -7,6 +7,7 @@ import pytest
 
 from pincette.config import read_rig
 from pincette.core.messages import Command, Position
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import SetVoltage
 from pincette_actuator.config import configure
 from pincette_actuator.state import State
@@ -30,9 +31,9 @@ def run(*, held: bool) -> tuple[State, float]:
     state, sample_s = armed(LIMITS), 0.0
     for seq in range(TICKS):
         sample_s = seq * T
-        position = Position(EPOCH, seq, sample_s, 1.0, True)
+        position = Position(EPOCH, seq, sample_s, (ArmPosition(1.0, valid=True),))
         voltage_V = HIGHEST_V * (seq + 1) / TICKS
-        command = Command(EPOCH, seq, OWNER, voltage_V, held, False, False, True)
+        command = Command(EPOCH, seq, OWNER, (ArmCommand(voltage_V),), held, False, False, True)
         state, _ = step(LIMITS, state, Inputs(None, None, position), sample_s)
         state, _ = step(LIMITS, state, Inputs(None, command, None), sample_s + WAY_S)
     assert (state.mode, state.arms[0].voltage_V) == ("armed", HIGHEST_V)

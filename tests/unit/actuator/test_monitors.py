@@ -16,10 +16,12 @@ from pincette.core.messages import (
     StatusRequest,
     Trip,
 )
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import DeviceCommand, PutOut, RefusedError, SetVoltage
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import SERVICE, Inputs, step
+from tests.support.arms import with_arm
 
 from .bench import (
     CONFIG,
@@ -41,8 +43,8 @@ LOCKSTEP = replace(CONFIG, lockstep=True)
 
 def told(seq: int, **changes: object) -> Inputs:
     """A command that knows something of its sample."""
-    good = Command(EPOCH, seq, OWNER, 1.0, False, False, False, True)
-    return Inputs(None, replace(good, **changes), None)  # pyright: ignore[reportArgumentType]  fields by name
+    good = Command(EPOCH, seq, OWNER, (ArmCommand(1.0),), False, False, False, True)
+    return Inputs(None, with_arm(good, **changes), None)
 
 
 def ticks(
@@ -95,7 +97,7 @@ def test_in_lockstep_a_stranger_ends_no_tick() -> None:
 def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool, mode: str) -> None:
     events: list[tuple[Inputs, float]] = []
     for seq in (1, 2, 3):
-        seen = Position(EPOCH, seq, seq * T, 80.0, valid=True)
+        seen = Position(EPOCH, seq, seq * T, (ArmPosition(80.0, valid=True),))
         events.append((Inputs(None, None, seen), seq * T))
         if seq < 3:
             events.append((command(seq, held=held), seq * T + 0.004))
@@ -107,8 +109,10 @@ def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool,
 
 
 def test_a_position_of_no_measurement_or_another_epoch_is_not_judged() -> None:
-    bad = [Position(EPOCH, seq, 0.0, 900.0, valid=False) for seq in range(1, 9)]
-    bad += [Position(EPOCH + 1, seq, 0.0, 900.0, valid=True) for seq in range(9, 20)]
+    bad = [Position(EPOCH, seq, 0.0, (ArmPosition(900.0, valid=False),)) for seq in range(1, 9)]
+    bad += [
+        Position(EPOCH + 1, seq, 0.0, (ArmPosition(900.0, valid=True),)) for seq in range(9, 20)
+    ]
     state, _ = play(holding(held=False), *((Inputs(None, None, item), 0.01) for item in bad))
     assert state.mode == "armed"
 

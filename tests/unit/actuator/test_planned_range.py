@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from pincette.control.safety.voltage import VOLTAGE_MAX, VOLTAGE_MIN, within
 from pincette.control.voltage_range import VoltageRange, around
 from pincette.core.messages import Arm, Reset
-from pincette.core.messages.second import SecondCommand
+from pincette.core.messages.arms import ArmCommand
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import start
@@ -74,7 +74,7 @@ def test_each_arm_of_two_has_its_own_range() -> None:
     state, _, _ = handle(two.BOTH, start(two.BOTH), Reset(acknowledge=True), 0.0)
     request = Arm(EPOCH, OWNER, "", voltage=PLANNED, second_voltage=VoltageRange(0.0, 0.7))
     state, _, _ = handle(two.BOTH, state, request, 0.0)
-    told = two.command(0, 1.5, SecondCommand(1.5))
+    told = two.command(0, 1.5, ArmCommand(1.5))
     state, _ = two.play(state, (two.position(0), 0.0), (told, 0.004))
     assert [arm.voltage_V for arm in state.arms] == [1.5, 0.7]
     assert state.arms[1].limits_active & VOLTAGE_MAX

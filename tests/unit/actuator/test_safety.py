@@ -11,10 +11,12 @@ from pincette.control.safety.latch import booted
 from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
 from pincette.core.faults import Cause, Predecessor
 from pincette.core.messages import Ack, Applied, Arm, Command, Reset, Trip
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.service import RefusedError, SetVoltage
 from pincette.core.wording import fault_text
 from pincette_actuator.requests import handle
 from pincette_actuator.step import SERVICE, Inputs, initialize_from_output, start, step
+from tests.support.arms import with_arm
 
 from .bench import (
     ARM,
@@ -57,7 +59,7 @@ def test_a_good_command_is_put_out_before_it_is_published() -> None:
     assert outputs[0] == SetVoltage((1.0,))
     applied = outputs[1]
     assert isinstance(applied, Applied)
-    assert (applied.seq, applied.voltage_V, applied.answered) == (0, 1.0, True)
+    assert (applied.seq, applied.arms[0].voltage_V, applied.answered) == (0, 1.0, True)
     assert applied.command_age_s == pytest.approx(0.004)
 
 
@@ -91,7 +93,7 @@ def test_commands_of_others_are_refused_and_counted(epoch: int, owner: int) -> N
 def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothing() -> None:
     unarmed = command(7, epoch=EPOCH - 1).command
     assert unarmed is not None
-    nothing = Inputs(None, replace(unarmed, valid=False), None)
+    nothing = Inputs(None, with_arm(unarmed, valid=False), None)
     state, outputs = play(armed(), (position(0), 0.0), (nothing, 0.004))
     assert (outputs, state.refused, state.refusal) == ([], 0, None)
 
@@ -113,8 +115,8 @@ def test_range_and_slew_act_and_are_reported() -> None:
     _, outputs = play(armed(), (position(0), 0.0), (command(0, 9.0), 0.004))
     applied = outputs[1]
     assert isinstance(applied, Applied)
-    assert applied.voltage_V == 2.0
-    assert applied.limits_active == VOLTAGE_MAX | SLEW_UP
+    assert applied.arms[0].voltage_V == 2.0
+    assert applied.arms[0].limits_active == VOLTAGE_MAX | SLEW_UP
 
 
 def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
@@ -213,18 +215,18 @@ def test_a_tick_without_a_command_is_answered_with_the_kept_voltage() -> None:
     state, outputs = play(holding(held=False), (position(1), 0.020), (WAKE, 0.0351))
     applied = outputs[-1]
     assert isinstance(applied, Applied)
-    assert (applied.seq, applied.answered, applied.voltage_V) == (1, False, 1.0)
+    assert (applied.seq, applied.answered, applied.arms[0].voltage_V) == (1, False, 1.0)
     assert state.mode == "armed"
 
 
 def test_rearming_starts_from_the_applied_voltage() -> None:
     state = holding(1.5, held=False)
     state, _ = play(state, (position(1), 0.02))
-    final = Command(EPOCH, 1, OWNER, 1.5, False, False, True, True)
+    final = Command(EPOCH, 1, OWNER, (ArmCommand(1.5),), False, False, True, True)
     state, _ = play(state, (Inputs(None, final, None), 0.022))
     assert state.mode == "idle"
     state, _, published = handle(CONFIG, state, Arm(12, OWNER, ""), 1.0)
-    assert published[0] == replace(
+    assert published[0] == with_arm(
         published[0], epoch=12, seq=-1, voltage_V=1.5, state="armed", final=False
     )
 

@@ -8,6 +8,7 @@ import pytest
 from pincette.control.safety.state import SafetyLimits
 from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Arm, Message, Position, Reset, Trip
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.service import DeviceCommand, PutOut, ReadBack, SetVoltage, WriteParts
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
@@ -53,7 +54,7 @@ def test_each_step_is_written_in_parts_from_where_the_last_one_has_ended() -> No
     assert orders(outputs) == [WriteParts((0.75, 0.25, 0.0), H)]
     applied = outputs[-1]
     assert isinstance(applied, Applied)
-    assert (applied.voltage_V, state.arms[0].voltage_V) == (0.0, 0.0)
+    assert (applied.arms[0].voltage_V, state.arms[0].voltage_V) == (0.0, 0.0)
 
 
 def test_the_age_of_a_command_counts_its_last_part() -> None:
@@ -97,7 +98,9 @@ def test_a_limit_that_trips_between_two_parts_ends_the_step_too() -> None:
     """The first sample came late, so that the next one follows its command within 1.5 parts."""
     state, outputs = stepped(), list[Message | DeviceCommand]()
     for seq in (1, 2, 3):
-        sample = Inputs(None, None, Position(EPOCH, seq, seq * T, 500.0, True))
+        sample = Inputs(
+            None, None, Position(EPOCH, seq, seq * T, (ArmPosition(500.0, valid=True),))
+        )
         state, made = step(SHAPED, state, sample, 0.004 + 0.4 * seq * H)
         outputs += made
     assert state.mode == "frozen"

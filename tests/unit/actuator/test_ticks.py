@@ -5,11 +5,13 @@ import pytest
 from pincette.control.record import replace
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Ack, Applied, Arm, Command
+from pincette.core.messages.arms import ArmApplied, ArmCommand
 from pincette.core.service import CheckWave, SetVoltage
 from pincette.core.wording import fault_text
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
 from pincette_actuator.step import Inputs, step
+from tests.support.arms import with_arm
 
 from .bench import (
     CONFIG,
@@ -84,7 +86,7 @@ def test_without_a_sample_there_is_no_tick() -> None:
 
 
 def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
-    blind = Command(EPOCH, 1, OWNER, 0.0, False, False, False, False, OFF)
+    blind = Command(EPOCH, 1, OWNER, (ArmCommand(0.0),), False, False, False, False, OFF)
     state, outputs = play(
         holding(held=False), (position(1), 0.02), (Inputs(None, blind, None), 0.024)
     )
@@ -94,7 +96,11 @@ def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
 
 
 def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
-    asked = replace(Command(EPOCH, 1, OWNER, 1.5, True, True, True, True), x_d_um=1.0, force_mN=2.0)
+    asked = with_arm(
+        Command(EPOCH, 1, OWNER, (ArmCommand(1.5),), True, True, True, True),
+        x_d_um=1.0,
+        force_mN=2.0,
+    )
     doubted = replace(holding(held=False), unconfirmed=True)
     state, outputs = play(doubted, (position(1), 0.02), (Inputs(None, asked, None), 0.024))
     assert outputs == [
@@ -102,10 +108,9 @@ def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
         Applied(
             epoch=EPOCH,
             seq=1,
-            voltage_V=1.5,
+            arms=(ArmApplied(1.5, 0),),
             state=Mode.IDLE,
             cause=Cause.NONE,
-            limits_active=0,
             part_held=True,
             zero=True,
             final=True,
@@ -169,6 +174,6 @@ def test_a_tick_whose_sample_was_lost_on_its_way_is_answered_with_the_kept_volta
     at_s = state.arrivals[-1].at_s
     _, outputs = play(state, (position(newest + 2), at_s + 2 * T))
     (echo,) = [item for item in outputs if isinstance(item, Applied)]
-    assert (echo.seq, echo.voltage_V, echo.answered) == (newest + 1, 1.0, False)
+    assert (echo.seq, echo.arms[0].voltage_V, echo.answered) == (newest + 1, 1.0, False)
     _, outputs = play(state, (position(newest + 1), at_s + T))
     assert outputs == []

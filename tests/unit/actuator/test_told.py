@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Command
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.service import PutOut, ReadBack, SetVoltage, Slept
 from pincette_actuator.state import applied_of
 from pincette_actuator.step import Inputs, initialize_from_output
@@ -27,8 +28,12 @@ from .bench import (
 )
 
 FAILED = Inputs(OFF, None, None)
-COMMAND = Command(EPOCH, 0, OWNER, 1.0, False, False, False, True, segment=3, segment_tick=7)
-UNASKED = Inputs(None, Command(EPOCH, 1, OWNER, 1.0, True, False, False, False), None)
+COMMAND = Command(
+    EPOCH, 0, OWNER, (ArmCommand(1.0),), False, False, False, True, segment=3, segment_tick=7
+)
+UNASKED = Inputs(
+    None, Command(EPOCH, 1, OWNER, (ArmCommand(1.0),), True, False, False, False), None
+)
 
 
 def echoes(outputs: list[object]) -> list[Applied]:

@@ -3,7 +3,6 @@
 import dataclasses
 
 import pytest
-from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
 from pincette.control.safety.confirmation import (
@@ -16,7 +15,7 @@ from pincette.control.safety.latch import at_safe, ramped, shutdown, trip
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
 from pincette.core.faults import Cause, FaultCode, Mode, fault
 from pincette.core.messages import Applied, Arm, Command, Position, Reset, Trip
-from pincette.core.messages.second import SecondCommand, SecondPosition
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import PutOut, ReadBack, SetVoltage
 from pincette.core.wording import applied_text, fault_text
 from pincette_actuator.requests import handle
@@ -30,15 +29,14 @@ FAILED = Inputs(fault(FaultCode.INSTRUMENT_SILENT, "no answer", arm=2), None, No
 
 
 def position(seq: int, x_um: float = 1.0, second: float | None = 2.0) -> Inputs:
-    other = SecondPosition(0.0 if second is None else second, second is not None)
-    return Inputs(None, None, Position(EPOCH, seq, seq * T, x_um, True, None, other))
+    other = ArmPosition(0.0 if second is None else second, second is not None)
+    first = ArmPosition(x_um, valid=True)
+    return Inputs(None, None, Position(EPOCH, seq, seq * T, (first, other)))
 
 
-def command(
-    seq: int, first_V: float, second: SecondCommand | UnsetType, *, held: bool = False
-) -> Inputs:
-    told = Command(EPOCH, seq, OWNER, first_V, held, False, False, True, second=second)
-    return Inputs(None, told, None)
+def command(seq: int, first_V: float, *others: ArmCommand, held: bool = False) -> Inputs:
+    arms = ArmCommand(first_V), *others
+    return Inputs(None, Command(EPOCH, seq, OWNER, arms, held, False, False, True), None)
 
 
 def play(state: State, *events: tuple[Inputs, float]) -> tuple[State, list[object]]:
@@ -59,39 +57,39 @@ def at(first_V: float, second_V: float, *, held: bool = False) -> State:
     state, _ = play(
         armed(),
         (position(0), 0.0),
-        (command(0, first_V, SecondCommand(second_V), held=held), 0.004),
+        (command(0, first_V, ArmCommand(second_V), held=held), 0.004),
     )
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V) == (first_V, second_V)
     return state
 
 
 def test_both_voltages_are_put_out_and_told_together() -> None:
-    _, outputs = play(armed(), (position(0), 0.0), (command(0, 1.0, SecondCommand(3.0)), T + 0.001))
+    _, outputs = play(armed(), (position(0), 0.0), (command(0, 1.0, ArmCommand(3.0)), T + 0.001))
     assert outputs[0] == SetVoltage((1.0, 2.0))
     applied = outputs[1]
     assert isinstance(applied, Applied)
-    assert applied.second is not UNSET
-    assert (applied.second.voltage_V, applied.second.limits_active) == (2.0, 4)
-    assert applied.limits_active == 0
+    assert len(applied.arms) == 2
+    assert (applied.arms[1].voltage_V, applied.arms[1].limits_active) == (2.0, 4)
+    assert applied.arms[0].limits_active == 0
 
 
 def test_an_arm_that_rests_lends_the_other_none_of_its_time() -> None:
     state = at(1.0, 1.0)
-    state, _ = play(state, (position(1), T), (command(1, 1.0, SecondCommand(1.0)), T + 0.004))
+    state, _ = play(state, (position(1), T), (command(1, 1.0, ArmCommand(1.0)), T + 0.004))
     assert state.moved_s == 0.004
-    state, _ = play(state, (position(2), 2 * T), (command(2, 1.0, SecondCommand(1.5)), 2 * T))
+    state, _ = play(state, (position(2), 2 * T), (command(2, 1.0, ArmCommand(1.5)), 2 * T))
     assert state.moved_s == 2 * T
-    state, _ = play(state, (position(3), 3 * T), (command(3, 1.5, SecondCommand(1.5)), 3 * T))
+    state, _ = play(state, (position(3), 3 * T), (command(3, 1.5, ArmCommand(1.5)), 3 * T))
     assert state.moved_s == 3 * T
 
 
 def test_the_second_arm_slews_by_the_time_too() -> None:
-    state, _ = play(at(1.0, 1.0), (position(1), T), (command(1, 1.0, SecondCommand(4.0)), T))
+    state, _ = play(at(1.0, 1.0), (position(1), T), (command(1, 1.0, ArmCommand(4.0)), T))
     assert state.arms[1].voltage_V == pytest.approx(1.0 + 2.0 * (T - 0.004) / T)
 
 
 def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round() -> None:
-    state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0, UNSET), 0.004))
+    state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0), 0.004))
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
     assert fault_text(state.refusal) == (
         "command 0: it is for 1 driven arms, the rig has 2: start all programs with the same rig "
@@ -99,23 +97,23 @@ def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round
     )
     one, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
     one, _, _ = handle(CONFIG, one, Arm(EPOCH, OWNER, ""), 0.0)
-    for inputs, now in ((position(0), 0.0), (command(0, 1.0, SecondCommand(1.0)), 0.004)):
+    for inputs, now in ((position(0), 0.0), (command(0, 1.0, ArmCommand(1.0)), 0.004)):
         one, _ = step(CONFIG, one, inputs, now)
     assert (one.arms[0].voltage_V, one.refused) == (0.0, 1)
     assert "it is for 2 driven arms, the rig has 1" in fault_text(one.refusal)
 
 
 def test_a_command_that_asks_for_nothing_needs_no_second_arm() -> None:
-    blind = Command(EPOCH, 0, OWNER, 0.0, False, False, False, False)
+    blind = Command(EPOCH, 0, OWNER, (ArmCommand(0.0),), False, False, False, False)
     state, _ = play(armed(), (position(0), 0.0), (Inputs(None, blind, None), 0.004))
     assert state.refused == 0
 
 
 def test_a_command_is_refused_whole_for_what_is_no_number_of_the_second_arm() -> None:
     for second, words in (
-        (SecondCommand(1e6), "1e+06 V is absurd"),
-        (SecondCommand(1.0, force_mN=float("nan")), "no force"),
-        (SecondCommand(1.0, x_d_um=float("inf")), "no position"),
+        (ArmCommand(1e6), "1e+06 V is absurd"),
+        (ArmCommand(1.0, force_mN=float("nan")), "no force"),
+        (ArmCommand(1.0, x_d_um=float("inf")), "no position"),
     ):
         state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0, second), 0.004))
         assert (state.arms[0].voltage_V, state.refused) == (0.0, 1)
@@ -138,7 +136,9 @@ def test_a_sample_that_is_none_of_either_arm_is_not_held_against_it() -> None:
     state = at(1.0, 2.0)
     state, _ = play(state, (position(1, second=None), T), (position(2, second=90.0), 2 * T))
     assert state.arms[1].watches.position.count == 1
-    invalid = Position(EPOCH, 3, 3 * T, 0.0, False, None, SecondPosition(1.0, True))
+    invalid = Position(
+        EPOCH, 3, 3 * T, (ArmPosition(0.0, valid=False, fault=None), ArmPosition(1.0, True))
+    )
     state, _ = play(state, (Inputs(None, None, invalid), 3 * T))
     assert state.arrivals[-1].x_um == (None, 1.0)
     assert state.arms[1].watches.position.count == 0
@@ -146,7 +146,7 @@ def test_a_sample_that_is_none_of_either_arm_is_not_held_against_it() -> None:
 
 def feed(state: State, seqs: range, force_mN: float, x_d_um: float, *, held: bool) -> State:
     for seq in seqs:
-        second = SecondCommand(2.0, force_mN, x_d_um)
+        second = ArmCommand(2.0, force_mN, x_d_um)
         state, _ = play(
             state, (position(seq), seq * T), (command(seq, 1.0, second, held=held), seq * T + 0.004)
         )
@@ -190,8 +190,8 @@ def test_a_freeze_that_the_first_arm_has_ended_is_not_ended_again() -> None:
     state = at(1.0, 2.0, held=True)
     state, _, _ = handle(BOTH, state, Trip(Cause.ESTOP), 0.01)
     for seq in (1, 2, 3):
-        told = Command(EPOCH, seq, OWNER, 1.0, True, False, False, True, force_mN=60.0)
-        told = replace(told, second=SecondCommand(2.0, 60.0))
+        arms = ArmCommand(1.0, force_mN=60.0), ArmCommand(2.0, 60.0)
+        told = Command(EPOCH, seq, OWNER, arms, True, False, False, True)
         state, _ = play(
             state, (position(seq), seq * T), (Inputs(None, told, None), seq * T + 0.004)
         )

@@ -14,7 +14,7 @@ from pincette.control.safety.latch import trip
 from pincette.control.safety.monitors import UNSEEN
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Arm
-from pincette.core.messages.second import SecondCommand
+from pincette.core.messages.arms import ArmCommand
 from pincette_actuator.config import configure
 from pincette_actuator.requests import handle
 from pincette_actuator.step import start, step
@@ -32,7 +32,7 @@ def test_each_output_puts_out_multiples_of_its_own_step() -> None:
         ),
     )
     state = armed()
-    for inputs, now in ((position(0), 0.0), (command(0, 1.1, SecondCommand(1.1)), 0.004)):
+    for inputs, now in ((position(0), 0.0), (command(0, 1.1, ArmCommand(1.1)), 0.004)):
         state, _ = step(steps, state, inputs, now)
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V) == (1.0, 1.125)
     back = begun(steps, state, (1.01, 1.13))
@@ -55,7 +55,7 @@ def test_a_part_is_let_go_where_either_output_has_let_go(
 
 def test_what_is_no_number_of_the_first_arm_is_refused_however_good_the_second_is() -> None:
     state = armed()
-    for inputs, now in ((position(0), 0.0), (command(0, 1e6, SecondCommand(1.0)), 0.004)):
+    for inputs, now in ((position(0), 0.0), (command(0, 1e6, ArmCommand(1.0)), 0.004)):
         state, _ = step(BOTH, state, inputs, now)
     assert (state.arms[0].voltage_V, state.arms[1].voltage_V, state.refused) == (0.0, 0.0, 1)
 

@@ -16,7 +16,7 @@ from pincette.bus.refused import (
 from pincette.core.faults import FaultCode
 from pincette.core.wording import fault_text
 
-PLACE = "pincette/v1/demo/position"
+PLACE = "pincette/v2/demo/position"
 
 
 class Clock:

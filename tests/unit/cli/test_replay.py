@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 
 from pincette.cli.main import main
 from pincette.core.messages import Estimate, Message, RequestLog
@@ -14,6 +13,7 @@ from pincette.engine.composed import ComposedLoop
 from pincette.records.mcap_reading import Recording
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
+from tests.support.arms import with_arm
 from tests.support.rigs import demo_rig
 
 RIG = demo_rig(time="lockstep")
@@ -46,7 +46,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch) -> Recorded:
 
 def wrong() -> list[Message]:
     return [
-        replace(message, force_mN=message.force_mN + 1e-12)
+        with_arm(message, force_mN=message.arms[0].force_mN + 1e-12)
         if isinstance(message, Estimate) and message.seq in (40, 41)
         else message
         for message in played()
@@ -93,7 +93,7 @@ def test_another_force_leads_to_another_command(
 
 def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFixture[str]) -> None:
     turned = [
-        replace(message, force_mN=-message.force_mN)
+        with_arm(message, force_mN=-message.arms[0].force_mN)
         if isinstance(message, Estimate) and message.seq == 0
         else message
         for message in played()

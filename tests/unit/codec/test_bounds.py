@@ -2,7 +2,7 @@
 
 import math
 from enum import EnumType
-from typing import Any, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 from hypothesis import given
@@ -34,25 +34,44 @@ from pincette.core.messages import (
     Timing,
     Trip,
 )
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.units import UNITS, unit_of
+from tests.support.arms import with_arm
 from tests.support.bounds import largest, whole_range
 
-POSITION = Position(7, 3, 0.06, 12.5, True)
+POSITION = Position(7, 3, 0.06, (ArmPosition(12.5, valid=True),))
+
+
+def record_of_arm(kind: type) -> type:
+    """The record of an arm in a message."""
+    return get_args(get_type_hints(kind)["arms"])[0]
+
+
 SAMPLES = (Position, Estimate, Command, Applied, Telemetry, GroundTruth)
 FLOATS = [
-    (kind, field.name)
+    (kind, place, name)
     for kind in SAMPLES
-    for field in fields(kind)
-    if get_type_hints(kind)[field.name] in (float, float | None)
+    for place, record in (("", kind), ("arms.", record_of_arm(kind)))
+    for name, hint in get_type_hints(record).items()
+    if hint in (float, float | None)
 ]
 
 
-def tree_of(kind: type[Message]) -> dict[str, Any]:
+def tree_of(kind: type) -> dict[str, Any]:
     """The fields of a sound message."""
     values = {float: 1.5, int: 1, bool: True, str: "a"}
     hints = get_type_hints(kind)
-    kinds = {field.name: hints[field.name] for field in fields(kind) if field.name != "second"}
-    return {name: values.get(hint, _odd(hint)) for name, hint in kinds.items()}
+    names = [field.name for field in fields(kind)]
+    tree = {name: values.get(hints[name], _odd(hints[name])) for name in names}
+    return tree | {"arms": [tree_of(record_of_arm(kind))]} if "arms" in tree else tree
+
+
+def changed(kind: type[Message], **changes: object) -> dict[str, Any]:
+    """The fields of a sound message, with others of its own or of its arm."""
+    tree = tree_of(kind)
+    for name, value in changes.items():
+        (tree if name in tree else tree["arms"][0])[name] = value
+    return tree
 
 
 def _odd(hint: Any) -> Any:
@@ -64,7 +83,7 @@ def _odd(hint: Any) -> Any:
 
 def refusal(kind: type[Message], **fields: object) -> str:
     with pytest.raises(CodecError) as caught:
-        decode(kind, msgpack.packb(tree_of(kind) | fields))
+        decode(kind, msgpack.packb(changed(kind, **fields)))
     return str(caught.value)
 
 
@@ -73,28 +92,31 @@ def test_every_unit_has_a_bound() -> None:
     assert all(bound <= LARGEST_INT for bound in LARGEST.values()), "a whole one stays exact"
 
 
-@pytest.mark.parametrize(("kind", "name"), FLOATS)
-def test_a_number_is_taken_up_to_its_bound_and_not_beyond(kind: type[Message], name: str) -> None:
+@pytest.mark.parametrize(("kind", "place", "name"), FLOATS)
+def test_a_number_is_taken_up_to_its_bound_and_not_beyond(
+    kind: type[Message], place: str, name: str
+) -> None:
     bound = largest(name)
     for value in (bound, -bound, -0.0, 5e-324, int(bound)):
-        read = getattr(decode(kind, msgpack.packb(tree_of(kind) | {name: value})), name)
+        message: Any = decode(kind, msgpack.packb(changed(kind, **{name: value})))
+        read = getattr(message.arms[0] if place else message, name)
         assert type(read) is float
         assert (read, math.copysign(1.0, read)) == (value, math.copysign(1.0, value))
     for value in (math.nextafter(bound, math.inf), -1e300, 2**63, -(2**63)):
         said = refusal(kind, **{name: value})
-        assert said.startswith(f"{kind.__name__}.{name} = ")
+        assert said.startswith(f"{kind.__name__}.{place}{name} = ")
         assert said.endswith(f"beyond ±{bound:g} {unit_of(name)}".rstrip())
     for value in (math.nan, math.inf, -math.inf):
         assert refusal(kind, **{name: value}).endswith("not a finite number")
 
 
 def test_a_refusal_names_message_field_value_unit_and_limit() -> None:
-    assert refusal(Position, x_um=1e300) == "Position.x_um = 1e+300 µm: beyond ±1e+09 µm"
-    assert refusal(Command, voltage_V=-2e6) == "Command.voltage_V = -2e+06 V: beyond ±1e+06 V"
+    assert refusal(Position, x_um=1e300) == "Position.arms.x_um = 1e+300 µm: beyond ±1e+09 µm"
+    assert refusal(Command, voltage_V=-2e6) == "Command.arms.voltage_V = -2e+06 V: beyond ±1e+06 V"
     assert refusal(Position, seq=-2) == f"Position.seq = -2: not within -1 to {LAST_SEQ}"
-    assert refusal(Position, valid=1) == "Position.valid = '1': neither true nor false"
-    assert refusal(Position, x_um=True) == "Position.x_um = 'True': not a number"
-    assert refusal(Position, fault=b"") == "Position.fault: not a map"
+    assert refusal(Position, valid=1) == "Position.arms.valid = '1': neither true nor false"
+    assert refusal(Position, x_um=True) == "Position.arms.x_um = 'True': not a number"
+    assert refusal(Position, fault=b"") == "Position.arms.fault: not a map"
     assert refusal(Timing, service=b"") == "Timing.service = (bytes): not a text"
     assert refusal(Applied, state="gone").startswith("Applied.state = 'gone': not one of latched")
 
@@ -148,9 +170,9 @@ def test_lists_are_bounded_before_they_are_read() -> None:
 
 @given(st.floats(allow_nan=True, allow_infinity=True))
 def test_a_position_is_what_was_sent_or_refused(x_um: float) -> None:
-    payload = encode(replace(POSITION, x_um=x_um))
+    payload = encode(with_arm(POSITION, x_um=x_um))
     if abs(x_um) <= LARGEST["µm"]:
-        assert decode(Position, payload).x_um == x_um
+        assert decode(Position, payload).arms[0].x_um == x_um
     else:
-        with pytest.raises(CodecError, match=r"Position\.x_um = "):
+        with pytest.raises(CodecError, match=r"Position\.arms\.x_um = "):
             decode(Position, payload)

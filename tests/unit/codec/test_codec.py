@@ -18,6 +18,13 @@ from pincette.core.codec import MAX_BYTES, decode, encode
 from pincette.core.codec.refusals import CodecError
 from pincette.core.faults import Acted, Cause, Fault, FaultCode, Mode, Outcome, Value
 from pincette.core.messages import Applied, Command, Estimate, Load, Position, Telemetry
+from pincette.core.messages.arms import (
+    ArmApplied,
+    ArmCommand,
+    ArmEstimate,
+    ArmPosition,
+    ArmTelemetry,
+)
 from tests.support.laws import law_settings
 
 packb = cast(Any, msgpack).packb
@@ -27,11 +34,14 @@ VALUES = st.builds(Value, st.text(max_size=40), st.none() | st.floats(-1e15, 1e1
 FAULTS = st.none() | st.builds(
     Fault, st.sampled_from(FaultCode), st.lists(VALUES, max_size=4).map(tuple), st.text(max_size=40)
 )
-POSITIONS = st.builds(Position, EPOCH, SEQ, T_S, X_UM, st.booleans(), FAULTS)
-COMMANDS = st.builds(Command, EPOCH, SEQ, EPOCH, VOLTAGE_V, *[st.booleans() for _ in range(4)])
+TIPS = st.builds(ArmPosition, X_UM, st.booleans(), FAULTS)
+ASKED = st.builds(ArmCommand, VOLTAGE_V)
+POSITIONS = st.builds(Position, EPOCH, SEQ, T_S, st.lists(TIPS, min_size=1, max_size=2).map(tuple))
+OF_COMMAND = st.lists(ASKED, min_size=1, max_size=2).map(tuple)
+COMMANDS = st.builds(Command, EPOCH, SEQ, EPOCH, OF_COMMAND, *[st.booleans() for _ in range(4)])
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.9, 1.0)
 LOAD = Load(Program((Press("hold", None, to_mN=20.0),), GUARDS, 2.17))
-POSITION = Position(7, 3, 0.06, 12.5, True)
+POSITION = Position(7, 3, 0.06, (ArmPosition(12.5, valid=True),))
 
 
 @given(POSITIONS)
@@ -99,16 +109,21 @@ def test_a_stranger_reads_names_and_units() -> None:
         "epoch": 7,
         "seq": 3,
         "t_s": 0.06,
-        "x_um": 12.5,
-        "valid": True,
-        "fault": None,
+        "arms": [{"x_um": 12.5, "valid": True, "fault": None}],
     }
 
 
-@pytest.mark.parametrize("kind", [Position, Estimate, Command, Applied, Telemetry])
+MESSAGES = (Position, Estimate, Command, Applied, Telemetry)
+RECORDS = (ArmPosition, ArmEstimate, ArmCommand, ArmApplied, ArmTelemetry)
+
+
+@pytest.mark.parametrize("kind", MESSAGES)
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, "1", None, [1.0], {"a": 1}, 2**60])
 def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
+    record = RECORDS[MESSAGES.index(kind)]
     hints = get_type_hints(kind)
+    del hints["arms"]
+    of_arm = get_type_hints(record)
     whole: dict[Any, object] = {
         int: 1,
         bool: True,
@@ -123,7 +138,8 @@ def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
         Outcome: "",
     }
     good = {name: whole.get(hint, 1.5) for name, hint in hints.items()}
-    for name, hint in hints.items():
+    arm = {name: whole.get(hint, 1.5) for name, hint in of_arm.items()}
+    for name, hint in (hints | of_arm).items():
         allowed = {int: (int,), bool: (bool,), str: (str,), float: (float, int)}
         codes = {Mode: (), Cause: (), Outcome: (), tuple[Fault, ...]: (), tuple[Acted, ...]: ()}
         none = {
@@ -136,13 +152,14 @@ def test_no_field_takes_what_it_is_not(kind: type, bad: object) -> None:
         big = isinstance(bad, int) and hint not in (int, int | None)
         if type(bad) in kinds and finite and not big:
             continue
+        arms, own = ([arm | {name: bad}], {}) if name in arm else ([arm], {name: bad})
         with pytest.raises(CodecError, match=name):
-            decode(kind, packb({**good, name: bad}))
+            decode(kind, packb({**good, "arms": arms, **own}))
 
 
 def test_missing_and_unknown_fields_are_named() -> None:
-    tree = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "colour": 1}
-    with pytest.raises(CodecError, match="colour, fault"):
+    tree: dict[str, Any] = {"epoch": 7, "seq": 3, "arms": [], "colour": 1}
+    with pytest.raises(CodecError, match="colour, t_s"):
         decode(Position, packb(tree))
 
 

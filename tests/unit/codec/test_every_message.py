@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from msgspec import UNSET, Struct, inspect
+from msgspec import Struct, inspect
 
 from pincette.core.codec import KINDS, decode, encode
 from pincette.core.codec.refusals import CodecError, msgpack, unit_stated
@@ -87,21 +87,21 @@ def test_an_unknown_field_is_named(name: str) -> None:
 @EVERY
 def test_a_missing_field_is_named_though_it_has_a_default(name: str) -> None:
     tree = tree_of(name)
-    for field in tree.keys() - {"second"}:
+    for field in tree:
         fewer = {key: value for key, value in tree.items() if key != field}
         with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: {field}$"):
             decode(BY_NAME[name], msgpack.packb(fewer))
 
 
-@pytest.mark.parametrize("name", [name for name in BY_NAME if "second" in fields_of(name)])
-def test_what_is_of_a_second_arm_is_left_out_where_there_is_none(name: str) -> None:
-    tree = {key: value for key, value in tree_of(name).items() if key != "second"}
-    payload = msgpack.packb(tree)
-    alone: Any = decode(BY_NAME[name], payload)
-    assert alone.second is UNSET
-    assert encode(alone) == payload
-    with pytest.raises(CodecError, match=f"^{name}.second: not a map$"):
-        decode(BY_NAME[name], msgpack.packb(tree | {"second": None}))
+@pytest.mark.parametrize("name", [name for name in BY_NAME if "arms" in fields_of(name)])
+def test_a_message_is_for_one_arm_or_for_two(name: str) -> None:
+    tree = tree_of(name)
+    arm = tree["arms"][0]
+    for count in (1, 2):
+        decode(BY_NAME[name], msgpack.packb(tree | {"arms": [arm] * count}))
+    for count in (0, 3):
+        with pytest.raises(CodecError, match=f"^{name}.*arms"):
+            decode(BY_NAME[name], msgpack.packb(tree | {"arms": [arm] * count}))
 
 
 @EVERY

@@ -8,8 +8,9 @@ from pincette.core.codec.wire import ENCODING, explained, of_other_wires, update
 from pincette.core.messages import Position
 from pincette.core.topics import ROOT, WIRE, live_key, live_key_of_any_wire
 
-OTHER_FIELDS = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "colour": 1}
-SOUND = {"epoch": 7, "seq": 3, "t_s": 0.1, "x_um": 1.0, "valid": True, "fault": None}
+ARM = {"x_um": 1.0, "valid": True, "fault": None}
+OTHER_FIELDS = {"epoch": 7, "seq": 3, "arms": [ARM], "colour": 1}
+SOUND = {"epoch": 7, "seq": 3, "t_s": 0.1, "arms": [ARM]}
 
 
 def refused(tree: object, encoding: str) -> str:
@@ -25,21 +26,21 @@ def test_root_and_encoding_carry_the_version() -> None:
 
 def test_the_older_side_is_to_be_updated() -> None:
     assert update_which("controller", WIRE + 1) == (
-        "controller is there with wire version 2, this program has 1: update this program"
+        "controller is there with wire version 3, this program has 2: update this program"
     )
     assert update_which("controller", WIRE - 1).endswith("update the controller")
 
 
-@pytest.mark.parametrize("wire", [0, 2, 17])
+@pytest.mark.parametrize("wire", [0, 1, 17])
 def test_fields_of_another_version_are_told_apart(wire: int) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{wire}"))
-    assert "fields missing or unknown: colour, fault" in said
+    assert "fields missing or unknown: colour, t_s" in said
     assert said.endswith(update_which("sensor", wire))
 
 
 def test_other_fields_of_the_same_version_are_another_build() -> None:
     said = refused(OTHER_FIELDS, ENCODING)
-    assert "sensor says that it has wire version 1, as this program has" in said
+    assert "sensor says that it has wire version 2, as this program has" in said
     assert "the same version of pincette" in said
 
 
@@ -50,20 +51,21 @@ def test_garbage_is_told_as_somebody_elses(encoding: str) -> None:
 
 
 def test_a_bad_value_is_no_matter_of_versions() -> None:
-    assert refused(SOUND | {"valid": 1}, ENCODING).endswith("neither true nor false")
+    tree = SOUND | {"arms": [ARM | {"valid": 1}]}
+    assert refused(tree, ENCODING).endswith("neither true nor false")
 
 
 @pytest.mark.parametrize("version", ["", "x", "9" * 5000, "²", "-1", "1.5", "\x1b[2J"])
 def test_a_version_that_is_none_adds_nothing(version: str) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
-    assert said.endswith("colour, fault")
+    assert said.endswith("colour, t_s")
     assert said.isprintable()
 
 
 def test_tokens_of_other_versions_are_found_and_foreign_ones_passed_over() -> None:
     tokens = [
         live_key("demo", "sensor"),
-        "pincette/v2/demo/live/controller",
+        "pincette/v3/demo/live/controller",
         "pincette/v0/demo/live/estimator",
         "pincette/v/demo/live/actuator",
         "pincette/vx/demo/live/actuator",
@@ -71,6 +73,6 @@ def test_tokens_of_other_versions_are_found_and_foreign_ones_passed_over() -> No
         "other/v2/demo/live/actuator",
         "pincette/v2/live/actuator",
     ]
-    assert of_other_wires(tokens) == {"controller": 2, "estimator": 0}
+    assert of_other_wires(tokens) == {"controller": 3, "estimator": 0}
     assert of_other_wires(tokens[:1]) == {}
     assert live_key_of_any_wire("demo") == "pincette/*/demo/live/*"

@@ -37,7 +37,7 @@ def test_sizes_and_versions_are_on_the_page() -> None:
         f"| 0 to {LARGEST_INT} |",
         f"`{ENCODING}`",
         f"`{ROOT}/…`",
-        update_which("controller", 2),
-        update_which("sensor", 2),
+        update_which("controller", 3),
+        update_which("sensor", 3),
     ):
         assert words in PAGE

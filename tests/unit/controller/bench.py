@@ -13,8 +13,10 @@ from pincette.control.response.free_response import FreeSample, nominal_response
 from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.messages import Arm, Command, Estimate, Load, Telemetry
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.config import ControllerConfig
 from pincette_controller.step import Inputs, State, handle, start, step
+from tests.support.arms import with_arm
 from tests.support.laws import LAWS, law_settings
 
 T, K_E, X_E_UM = 0.02, 2.0, 12.0
@@ -36,17 +38,21 @@ PBSMIC, DSMIFC = law_settings("pbsmic", K_P=2.0), law_settings("dsmifc", K_P=2.0
 QUIET = Estimate(
     epoch=1,
     seq=0,
-    x_um=0.0,
-    force_mN=0.0,
-    force_uncertainty_mN=0.1,
-    perturbation_mN=0.0,
-    zero_age_s=None,
-    zero_refusal=None,
-    applied_V=0.0,
     applied_seq=-1,
-    limits_active=0,
     tripped=False,
     degraded=False,
+    arms=(
+        ArmEstimate(
+            x_um=0.0,
+            force_mN=0.0,
+            force_uncertainty_mN=0.1,
+            perturbation_mN=0.0,
+            zero_age_s=None,
+            zero_refusal=None,
+            applied_V=0.0,
+            limits_active=0,
+        ),
+    ),
     valid=True,
 )
 
@@ -91,7 +97,7 @@ class Bench:
 
     def estimate(self) -> Estimate:
         age_s = None if self.zero_seq is None else T * (self.seq - self.zero_seq)
-        return replace(
+        return with_arm(
             QUIET,
             seq=self.seq,
             applied_seq=self.seq - 1,
@@ -107,7 +113,7 @@ class Bench:
         command, telemetry = outputs
         assert isinstance(command, Command)
         assert isinstance(telemetry, Telemetry)
-        self._drive(command.voltage_V)
+        self._drive(command.arms[0].voltage_V)
         self.seq += 1
         if command.zero:
             self.zero_seq = self.seq

@@ -8,7 +8,7 @@ from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Guards, Program
 from pincette.control.planning.segments import Move, Press, Rest, Seek, Track
 from pincette.core.faults import Fault
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.player import advance, begin
 from pincette_controller.player_state import Player
 
@@ -39,7 +39,7 @@ TRACK = replace(
         *PROGRAM.segments[5:],
     ),
 )
-BLANK = Estimate(1, 0, 0.0, 0.0, 0.1, 0.0, None, None, 0.0, 0, 0, False, False, True)
+BLANK = ArmEstimate(0.0, 0.0, 0.1, 0.0, None, None, 0.0, 0)
 
 
 def line_of(player: Player) -> LoadLine:
@@ -65,13 +65,12 @@ class Arm:
         self.phases: list[str] = []
         self.seq = 0
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> ArmEstimate:
         x = self.player.ref.x_um
         force = 0.0 if self.lost else self.stiffness * max(0.0, x - self.contact_um)
         age = None if self.zeroed is None else (self.seq - self.zeroed) * T
         return replace(
             BLANK,
-            seq=self.seq,
             x_um=x,
             force_mN=force,
             force_uncertainty_mN=self.uncertainty_mN,

@@ -2,15 +2,12 @@
 
 from collections.abc import Callable, Mapping
 
-from msgspec import UNSET
-from msgspec.structs import replace
-
 from pincette.config import RigFile
 from pincette.control.planning.pair_plan import PairRequest
 from pincette.control.planning.program import Program
 from pincette.core.faults import ActionCode
 from pincette.core.messages import Action, Arm, Command, Estimate, Load, Telemetry
-from pincette.core.messages.second import SecondEstimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller import SERVICE
 from tests.support.two_arms import two_arm_rig
 
@@ -101,27 +98,31 @@ class IdealPair:
         estimate = Estimate(
             epoch=1,
             seq=self.seq,
-            x_um=X_1 - s_1 * F_1,
-            force_mN=F_1,
-            force_uncertainty_mN=0.1,
-            perturbation_mN=0.0,
-            zero_age_s=age_s,
-            zero_refusal=None,
-            applied_V=self.voltages_V[0],
             applied_seq=self.seq - 1,
-            limits_active=0,
             tripped=False,
             degraded=False,
+            arms=(
+                ArmEstimate(
+                    x_um=X_1 - s_1 * F_1,
+                    force_mN=F_1,
+                    force_uncertainty_mN=0.1,
+                    perturbation_mN=0.0,
+                    zero_age_s=age_s,
+                    zero_refusal=None,
+                    applied_V=self.voltages_V[0],
+                    limits_active=0,
+                ),
+                ArmEstimate(X_2 - s_2 * F_2, F_2, 0.1, 0.0, age_s, None, self.voltages_V[1], 0),
+            ),
             valid=True,
-            second=SecondEstimate(X_2 - s_2 * F_2, F_2, 0.1, age_s, None, self.voltages_V[1], 0),
         )
         inputs = SERVICE.inputs_type(self.change(estimate))
         self.state, outputs = SERVICE.step(self.config, self.state, inputs, 0.0)
         command, telemetry = outputs
         assert isinstance(command, Command)
         assert isinstance(telemetry, Telemetry)
-        assert command.second is not UNSET
-        self.voltages_V = command.voltage_V, command.second.voltage_V
+        assert len(command.arms) == 2
+        self.voltages_V = command.arms[0].voltage_V, command.arms[1].voltage_V
         self.seq += 1
         if command.zero:
             self.zeroed_at = self.seq
@@ -140,9 +141,3 @@ class IdealPair:
             if command.final:
                 return found
         raise AssertionError("the program does not end")
-
-
-def with_second(estimate: Estimate, **changes: object) -> Estimate:
-    """An estimate whose second arm has other values."""
-    assert estimate.second is not UNSET
-    return replace(estimate, second=replace(estimate.second, **changes))

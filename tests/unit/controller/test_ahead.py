@@ -3,11 +3,12 @@
 from dataclasses import replace as replaced
 
 import pytest
-from msgspec.structs import replace
 
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.messages import Command, Estimate
+from pincette.core.messages.arms import ArmCommand
 from pincette_controller.step import State, ahead, start
+from tests.support.arms import with_arm
 from tests.unit.controller.bench import CONFIG, QUIET
 
 STEP_V = 0.003
@@ -17,7 +18,7 @@ COMMAND = Command(
     epoch=0,
     seq=0,
     owner=1,
-    voltage_V=0.0,
+    arms=(ArmCommand(0.0),),
     part_held=False,
     zero=False,
     final=False,
@@ -27,11 +28,11 @@ COMMAND = Command(
 
 def told(voltage_V: float) -> State:
     """The controller's state after it has sent a command, and before the next sample."""
-    return ahead(STEPPED, start(STEPPED), replace(COMMAND, voltage_V=voltage_V))
+    return ahead(STEPPED, start(STEPPED), with_arm(COMMAND, voltage_V=voltage_V))
 
 
 def sample(applied_V: float) -> Estimate:
-    return replace(QUIET, epoch=0, seq=1, applied_V=applied_V)
+    return with_arm(QUIET, epoch=0, seq=1, applied_V=applied_V)
 
 
 @pytest.mark.parametrize(
@@ -47,11 +48,11 @@ def test_the_memory_is_led_by_what_the_actuator_puts_out(
     commanded_V: float, applied_V: float
 ) -> None:
     arm = told(commanded_V).arm
-    assert arm.follow(sample(applied_V), CONFIG.period_s) is arm.expected
+    assert arm.follow(sample(applied_V), 0, CONFIG.period_s) is arm.expected
 
 
 def test_a_voltage_that_was_put_out_otherwise_is_followed_as_if_nothing_had_been_expected() -> None:
     arm = told(0.1).arm
-    found = arm.follow(sample(0.006), CONFIG.period_s)
+    found = arm.follow(sample(0.006), 0, CONFIG.period_s)
     assert found is not arm.expected
-    assert found == start(STEPPED).arm.follow(sample(0.006), CONFIG.period_s)
+    assert found == start(STEPPED).arm.follow(sample(0.006), 0, CONFIG.period_s)

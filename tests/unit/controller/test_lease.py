@@ -37,7 +37,7 @@ class Leased(Bench):
         assert isinstance(command, Command)
         assert isinstance(telemetry, Telemetry)
         self.asked += [output for output in outputs if isinstance(output, RequestLog)]
-        self._drive(command.voltage_V)
+        self._drive(command.arms[0].voltage_V)
         self.seq += 1
         if command.zero:
             self.zero_seq = self.seq

@@ -29,12 +29,12 @@ def plays(*segments: Segment) -> Bench:
 def test_a_voltage_path_is_put_out_as_it_is() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)))
     last = bench.until()
-    asked = [tick.command.voltage_V for tick in bench.ticks[:-1]]
+    asked = [tick.command.arms[0].voltage_V for tick in bench.ticks[:-1]]
     path = ramp(0.3)
     assert asked == [path.at((index + 1) * T) for index in range(len(asked))]
     assert last.telemetry.outcome == "moved"
     assert last.command.final
-    assert last.command.voltage_V == asked[-1] == pytest.approx(0.3)
+    assert last.command.arms[0].voltage_V == asked[-1] == pytest.approx(0.3)
 
 
 def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
@@ -70,7 +70,7 @@ def test_a_sweep_goes_with_every_command_of_its_segment_and_with_no_other() -> N
     carried = [tick.command.sweep for tick in bench.ticks]
     assert carried.count(SWEEP) == 50
     assert {tick.telemetry.phase for tick in bench.ticks if tick.command.sweep} == {"sweep"}
-    assert not any(tick.command.voltage_V for tick in bench.ticks)
+    assert not any(tick.command.arms[0].voltage_V for tick in bench.ticks)
 
 
 def test_a_law_takes_over_without_a_jump() -> None:
@@ -80,7 +80,7 @@ def test_a_law_takes_over_without_a_jump() -> None:
     )
     bench.until("retreat")
     steps = [
-        abs(after.command.voltage_V - before.command.voltage_V)
+        abs(after.command.arms[0].voltage_V - before.command.arms[0].voltage_V)
         for before, after in zip(bench.ticks, bench.ticks[1:], strict=False)
     ]
     assert steps[-1] < max(steps[:-1])
@@ -102,7 +102,7 @@ def test_a_stop_ends_what_plays(phase: str) -> None:
     assert stopping.telemetry.phase == "stopping"
     assert stopping.command.sweep is None
     assert bench.until().telemetry.outcome == "stopped"
-    assert abs(bench.applied_V - stopping.command.voltage_V) < 0.02
+    assert abs(bench.applied_V - stopping.command.arms[0].voltage_V) < 0.02
 
 
 @pytest.mark.parametrize("own_retreat", [True, False])
@@ -114,5 +114,5 @@ def test_beyond_a_limit_of_position_the_arm_goes_back(own_retreat: bool) -> None
     bench = Bench(Program((*segments, *retreat), guards, 2.0))
     last = bench.until()
     assert last.telemetry.outcome == "overtravel"
-    assert max(tick.estimate.x_um for tick in bench.ticks) < 10.0
+    assert max(tick.estimate.arms[0].x_um for tick in bench.ticks) < 10.0
     assert bench.x_um == pytest.approx(0.0, abs=0.05)

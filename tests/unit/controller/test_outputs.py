@@ -10,18 +10,22 @@ from pincette.control.safety.monitors import UNSEEN, finding
 from pincette.core.codec import decode, encode
 from pincette.core.faults import Cause
 from pincette.core.messages import Command, Telemetry
+from pincette.core.messages.arms import ArmCommand
 from pincette.core.wording import named_text
 from pincette_controller.outputs import check_command
 from pincette_controller.step import Inputs, State, step
+from tests.support.arms import with_arm
 
 from .bench import CONFIG, QUIET, Bench, program
 
-COMMAND = Command(1, 0, 5, 0.5, True, True, True, valid=True, force_mN=1.0, x_d_um=0.0)
-SEEN = replace(QUIET, applied_V=0.25)
+COMMAND = Command(
+    1, 0, 5, (ArmCommand(0.5, force_mN=1.0, x_d_um=0.0),), True, True, True, valid=True
+)
+SEEN = with_arm(QUIET, applied_V=0.25)
 
 
 def test_a_command_within_the_limits_leaves_as_it_is() -> None:
-    watches, command = check_command(CONFIG, UNSEEN, COMMAND, SEEN)
+    (watches,), command = check_command((CONFIG,), (UNSEEN,), COMMAND, SEEN)
     assert command is COMMAND
     assert watches.seq == 0
 
@@ -29,20 +33,24 @@ def test_a_command_within_the_limits_leaves_as_it_is() -> None:
 def test_a_force_beyond_the_hard_limit_leaves_no_command_but_what_is_known() -> None:
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
-        pressing = replace(COMMAND, seq=seq, force_mN=60.0)
-        watches, command = check_command(CONFIG, watches, pressing, SEEN)
+        pressing = with_arm(COMMAND, seq=seq, force_mN=60.0)
+        (watches,), command = check_command((CONFIG,), (watches,), pressing, SEEN)
         assert command.valid is (seq < 2)
     assert named_text(command.fault).startswith("force: 60.0 mN, limit 50.0 mN")
-    assert (command.voltage_V, command.force_mN, command.x_d_um) == (0.25, 60.0, 0.0)
+    assert (command.arms[0].voltage_V, command.arms[0].force_mN, command.arms[0].x_d_um) == (
+        0.25,
+        60.0,
+        0.0,
+    )
     assert (command.final, command.zero, command.sweep) == (False, False, None)
 
 
 def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
-        far = replace(SEEN, seq=seq, x_um=80.0)
-        here = replace(COMMAND, seq=seq, x_d_um=None)
-        watches, command = check_command(CONFIG, watches, here, far)
+        far = with_arm(SEEN, seq=seq, x_um=80.0)
+        here = with_arm(COMMAND, seq=seq, x_d_um=None)
+        (watches,), command = check_command((CONFIG,), (watches,), here, far)
     found = finding(CONFIG.monitors, watches)
     assert found is not None
     assert found.cause == Cause.POSITION
@@ -59,12 +67,12 @@ def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
     ],
 )
 def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], words: str) -> None:
-    odd = replace(COMMAND, **changes)
-    watches, command = check_command(CONFIG, UNSEEN, odd, SEEN)
+    odd = with_arm(COMMAND, **changes)
+    (watches,), command = check_command((CONFIG,), (UNSEEN,), odd, SEEN)
     assert watches is UNSEEN
     assert named_text(command.fault).startswith(words)
-    assert (command.valid, command.voltage_V) == (False, 0.25)
-    assert (command.force_mN, command.x_d_um) == (None, None)
+    assert (command.valid, command.arms[0].voltage_V) == (False, 0.25)
+    assert (command.arms[0].force_mN, command.arms[0].x_d_um) == (None, None)
 
 
 def test_a_controller_that_has_gone_astray_says_why_and_commands_no_more() -> None:
@@ -73,7 +81,7 @@ def test_a_controller_that_has_gone_astray_says_why_and_commands_no_more() -> No
     commands: list[Command] = []
     for seq in range(30):
         x_um = 0.0 if seq < 3 else 15.0 * (-1) ** seq
-        estimate = replace(QUIET, seq=seq, x_um=x_um, zero_age_s=None)
+        estimate = with_arm(QUIET, seq=seq, x_um=x_um, zero_age_s=None)
         state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
         command = outputs[0]
         assert isinstance(command, Command)
@@ -92,18 +100,18 @@ def test_what_a_command_knows_of_its_sample() -> None:
     first = outputs[0]
     assert isinstance(first, Command)
     # Before a zero the least that presses: 0 mN less the uncertainty of 0.1 mN.
-    assert (first.force_mN, first.x_d_um) == (-0.1, None)
-    zeroed = replace(QUIET, seq=1, zero_age_s=0.1, force_mN=0.5)
+    assert (first.arms[0].force_mN, first.arms[0].x_d_um) == (-0.1, None)
+    zeroed = with_arm(QUIET, seq=1, zero_age_s=0.1, force_mN=0.5)
     state, outputs = step(CONFIG, state, Inputs(zeroed), 0.0)
     second = outputs[0]
     assert isinstance(second, Command)
-    assert second.force_mN == 0.5
-    assert second.x_d_um == pytest.approx(0.0)
-    tripped = replace(zeroed, seq=2, tripped=True, force_mN=7.0)
+    assert second.arms[0].force_mN == 0.5
+    assert second.arms[0].x_d_um == pytest.approx(0.0)
+    tripped = with_arm(zeroed, seq=2, tripped=True, force_mN=7.0)
     state, outputs = step(CONFIG, state, Inputs(tripped), 0.0)
     blind = outputs[0]
     assert isinstance(blind, Command)
-    assert (blind.valid, blind.force_mN, blind.x_d_um) == (False, 7.0, None)
+    assert (blind.valid, blind.arms[0].force_mN, blind.arms[0].x_d_um) == (False, 7.0, None)
 
 
 def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> None:
@@ -120,7 +128,7 @@ def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> 
     state: State = Bench(soft).state
     said: list[tuple[object, ...]] = []
     for seq in range(80):
-        estimate = replace(QUIET, seq=seq, zero_age_s=0.1, force_mN=3.0)
+        estimate = with_arm(QUIET, seq=seq, zero_age_s=0.1, force_mN=3.0)
         state, outputs = step(CONFIG, state, Inputs(estimate), 0.0)
         for output in outputs:
             assert isinstance(output, Command | Telemetry)
@@ -131,6 +139,6 @@ def test_a_number_that_nobody_would_take_is_not_told_and_ends_the_commands() -> 
     assert isinstance(command, Command)
     assert not command.valid
     assert named_text(command.fault) == "the law: contact_x_um = nan"
-    assert command.force_mN == 3.0
+    assert command.arms[0].force_mN == 3.0
     assert state.silenced == command.fault
     assert all(len(outputs) == 1 for outputs in said[said.index(astray) :])

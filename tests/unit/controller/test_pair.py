@@ -4,7 +4,6 @@ import dataclasses
 from math import inf, nan
 
 import pytest
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import read_rig
@@ -24,6 +23,7 @@ from pincette.core.messages import Command, Estimate, Load, Telemetry
 from pincette.core.service import RefusedError
 from pincette_controller import SERVICE
 from pincette_controller.outputs import number_out_of_bounds
+from tests.support.arms import with_arm
 from tests.support.rigs import DEMO
 from tests.unit.controller.ideal_pair import (
     GAP_UM,
@@ -32,7 +32,6 @@ from tests.unit.controller.ideal_pair import (
     RIG,
     IdealPair,
     request,
-    with_second,
 )
 
 STARTS_UM = (0.0, 0.0)
@@ -77,23 +76,29 @@ def test_what_is_held_has_the_force_that_is_planned_at_the_place_where_it_lay() 
     while (told := pair.tick()[1]).phase != "unload":
         pass
     assert pair.forces() == pytest.approx((8.0, 8.0), abs=0.05)
-    assert told.second is not UNSET
-    assert told.second.place_um == pytest.approx(told.second.place_r_um, abs=0.01)
+    assert len(told.arms) == 2
+    assert told.place_um == pytest.approx(told.place_r_um, abs=0.01)
 
 
 def test_place_and_force_follow_their_own_paths() -> None:
-    told = IdealPair(track()).play()
-    on_path = [each for each in told if each.phase == "track" and each.second is not UNSET]
-    places = [each.second.place_um for each in on_path if each.second is not UNSET]
-    forces = [each.second.force_mN for each in on_path if each.second is not UNSET]
+    pair = IdealPair(track())
+    forces: list[float] = []
+
+    def watched(estimate: Estimate) -> Estimate:
+        player = pair.state.player
+        if player is not None and player.segment.phase == "track":
+            forces.append(estimate.arms[1].force_mN)
+        return estimate
+
+    pair.change = watched
+    told = pair.play()
+    on_path = [each for each in told if each.phase == "track"]
+    places = [each.place_um or 0.0 for each in on_path]
     assert told[-1].outcome == Outcome.TRACKED
     assert max(places) - min(places) == pytest.approx(4.0, abs=0.1)
     assert max(forces) - min(forces) == pytest.approx(4.0, abs=0.1)
-    errors = [
-        abs(each.second.place_um - each.second.place_r_um)
-        for each in on_path
-        if each.second is not UNSET
-    ]
+    references = [each.place_r_um or 0.0 for each in on_path]
+    errors = [abs(q - q_r) for q, q_r in zip(places, references, strict=True)]
     assert max(errors) < 0.1
 
 
@@ -117,9 +122,9 @@ def test_an_arm_that_looks_for_the_part_presses_little_more_than_its_touch(
             begun.append(estimate.seq)
         passed_s = (estimate.seq - begun[0]) * PERIOD_S if begun else 0.0
         off_mN = drift_mN_per_s * min(passed_s, 4.0)
-        assert estimate.second is not UNSET
-        one, two = estimate.force_mN + off_mN, estimate.second.force_mN + off_mN
-        return with_second(replace(estimate, force_mN=one), force_mN=two)
+        assert len(estimate.arms) == 2
+        one, two = estimate.arms[0].force_mN + off_mN, estimate.arms[1].force_mN + off_mN
+        return with_arm(with_arm(estimate, force_mN=one), 1, force_mN=two)
 
     pair.change = drifting
     pressed_mN = [0.0, 0.0]
@@ -148,8 +153,8 @@ def test_a_part_found_before_its_place_by_an_unconfirmed_zero_is_not_loaded(
 
     def unconfirmed(estimate: Estimate) -> Estimate:
         if arm == 0:
-            return replace(estimate, zero_unconfirmed=estimate.zero_age_s is not None)
-        return with_second(estimate, zero_unconfirmed=estimate.zero_age_s is not None)
+            return with_arm(estimate, zero_unconfirmed=estimate.arms[0].zero_age_s is not None)
+        return with_arm(estimate, 1, zero_unconfirmed=estimate.arms[0].zero_age_s is not None)
 
     pair.change = unconfirmed
     told = pair.play()
@@ -178,8 +183,8 @@ def test_a_stop_holds_both_references_and_a_release_lets_go() -> None:
     told = pair.play({"track": ActionCode.STOP, "stopped": ActionCode.RELEASE})
     held = [each for each in told if each.phase == "stopped"]
     assert held
-    assert held[-1].second is not UNSET
-    assert held[-1].second.place_um == pytest.approx(held[-1].second.place_r_um, abs=0.02)
+    assert len(held[-1].arms) == 2
+    assert held[-1].place_um == pytest.approx(held[-1].place_r_um, abs=0.02)
     assert told[-1].outcome == Outcome.STOPPED
     assert not told[-1].held
 
@@ -205,7 +210,7 @@ def test_a_pause_rests_where_the_place_turns_and_a_resume_goes_on() -> None:
         told = pair.tick()[1]
     rests = [pair.tick()[1] for _ in range(20)]
     assert len({each.force_r_mN for each in rests}) == 1
-    assert len({each.second and each.second.place_r_um for each in rests}) == 1
+    assert len({each.arms[1] and each.place_r_um for each in rests}) == 1
     pair.tick(ActionCode.RESUME)
     assert pair.play()[-1].outcome == Outcome.TRACKED
 
@@ -214,7 +219,7 @@ def test_a_part_that_one_arm_has_no_force_of_is_lost_to_both() -> None:
     pair = IdealPair(grip(None))
     while pair.tick()[1].phase != "hold":
         pass
-    pair.change = lambda estimate: with_second(estimate, force_mN=0.0)
+    pair.change = lambda estimate: with_arm(estimate, 1, force_mN=0.0)
     told = [pair.tick()[1] for _ in range(8)]
     assert told[-1].outcome == Outcome.LOST
     assert told[-1].phase == "retreat"
@@ -228,14 +233,14 @@ def test_too_much_force_of_either_arm_opens_both(arm: int) -> None:
     if arm == 1:
         pair.change = lambda estimate: _pressing(estimate, MOST_MN + 1.0)
     else:
-        pair.change = lambda estimate: with_second(estimate, force_mN=MOST_MN + 1.0)
+        pair.change = lambda estimate: with_arm(estimate, 1, force_mN=MOST_MN + 1.0)
     told = pair.tick()[1]
     assert told.outcome == Outcome.OVERFORCE
     assert told.phase == "retreat"
 
 
 def _pressing(estimate: Estimate, force_mN: float) -> Estimate:
-    return replace(estimate, force_mN=force_mN)
+    return with_arm(estimate, force_mN=force_mN)
 
 
 def test_without_a_part_both_arms_go_back() -> None:
@@ -252,7 +257,7 @@ def test_what_the_second_arm_meets_on_its_free_way_turns_both_back() -> None:
         pass
     for _ in range(5):
         pair.tick()
-    pair.change = lambda estimate: with_second(estimate, touch_x_um=1.0, touch_mN=3.0)
+    pair.change = lambda estimate: with_arm(estimate, 1, touch_x_um=1.0, touch_mN=3.0)
     told = [pair.tick()[1] for _ in range(4)]
     assert told[-1].outcome == Outcome.CONTACT
     assert told[-1].touch_x_um == 1.0
@@ -267,8 +272,8 @@ def test_two_arms_of_which_one_is_pressed_before_its_strokes_make_none(arm: int)
 
     def pressed(estimate: Estimate) -> Estimate:
         if arm == 0:
-            return replace(estimate, touch_x_um=1.0, touch_mN=3.0)
-        return with_second(estimate, touch_x_um=1.0, touch_mN=3.0)
+            return with_arm(estimate, touch_x_um=1.0, touch_mN=3.0)
+        return with_arm(estimate, 1, touch_x_um=1.0, touch_mN=3.0)
 
     pair.change = pressed
     told = [pair.tick()[1] for _ in range(4)]
@@ -291,9 +296,9 @@ def test_a_held_part_is_carried_and_stays_held() -> None:
     assert phases(told) == ["move", "rest"]
     assert told[-1].outcome == Outcome.MOVED
     assert told[-1].held
-    assert first.second is not UNSET
-    assert told[-1].second is not UNSET
-    assert told[-1].second.place_um - first.second.place_um == pytest.approx(3.0, abs=0.05)
+    assert first.place_um is not None
+    assert told[-1].place_um is not None
+    assert told[-1].place_um - first.place_um == pytest.approx(3.0, abs=0.05)
     assert pair.forces() == pytest.approx(begin, abs=0.3)
 
 
@@ -322,18 +327,18 @@ def test_each_command_is_for_both_arms() -> None:
     pair = IdealPair(grip())
     command = pair.tick()[0]
     assert isinstance(command, Command)
-    assert command.second is not UNSET
+    assert len(command.arms) == 2
 
 
-@pytest.mark.parametrize("number", ["x_um", "x_r_um", "x_d_um", "force_mN", "place_r_um"])
+@pytest.mark.parametrize("number", ["x_r_um", "x_d_um"])
 @pytest.mark.parametrize("value", [nan, inf, -1e300])
 def test_a_number_of_the_second_arm_that_no_decoder_takes_is_a_fault(
     number: str, value: float
 ) -> None:
     _, telemetry = IdealPair(grip()).tick()
-    assert telemetry.second is not UNSET
+    assert len(telemetry.arms) == 2
     assert number_out_of_bounds(telemetry) is None
-    wrong = replace(telemetry, second=replace(telemetry.second, **{number: value}))
+    wrong = with_arm(telemetry, 1, **{number: value})
     found = number_out_of_bounds(wrong)
     assert found is not None
     assert found.code is FaultCode.LAW_NUMBER
@@ -345,7 +350,7 @@ def test_a_zero_that_one_arm_has_missed_is_requested_again_for_both() -> None:
     while pair.zeroed_at is None:
         pair.tick()
     seq = pair.zeroed_at
-    pair.change = lambda estimate: with_second(estimate, zero_age_s=None)
+    pair.change = lambda estimate: with_arm(estimate, 1, zero_age_s=None)
     command, _ = pair.tick()
     assert command.zero
     pair.change = lambda estimate: estimate

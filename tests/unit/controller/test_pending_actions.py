@@ -37,7 +37,9 @@ def test_a_pause_holds_the_force_and_is_told_where_it_begins_and_ends() -> None:
     assert {tick.telemetry.segment_tick for tick in ticks} == {ticks[0].telemetry.segment_tick}
     assert {tick.telemetry.force_r_mN for tick in ticks} == {20.0}
     assert all(tick.command.part_held and tick.command.valid for tick in ticks)
-    assert [tick.estimate.force_mN for tick in ticks[20:]] == pytest.approx([20.0] * 80, abs=0.2)
+    assert [tick.estimate.arms[0].force_mN for tick in ticks[20:]] == pytest.approx(
+        [20.0] * 80, abs=0.2
+    )
     resumed = ask(bench, "resume")
     tick = bench.tick()
     assert (tick.telemetry.seq, tick.telemetry.acted) == (resumed, (Acted.RESUME,))
@@ -80,12 +82,12 @@ def test_a_stop_out_of_a_pause_keeps_the_voltage() -> None:
     bench.until("hold")
     ask(bench, "pause")
     until_paused(bench)
-    settled = [bench.tick() for _ in range(60)][-1].command.voltage_V
+    settled = [bench.tick() for _ in range(60)][-1].command.arms[0].voltage_V
     ask(bench, "stop")
     ticks = [bench.tick() for _ in range(60)]
     assert ticks[0].telemetry.acted == (Acted.STOP,)
     assert not ticks[0].telemetry.paused
-    assert max(abs(tick.command.voltage_V - settled) for tick in ticks) < 1e-3
+    assert max(abs(tick.command.arms[0].voltage_V - settled) for tick in ticks) < 1e-3
     ask(bench, "release")
     last = bench.until()
     assert (last.telemetry.outcome, last.command.part_held) == ("stopped", False)
@@ -114,7 +116,7 @@ def test_keep_hands_the_part_over_at_the_voltage_applied() -> None:
     ask(bench, "keep")
     last = bench.tick()
     assert (last.command.final, last.command.part_held) == (True, True)
-    assert last.command.voltage_V == last.estimate.applied_V
+    assert last.command.arms[0].voltage_V == last.estimate.arms[0].applied_V
     assert (last.telemetry.acted, last.telemetry.outcome) == ((), "stopped")
 
 

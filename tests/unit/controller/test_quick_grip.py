@@ -170,15 +170,17 @@ def test_the_law_goes_through_the_touch_without_a_bump() -> None:
     bench = Bench(quick(program()))
     bench.until("load")
     touch = len(bench.ticks)
-    before_V = bench.ticks[-1].estimate.applied_V - bench.ticks[-2].estimate.applied_V
+    before_V = (
+        bench.ticks[-1].estimate.arms[0].applied_V - bench.ticks[-2].estimate.arms[0].applied_V
+    )
     bench.until("hold")
-    voltages_V = [tick.command.voltage_V for tick in bench.ticks[touch - 3 :]]
+    voltages_V = [tick.command.arms[0].voltage_V for tick in bench.ticks[touch - 3 :]]
     steps_V = [b - a for a, b in pairwise(voltages_V)]
     # Free, x = d_p·u; in contact u rises by 1 + s_p·K_e as much for the same speed.
     most_V = SPEED * T / 19.0 * (1.0 + 0.46 * K_E)
     assert before_V > 0.0
     assert min(steps_V[:6]) > 0.0
     assert max(steps_V) < 1.35 * most_V
-    assert bench.ticks[-1].estimate.force_mN == pytest.approx(20.0, abs=0.3)
-    assert bench.ticks[-1].estimate.x_um == pytest.approx(X_E_UM + 10.0, abs=0.2)
+    assert bench.ticks[-1].estimate.arms[0].force_mN == pytest.approx(20.0, abs=0.3)
+    assert bench.ticks[-1].estimate.arms[0].x_um == pytest.approx(X_E_UM + 10.0, abs=0.2)
     assert ARM.k > 0.0

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.program import PlannedRange, Program
 from pincette.control.voltage_range import VoltageRange
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.player import advance, begin
 from pincette_controller.player_state import Player
 
@@ -60,7 +60,7 @@ class Slipping:
     """Slips that the controller has found."""
 
     def play(self) -> "Slipping":
-        player = begin(self.program, _estimate(0, 0.0, 0.0, 0.0), T)
+        player = begin(self.program, _estimate(0.0, 0.0, 0.0), T)
         contact_um, free_um, zeroed, given = CONTACT_UM, 0.0, 0, 0
         kappa = S_P * K_E
         for seq in range(600):
@@ -81,7 +81,7 @@ class Slipping:
             player = advance(
                 self.program,
                 player,
-                _estimate(seq, seen_um, free_um, (seq - zeroed) * T),
+                _estimate(seen_um, free_um, (seq - zeroed) * T),
                 T,
                 None,
                 self.limits,
@@ -102,10 +102,9 @@ def _free_um(player: Player, before_um: float) -> float:
     return player.ref.x_um + (S_P * player.ref.force_mN if player.segment.presses else 0.0)
 
 
-def _estimate(seq: int, x_um: float, free_um: float, age_s: float) -> Estimate:
+def _estimate(x_um: float, free_um: float, age_s: float) -> ArmEstimate:
     return replace(
         BLANK,
-        seq=seq,
         x_um=x_um,
         force_mN=(free_um - x_um) / S_P,
         force_uncertainty_mN=0.5,

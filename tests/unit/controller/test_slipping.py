@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.load_line import MOST_STIFFNESS
 from pincette.control.planning.program import Program
-from pincette.core.messages import Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.actions import release
 from pincette_controller.player import advance
 from pincette_controller.slipping import admissible
@@ -33,7 +33,7 @@ class Sensed(Arm):
         self.jump_um = 0.0
         self.free_um = 0.0
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> ArmEstimate:
         plain, noise_um = super().estimate(), self.random.gauss(0.0, NOISE_UM)
         x_um, force_mN = plain.x_um, plain.force_mN
         off_um = self.jump_um + noise_um

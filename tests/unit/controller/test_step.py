@@ -20,6 +20,7 @@ from pincette.core.service import RefusedError
 from pincette_controller.config import configure
 from pincette_controller.control_laws import OneArmLaw
 from pincette_controller.step import Inputs, handle, start, step
+from tests.support.arms import with_arm
 from tests.support.laws import default_settings
 
 from .bench import ARM, CONFIG, DSMIFC, PBSMIC, QUIET, Bench, T, Tick, program
@@ -88,7 +89,7 @@ def test_both_laws_carry_a_grip_to_its_end() -> None:
     assert last.telemetry.outcome == "gripped"
     assert bench.x_um == pytest.approx(0.0, abs=0.01)
     held = [tick for tick in bench.ticks if tick.telemetry.phase == "hold"][-1]
-    assert held.estimate.force_mN == pytest.approx(20.0, abs=0.05)
+    assert held.estimate.arms[0].force_mN == pytest.approx(20.0, abs=0.05)
     assert last.command.final
     (command,) = step(CONFIG, bench.state, Inputs(bench.estimate()), 0.0)[1]
     assert isinstance(command, Command)
@@ -101,7 +102,7 @@ def first_of(ticks: list[Tick], phase: str) -> int:
 
 def voltage_step(ticks: list[Tick], index: int) -> float:
     """What the tick asks for beyond what is there."""
-    return ticks[index].command.voltage_V - ticks[index].estimate.applied_V
+    return ticks[index].command.arms[0].voltage_V - ticks[index].estimate.arms[0].applied_V
 
 
 def test_a_change_of_law_between_segments_is_bumpless() -> None:
@@ -131,7 +132,7 @@ def test_the_force_comes_and_goes_without_a_bump(laws: tuple[LawSettings, ...], 
     for phase in ("load", "retreat"):
         index = first_of(bench.ticks, phase)
         assert abs(voltage_step(bench.ticks, index)) < 0.001, phase
-    assert bench.ticks[first_of(bench.ticks, "load")].estimate.force_mN > 2.0
+    assert bench.ticks[first_of(bench.ticks, "load")].estimate.arms[0].force_mN > 2.0
 
 
 def test_a_law_that_began_anew_in_contact_would_be_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,15 +183,15 @@ def test_references_of_the_telemetry_are_those_set_for_its_sample() -> None:
         set_for = bench.state.player
         assert set_for is not None
         telemetry = bench.tick().telemetry
-        assert telemetry.x_r_um == set_for.ref.x_um
+        assert telemetry.arms[0].x_r_um == set_for.ref.x_um
         assert telemetry.force_r_mN == set_for.ref.force_mN
     after = bench.state.player
     assert after is not None
     # They have moved on meanwhile, for the next sample.
-    assert after.ref.x_um > telemetry.x_r_um + 0.1
+    assert after.ref.x_um > telemetry.arms[0].x_r_um + 0.1
     # The plan fits the part, so that the sample is where the references have it.
-    assert bench.ticks[-1].estimate.x_um == pytest.approx(telemetry.x_r_um, abs=0.1)
-    assert telemetry.x_d_um == pytest.approx(telemetry.x_r_um, abs=0.1)
+    assert bench.ticks[-1].estimate.arms[0].x_um == pytest.approx(telemetry.arms[0].x_r_um, abs=0.1)
+    assert telemetry.arms[0].x_d_um == pytest.approx(telemetry.arms[0].x_r_um, abs=0.1)
 
 
 @pytest.mark.parametrize("settings", BOTH_LAWS, ids=["pbsmic", "dsmifc"])
@@ -221,7 +222,7 @@ def test_limits_freeze_the_integral_outward_only(limits: int, frozen: bool) -> N
         bench.tick()
     bench.x_um -= 1.0
     before = bench.state.law_state
-    estimate = replace(bench.estimate(), limits_active=limits)
+    estimate = with_arm(bench.estimate(), limits_active=limits)
     after = step(CONFIG, bench.state, Inputs(estimate), 0.0)[0].law_state
     assert isinstance(before, LawState)
     assert isinstance(after, LawState)
@@ -235,11 +236,11 @@ def test_blind_or_disarmed_it_asks_for_nothing() -> None:
     bench.tick()
     before = bench.state.player
     state, outputs = step(
-        CONFIG, bench.state, Inputs(replace(bench.estimate(), valid=False, applied_V=0.7)), 0.0
+        CONFIG, bench.state, Inputs(with_arm(bench.estimate(), valid=False, applied_V=0.7)), 0.0
     )
     (command,) = outputs
     assert isinstance(command, Command)
-    assert (command.valid, command.voltage_V) == (False, 0.7)
+    assert (command.valid, command.arms[0].voltage_V) == (False, 0.7)
     assert state.player == before
     stray = replace(QUIET, epoch=9)
     assert step(CONFIG, state, Inputs(stray), 0.0)[1] == ()
@@ -255,7 +256,7 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
     for seq, (voltage_V, degraded) in enumerate(
         [(0.0, False), (0.5, False), (9.0, True), (0.8, False)]
     ):
-        estimate = replace(QUIET, seq=seq, applied_V=voltage_V, degraded=degraded, valid=False)
+        estimate = with_arm(QUIET, seq=seq, applied_V=voltage_V, degraded=degraded, valid=False)
         state, _ = step(config, state, Inputs(estimate), 0.0)
         if not degraded:
             wanted = wanted.follow(voltage_V, 2 * T if seq == 3 else T)
@@ -270,7 +271,7 @@ def test_another_model_is_led_through_the_past() -> None:
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
     state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)
     for seq, voltage_V in enumerate([0.5, 1.5, 1.0, 1.0]):
-        estimate = replace(QUIET, seq=seq, applied_V=voltage_V, valid=False)
+        estimate = with_arm(QUIET, seq=seq, applied_V=voltage_V, valid=False)
         state, _ = step(config, state, Inputs(estimate), 0.0)
     assert DEMO.model.free_response is not None
     taught = DEMO.model.free_response.model_copy(update={"curvature_um_per_V2": 0.5})

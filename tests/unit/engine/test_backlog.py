@@ -10,6 +10,7 @@ from pincette.bus.protocol import Sink
 from pincette.config import read_rig
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Applied, Estimate, Message, Position
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import Topic
 from pincette.engine import loop as engine
 from pincette.engine.loop import Loop
@@ -19,8 +20,20 @@ from tests.support.rigs import DEMO
 
 SOON_S = 10.0
 COUNT = 10
-APPLIED = Applied(0, -1, 0.0, Mode.IDLE, Cause.NONE, 0, False, False, False, False, 0, 0.0)
-POSITION = Position(0, 0, 0.0, 1.0, True)
+APPLIED = Applied(
+    0,
+    -1,
+    (ArmApplied(0.0, 0),),
+    Mode.IDLE,
+    Cause.NONE,
+    False,
+    False,
+    False,
+    answered=False,
+    refused=0,
+    command_age_s=0.0,
+)
+POSITION = Position(0, 0, 0.0, (ArmPosition(1.0, valid=True),))
 
 
 class Bus(MemoryBus):

@@ -3,7 +3,6 @@
 from typing import Any
 
 import pytest
-from msgspec import UNSET
 
 from pincette.core.faults import Fault
 from pincette.core.messages import Arm, Position
@@ -141,14 +140,14 @@ def positions(*values_um: tuple[float, float]) -> list[Position]:
 
 def test_the_second_arm_counts_towards_the_part_in_its_own_way() -> None:
     (position,) = positions((5.0, -3.0))
-    assert position.second is not UNSET
-    assert (position.x_um, position.second.x_um, position.usable) == (5.0, 4.0, True)
+    assert len(position.arms) == 2
+    assert (position.arms[0].x_um, position.arms[1].x_um, position.usable) == (5.0, 4.0, True)
 
 
 def test_a_sample_of_two_arms_is_usable_where_both_are_measured() -> None:
     first, second = positions((5.0, 1e5), (1e5, 3.0))
-    assert first.second is not UNSET
-    assert second.second is not UNSET
-    assert (first.valid, first.second.valid, first.usable) == (True, False, False)
-    assert "second arm: position 100000.000 µm is outside" in fault_text(first.second.fault)
-    assert (second.valid, second.second.valid, second.usable) == (False, True, False)
+    assert len(first.arms) == 2
+    assert len(second.arms) == 2
+    assert (first.arms[0].valid, first.arms[1].valid, first.usable) == (True, False, False)
+    assert "second arm: position 100000.000 µm is outside" in fault_text(first.arms[1].fault)
+    assert (second.arms[0].valid, second.arms[1].valid, second.usable) == (False, True, False)

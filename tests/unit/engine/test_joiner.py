@@ -5,13 +5,33 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pincette.core.messages import Command, Estimate, Position, Sample
+from pincette.core.messages.arms import ArmCommand, ArmEstimate, ArmPosition
 from pincette.engine.joiner import AHEAD, Joiner
 from pincette_estimator import SERVICE
 
 T = 0.02
-POSITION = Position(3, 0, 0.0, 1.0, True)
-COMMAND = Command(3, 0, 1, 0.5, False, False, False, True)
-ESTIMATE = Estimate(3, 0, 1.0, 0.0, 0.0, 0.0, None, None, 0.0, -1, 0, False, False, True)
+POSITION = Position(3, 0, 0.0, (ArmPosition(1.0, valid=True),))
+COMMAND = Command(3, 0, 1, (ArmCommand(0.5),), False, False, False, True)
+ESTIMATE = Estimate(
+    3,
+    0,
+    -1,
+    False,
+    False,
+    (
+        ArmEstimate(
+            x_um=1.0,
+            force_mN=0.0,
+            force_uncertainty_mN=0.0,
+            perturbation_mN=0.0,
+            zero_age_s=None,
+            zero_refusal=None,
+            applied_V=0.0,
+            limits_active=0,
+        ),
+    ),
+    True,
+)
 
 
 def fresh() -> Joiner:
@@ -76,7 +96,7 @@ def test_another_epoch_and_the_idle_loop_are_not_judged() -> None:
     assert joiner.admits(other, 101.0)
     idle = fresh()
     for seq in (900, 0, 0):
-        assert idle.admits(Position(0, seq, 0.0, 1.0, True), 0.0)
+        assert idle.admits(Position(0, seq, 0.0, (ArmPosition(1.0, valid=True),)), 0.0)
 
 
 def test_an_epoch_begins_without_numbers() -> None:

@@ -28,6 +28,7 @@ from pincette.core.messages import (
     Telemetry,
     Timing,
 )
+from pincette.core.messages.arms import ArmApplied, ArmEstimate, ArmPosition
 from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
 from pincette.core.wording import fault_text
 from pincette.engine.arming import ORDER
@@ -176,8 +177,20 @@ def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end()
     outside = Outside()
     runners = [Watched(SERVICES[name], RIG) for name in ("estimator", "controller")]
     loop = Loop(runners, outside, urgent=(COMMAND,))
-    applied = Applied(0, -1, 0.0, Mode.IDLE, Cause.NONE, 0, False, False, False, False, 0, 0.0)
-    for sample in (applied, Position(0, 0, 0.0, 1.0, True)):
+    applied = Applied(
+        0,
+        -1,
+        (ArmApplied(0.0, 0),),
+        Mode.IDLE,
+        Cause.NONE,
+        False,
+        False,
+        False,
+        answered=False,
+        refused=0,
+        command_age_s=0.0,
+    )
+    for sample in (applied, Position(0, 0, 0.0, (ArmPosition(1.0, valid=True),))):
         next(sink for topic, sink in outside.sinks.items() if topic.message is type(sample))(
             COMMAND, sample
         )
@@ -274,7 +287,25 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     runners[1].state = replace(state, arms=(replace(state.arms[0], voltage_V=1.5),))
     failing: Any = runners[0]
     setattr(failing, where, fails)
-    estimate = Estimate(0, 0, 1.0, 0.0, 0.1, 0.0, None, None, 0.0, -1, 0, False, False)
+    estimate = Estimate(
+        0,
+        0,
+        -1,
+        False,
+        False,
+        (
+            ArmEstimate(
+                x_um=1.0,
+                force_mN=0.0,
+                force_uncertainty_mN=0.1,
+                perturbation_mN=0.0,
+                zero_age_s=None,
+                zero_refusal=None,
+                applied_V=0.0,
+                limits_active=0,
+            ),
+        ),
+    )
     next(iter(outside.sinks.values()))(COMMAND, estimate)
     ended: list[BaseException] = []
 

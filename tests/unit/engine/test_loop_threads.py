@@ -9,6 +9,7 @@ import pytest
 from pincette.bus.memory import MemoryBus
 from pincette.config import read_rig
 from pincette.core.messages import Position
+from pincette.core.messages.arms import ArmPosition
 from pincette.engine.loop import Item, Loop
 from pincette.engine.runner import Runner
 from pincette_estimator import SERVICE
@@ -20,7 +21,7 @@ LONG_S = 1000.0
 
 
 def item(number: int) -> Item:
-    return Position(0, number, 0.0, 1.0, True), 0.0, "", None
+    return Position(0, number, 0.0, (ArmPosition(1.0, valid=True),)), 0.0, "", None
 
 
 class Program(Loop):

@@ -12,6 +12,7 @@ from pincette.config.derived import free_response
 from pincette.control.response.hysteresis_motion import simulate
 from pincette.control.response.identification import Identification
 from pincette.control.response.recorded_response import RecordedResponse
+from pincette.core.messages import GroundTruth
 from pincette.engine.response_table import as_toml, response_tables
 from pincette.engine.teaching import record, teach
 from pincette.sim.rig.rig import SimulatedRig
@@ -46,9 +47,11 @@ def test_a_sinusoid_that_was_not_taught_is_followed(seed: int) -> None:
     assert taught is not None
     positions_um: list[float] = []
     free = rig.simulation.model_copy(update={"bead": False, "seed": seed})
-    plant = SimulatedRig(
-        free, 0.02, True, lambda: 0.0, lambda _seq, x_um, _F, _u: positions_um.append(x_um)
-    )
+
+    def hear(truth: GroundTruth) -> None:
+        positions_um.append(truth.arms[0].x_um)
+
+    plant = SimulatedRig(free, 0.02, True, lambda: 0.0, hear)
     rise = [0.02 * k for k in range(50)] + [1.0] * 50
     sinusoid = [1.0 + sin(2.0 * pi * 0.5 * 0.02 * k) for k in range(1000)]
     voltages_V = [*rise, *sinusoid]

@@ -25,6 +25,7 @@ from pincette.core.messages import (
     StatusRequest,
     Trip,
 )
+from pincette.core.messages.arms import ArmApplied, ArmCommand, ArmPosition
 from pincette.core.service import Input, Service, SetVoltage
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION
 from pincette.core.wording import applied_text, fault_text
@@ -36,7 +37,19 @@ from pincette_sensor import SERVICE as SENSOR
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
-APPLIED_0 = Applied(1, 0, 0.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.0)
+APPLIED_0 = Applied(
+    1,
+    0,
+    (ArmApplied(0.5, 0),),
+    Mode.ARMED,
+    Cause.NONE,
+    False,
+    False,
+    False,
+    answered=True,
+    refused=0,
+    command_age_s=0.0,
+)
 
 
 class Inputs(NamedTuple):
@@ -80,7 +93,7 @@ def joining(rig: RigFile) -> Runner:
 
 
 def position(seq: int, epoch: int = 1) -> Position:
-    return Position(epoch, seq, 0.0, 1.0, True)
+    return Position(epoch, seq, 0.0, (ArmPosition(1.0, valid=True),))
 
 
 @pytest.mark.parametrize("rig", [RIG, LOCKSTEP])
@@ -171,7 +184,11 @@ def test_a_sensor_that_fails_gives_an_invalid_sample_with_the_reason() -> None:
     runner = Runner(SENSOR, RIG, BrokenSensor())
     (sample,) = runner.tick(1.0)
     assert isinstance(sample, Position)
-    assert (sample.valid, fault_text(sample.fault), sample.seq) == (False, "laser off", 0)
+    assert (sample.arms[0].valid, fault_text(sample.arms[0].fault), sample.seq) == (
+        False,
+        "laser off",
+        0,
+    )
 
 
 def test_an_arming_brings_the_model_that_the_service_works_with() -> None:
@@ -228,12 +245,12 @@ def test_an_acquisition_lasts_as_long_as_the_arming_that_asked_for_it() -> None:
     runner.call(Arm(1, 1, RIG.digest(), capture_hz=150.0), 0.0)
     position, burst = runner.tick(0.0)
     assert isinstance(position, Position)
-    assert position.x_um == 4.0
+    assert position.arms[0].x_um == 4.0
     assert burst == Burst(1, 0, 150.0, (2.0, 3.0, 4.0), (0.1, 0.2, 0.3), True)
     runner.call(Arm(2, 1, RIG.digest()), 0.0)
     (single,) = runner.tick(0.02)
     assert isinstance(single, Position)
-    assert single.x_um == 1.0
+    assert single.arms[0].x_um == 1.0
     assert sensor.rates == [0.0, 150.0, 0.0]
 
 
@@ -288,7 +305,7 @@ def stepping(output: PlainOutput) -> tuple[Runner, Message]:
     assert runner.call(Arm(1, 1, SHAPED.digest()), 0.0)[0] == Ack(-1)
     runner.take(position(0), 0.0)
     runner.fire(0.0)
-    runner.take(Command(1, 0, 1, 0.1, True, False, False, True), 0.0)
+    runner.take(Command(1, 0, 1, (ArmCommand(0.1),), True, False, False, True), 0.0)
     outputs = runner.fire(0.001)
     assert outputs is not None
     (applied,) = outputs
@@ -300,7 +317,7 @@ def test_a_step_is_given_to_the_output_in_parts() -> None:
     _, applied = stepping(output)
     assert isinstance(applied, Applied)
     assert len(output.parts_V) == 1
-    assert output.parts_V[0][-1] == applied.voltage_V > 0.0
+    assert output.parts_V[0][-1] == applied.arms[0].voltage_V > 0.0
     assert output.put_V == []
 
 
@@ -313,10 +330,10 @@ def test_a_stop_between_two_parts_is_written_at_once(*, broken: bool) -> None:
     applied = [one for one in published if isinstance(one, Applied)][-1]
     assert applied.state == "frozen"
     if broken:
-        assert applied.voltage_V == output.read_V()
+        assert applied.arms[0].voltage_V == output.read_V()
         assert any(one.code is FaultCode.OUTPUT_UNCONFIRMED for one in applied.faults)
     else:
-        assert output.put_V == [output.parts_V[0][0]] == [applied.voltage_V]
+        assert output.put_V == [output.parts_V[0][0]] == [applied.arms[0].voltage_V]
 
 
 def test_an_output_that_cannot_write_parts_trips_on_them() -> None:
@@ -333,7 +350,7 @@ def test_an_output_without_a_buffer_trips_on_a_wave() -> None:
     runner.take(position(0), 0.0)
     runner.fire(0.0)
     sweep = Sweep(5.0, 400.0, 1.0, 0.05, 4_000.0)
-    runner.take(Command(1, 0, 1, 0.0, False, False, False, True, sweep=sweep), 0.0)
+    runner.take(Command(1, 0, 1, (ArmCommand(0.0),), False, False, False, True, sweep=sweep), 0.0)
     outputs = runner.fire(0.001)
     assert outputs is not None
     (applied,) = outputs

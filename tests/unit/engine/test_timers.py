@@ -22,6 +22,7 @@ from pincette.core.messages import (
     Status,
     StatusRequest,
 )
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.engine.joiner import KEPT
 from pincette.engine.runner import IDLE_S, Runner
 from pincette_actuator import SERVICE as ACTUATOR
@@ -31,8 +32,20 @@ from pincette_sensor import SERVICE as SENSOR
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
 T = RIG.rig.period_s
-APPLIED = Applied(1, -1, 0.5, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.0)
-POSITION = Position(1, 0, 0.0, 1.0, True)
+APPLIED = Applied(
+    1,
+    -1,
+    (ArmApplied(0.5, 0),),
+    Mode.ARMED,
+    Cause.NONE,
+    False,
+    False,
+    False,
+    answered=True,
+    refused=0,
+    command_age_s=0.0,
+)
+POSITION = Position(1, 0, 0.0, (ArmPosition(1.0, valid=True),))
 
 
 class Laser:

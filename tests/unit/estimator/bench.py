@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from msgspec.structs import replace
-
 from pincette.config import IdentifiedFreeResponse, RigFile, read_rig
 from pincette.core.faults import Cause, Mode
 from pincette.core.messages import Applied, Arm, Estimate, Position
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette_estimator.config import EstimatorConfig
 from pincette_estimator.step import Inputs, State, handle, start, step
+from tests.support.arms import with_arm
 
 DEMO = read_rig(Path(__file__).parents[3] / "deploy/rigs/demo.toml")
 TAUGHT = IdentifiedFreeResponse(
@@ -19,8 +19,20 @@ TAUGHT = IdentifiedFreeResponse(
     creep_fractions=(0.1,),
     residual_um=0.1,
 )
-POSITION = Position(1, 0, 0.0, 0.0, valid=True)
-APPLIED = Applied(1, -1, 0.0, Mode.ARMED, Cause.NONE, 0, False, False, False, True, 0, 0.02)
+POSITION = Position(1, 0, 0.0, (ArmPosition(0.0, valid=True),))
+APPLIED = Applied(
+    1,
+    -1,
+    (ArmApplied(0.0, 0),),
+    Mode.ARMED,
+    Cause.NONE,
+    False,
+    False,
+    False,
+    answered=True,
+    refused=0,
+    command_age_s=0.02,
+)
 
 
 def a_rig(taught: IdentifiedFreeResponse | None, period_s: float = 0.02, **model: Any) -> RigFile:
@@ -55,7 +67,7 @@ class Bench:
     ) -> Estimate:
         applied = None
         if voltage_V is not None:
-            applied = replace(
+            applied = with_arm(
                 APPLIED,
                 epoch=self.epoch,
                 seq=self.seq - 1,
@@ -65,7 +77,7 @@ class Bench:
                 answered=answered,
                 state=state,
             )
-        position = replace(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
+        position = with_arm(POSITION, epoch=self.epoch, seq=self.seq, x_um=x_um)
         self.state, outputs = step(self.config, self.state, Inputs(position, applied), 0.0)
         self.seq += 1
         (estimate,) = outputs

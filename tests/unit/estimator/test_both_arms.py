@@ -3,14 +3,12 @@
 from math import sin
 
 import pytest
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.core.faults import FaultCode
 from pincette.core.messages import Estimate
-from pincette.core.messages.second import SecondApplied, SecondPosition
-from pincette_estimator.both_arms import difference
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette_estimator.config import configure
 from pincette_estimator.step import SERVICE, Inputs, ahead, step
 from tests.support.two_arms import two_arm_rig
@@ -35,13 +33,12 @@ class PairBench(Bench):
         applied = replace(
             APPLIED,
             seq=self.seq - 1,
-            voltage_V=voltages_V[0],
+            arms=(ArmApplied(voltages_V[0], 0), ArmApplied(voltages_V[1], 0)),
             zero=zero,
             part_held=held,
-            second=SecondApplied(voltages_V[1], 0),
         )
-        second = SecondPosition(tips_um[1], valid=second_valid)
-        position = replace(POSITION, seq=self.seq, x_um=tips_um[0], second=second)
+        arms = ArmPosition(tips_um[0], valid=True), ArmPosition(tips_um[1], valid=second_valid)
+        position = replace(POSITION, seq=self.seq, arms=arms)
         if led:
             self.state = ahead(self.config, self.state, applied)
         self.state, (found,) = step(self.config, self.state, Inputs(position, applied), 0.0)
@@ -67,17 +64,17 @@ def test_each_arm_has_the_estimate_that_it_has_alone(led: bool) -> None:
             bench.feed(tip, u, zero=seq == 60)
             for bench, tip, u in zip(alone, tips, voltages, strict=True)
         )
-        assert found.second is not UNSET
-        assert (found.force_mN, found.force_uncertainty_mN) == (
-            one.force_mN,
-            one.force_uncertainty_mN,
+        assert len(found.arms) == 2
+        assert (found.arms[0].force_mN, found.arms[0].force_uncertainty_mN) == (
+            one.arms[0].force_mN,
+            one.arms[0].force_uncertainty_mN,
         )
-        assert (found.second.force_mN, found.second.force_uncertainty_mN) == (
-            two.force_mN,
-            two.force_uncertainty_mN,
+        assert (found.arms[1].force_mN, found.arms[1].force_uncertainty_mN) == (
+            two.arms[0].force_mN,
+            two.arms[0].force_uncertainty_mN,
         )
-        assert found.second.zero_refusal == two.zero_refusal
-        assert found.second.zero_age_s == two.zero_age_s
+        assert found.arms[1].zero_refusal == two.arms[0].zero_refusal
+        assert found.arms[1].zero_age_s == two.arms[0].zero_age_s
 
 
 def test_a_sample_without_the_second_measurement_is_not_valid() -> None:
@@ -85,7 +82,7 @@ def test_a_sample_without_the_second_measurement_is_not_valid() -> None:
     bench.feed_both((0.0, 0.0), (0.0, 0.0))
     found = bench.feed_both((0.0, 0.0), (0.0, 0.0), second_valid=False)
     assert not found.valid
-    assert found.second is not UNSET
+    assert len(found.arms) == 2
     assert bench.feed_both((0.0, 0.0), (0.0, 0.0)).valid
 
 
@@ -102,9 +99,9 @@ def zeroed() -> PairBench:
     bench = PairBench(configure(RIG))
     rest(bench, 60, 0.0, held=False)
     found = bench.feed_both((0.0, 0.0), (0.0, 0.0), zero=True)
-    assert found.zero_age_s == 0.0
-    assert found.second is not UNSET
-    assert found.second.zero_age_s == 0.0
+    assert found.arms[0].zero_age_s == 0.0
+    assert len(found.arms) == 2
+    assert found.arms[1].zero_age_s == 0.0
     return bench
 
 
@@ -115,7 +112,8 @@ def codes(bench: PairBench) -> set[FaultCode]:
 def test_forces_that_differ_beyond_their_uncertainty_are_a_finding() -> None:
     bench = zeroed()
     last = rest(bench, 150, 20.0, held=True)
-    assert difference(last) == pytest.approx(20.0, abs=0.5)
+    difference_mN = last.arms[0].force_mN - last.arms[1].force_mN
+    assert difference_mN == pytest.approx(20.0, abs=0.5)
     assert FaultCode.FORCES_DISAGREE in codes(bench)
     rest(bench, 1, 0.0, held=False)
     assert FaultCode.FORCES_DISAGREE not in codes(bench)

@@ -23,11 +23,11 @@ def stated_mN(drift_um_per_min: float) -> tuple[float, float]:
         bench.feed(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
     fresh = bench.feed(0.0, 0.0)
-    assert fresh.zero_age_s is not None
+    assert fresh.arms[0].zero_age_s is not None
     later = fresh
-    while (later.zero_age_s or 0.0) < AGE_S:
+    while (later.arms[0].zero_age_s or 0.0) < AGE_S:
         later = bench.feed(0.0, 0.0)
-    return fresh.force_uncertainty_mN, later.force_uncertainty_mN
+    return fresh.arms[0].force_uncertainty_mN, later.arms[0].force_uncertainty_mN
 
 
 def test_U_grows_by_the_drift_since_the_zero() -> None:

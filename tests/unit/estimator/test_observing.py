@@ -22,7 +22,7 @@ def test_a_free_arm_reads_what_its_ages_make_of_it(ages: str, rms_mN: float) -> 
     squares = 0.0
     for tick in range(-5, 100):
         voltage_V = sin(2.0 * pi * 0.5 * tick * 0.02)
-        reading_mN = bench.feed(D_P * voltage_V, voltage_V).force_mN
+        reading_mN = bench.feed(D_P * voltage_V, voltage_V).arms[0].force_mN
         squares += reading_mN * reading_mN if tick >= 0 else 0.0
     assert sqrt(squares / 100) == pytest.approx(rms_mN, abs=0.01)
 
@@ -39,7 +39,7 @@ def test_the_ring_of_a_free_arm_is_no_force(config: EstimatorConfig) -> None:
         x_um = D_P * 0.1 + mode.xx * offset_um + mode.xv * speed
         speed = mode.vx * offset_um + mode.vv * speed
         furthest_um = max(furthest_um, x_um)
-        assert bench.feed(x_um, 0.1).force_mN == pytest.approx(0.0, abs=1e-9)
+        assert bench.feed(x_um, 0.1).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
     assert furthest_um > 1.5 * D_P * 0.1
 
 
@@ -48,10 +48,10 @@ def test_after_a_gap_the_observer_begins_anew(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     assert not bench.feed(1.0, None).valid
-    assert bench.feed(-4.6, 0.0).force_mN == pytest.approx(10.0)
+    assert bench.feed(-4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
     # Without a gap the same jump is no resting force.
     bench.rest(0.0, 0.0, count=100)
-    assert bench.feed(-4.6, 0.0).force_mN != pytest.approx(10.0, abs=0.1)
+    assert bench.feed(-4.6, 0.0).arms[0].force_mN != pytest.approx(10.0, abs=0.1)
 
 
 @BOTH
@@ -59,8 +59,8 @@ def test_a_zero_begins_the_observer_anew(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     bench.rest(0.8, 0.0, count=80)
-    assert bench.feed(0.8, 0.0, zero=True).force_mN == pytest.approx(0.0, abs=1e-9)
-    assert bench.feed(0.8, 0.0).force_mN == pytest.approx(0.0, abs=1e-9)
+    assert bench.feed(0.8, 0.0, zero=True).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
+    assert bench.feed(0.8, 0.0).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
 
 
 def test_an_arming_begins_the_observer_anew() -> None:
@@ -68,4 +68,4 @@ def test_an_arming_begins_the_observer_anew() -> None:
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 1.0)
     bench.arm(2, zero_confirmed=True)
-    assert bench.feed(12.0, 1.0).force_mN == pytest.approx(0.0)
+    assert bench.feed(12.0, 1.0).arms[0].force_mN == pytest.approx(0.0)

@@ -23,11 +23,13 @@ def test_a_position_beyond_the_sensor_s_range_is_none(config: EstimatorConfig, x
     for bench in (spoilt, sound):
         bench.rest(0.0, 0.0)
     estimate = spoilt.feed(x_um, 0.0)
-    assert (estimate.valid, estimate.degraded, estimate.x_um) == (False, False, 0.0)
+    assert (estimate.valid, estimate.degraded, estimate.arms[0].x_um) == (False, False, 0.0)
     assert "outside -9999..9999 µm" in fault_text(estimate.fault)
     sound.seq += 1
     # What comes next is as after a sample that was no measurement.
-    assert spoilt.feed(0.5, 0.1).force_mN == pytest.approx(sound.feed(0.5, 0.1).force_mN, abs=0.01)
+    assert spoilt.feed(0.5, 0.1).arms[0].force_mN == pytest.approx(
+        sound.feed(0.5, 0.1).arms[0].force_mN, abs=0.01
+    )
 
 
 @BOTH
@@ -40,7 +42,7 @@ def test_a_voltage_that_no_output_has_is_not_followed(
     before = bench.state
     estimate = bench.feed(0.0, voltage_V)
     assert (estimate.valid, estimate.degraded) == (False, True)
-    assert estimate.applied_V == before.response.voltage_V
+    assert estimate.arms[0].applied_V == before.response.voltage_V
     assert bench.state.refused == before.refused + 1
     assert bench.state.response == before.response
     assert bench.state.past == before.past

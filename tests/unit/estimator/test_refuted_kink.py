@@ -47,7 +47,7 @@ def touched_with_mN(
         free_um = from_um + gain * (model_um - from_um)
         pressed_um = max(0.0, free_um - contact_um) * S_P * K_e / (1.0 + S_P * K_e)
         estimate = bench.feed(free_um - pressed_um + noise_um, voltage_V)
-        count = count + 1 if abs(estimate.touch_mN or 0.0) >= TOUCH_MN else 0
+        count = count + 1 if abs(estimate.arms[0].touch_mN or 0.0) >= TOUCH_MN else 0
         if count == SAMPLES:
             return pressed_um / S_P
     return None
@@ -81,8 +81,8 @@ def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
         free_um = response.displacement_um() if response.remembers else 19.0 * float(voltage_V)
         pressed_um = max(0.0, free_um - contact_um) * kappa / (1.0 + kappa)
         estimate = bench.feed(free_um - pressed_um, float(voltage_V), held=held and tick < 5)
-        if tick > 100 and (estimate.touch_mN or 0.0) >= TOUCH_MN:
+        if tick > 100 and (estimate.arms[0].touch_mN or 0.0) >= TOUCH_MN:
             assert 1.0 < pressed_um / S_P < 6.0
-            assert estimate.touch_x_um == pytest.approx(contact_um, abs=1.5)
+            assert estimate.arms[0].touch_x_um == pytest.approx(contact_um, abs=1.5)
             return
     pytest.fail("no touch is seen")

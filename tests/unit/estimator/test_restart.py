@@ -52,8 +52,8 @@ class FreeArm:
     def zero(self) -> None:
         self.rest(0.4)
         zeroed = self.tick(self.at_V, zero=True)
-        assert zeroed.zero_refusal is None
-        assert zeroed.zero_age_s == 0.0
+        assert zeroed.arms[0].zero_refusal is None
+        assert zeroed.arms[0].zero_age_s == 0.0
 
     def rest(self, seconds: float) -> list[Estimate]:
         return [self.tick(self.at_V) for _ in range(round(seconds / PERIOD_S))]
@@ -93,9 +93,9 @@ def test_the_force_after_a_restart_is_within_what_is_stated(
     a_past(arm, seed)
     arm.bench = Bench(configure(DEMO))
     beyond = [
-        (one.force_mN, one.force_uncertainty_mN)
+        (one.arms[0].force_mN, one.arms[0].force_uncertainty_mN)
         for one in arm.stroke(2, from_zero=from_zero)
-        if abs(one.force_mN) > one.force_uncertainty_mN
+        if abs(one.arms[0].force_mN) > one.arms[0].force_uncertainty_mN
     ]
     assert beyond == [], f"seed {seed}"
 
@@ -108,20 +108,20 @@ def test_without_a_restart_the_same_stroke_errs_by_less(free: PlantParameters) -
         arm.stroke(1)
         if restarts:
             arm.bench = Bench(configure(DEMO))
-        worst[restarts] = max(abs(one.force_mN) for one in arm.stroke(2))
+        worst[restarts] = max(abs(one.arms[0].force_mN) for one in arm.stroke(2))
     assert worst[True] > 2.0 * worst[False]
 
 
 def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -> None:
     held = {known: FreeArm(free).stroke(1, from_zero=known)[-1] for known in (False, True)}
-    assert held[False].force_uncertainty_mN > 3.0
-    assert abs(held[True].force_mN) < held[True].force_uncertainty_mN < 1.0
+    assert held[False].arms[0].force_uncertainty_mN > 3.0
+    assert abs(held[True].arms[0].force_mN) < held[True].arms[0].force_uncertainty_mN < 1.0
 
 
 def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:
     arm = FreeArm(free)
     first, second = arm.stroke(1), arm.stroke(2)
-    assert second[-1].force_uncertainty_mN < 0.5 * first[-1].force_uncertainty_mN
+    assert second[-1].arms[0].force_uncertainty_mN < 0.5 * first[-1].arms[0].force_uncertainty_mN
 
 
 def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> None:

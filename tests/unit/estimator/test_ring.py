@@ -19,7 +19,7 @@ def stated_mN(*voltages_V: float, output: OutputTiming | None = None, held: bool
         model = {"output_delay_s": output.delay_s, "output_lag_s": output.lag_s}
     bench = Bench(configure(a_rig(TAUGHT, **model)))
     estimates = [bench.feed(0.0, voltage_V, held=held) for voltage_V in voltages_V]
-    return estimates[-1].force_uncertainty_mN
+    return estimates[-1].arms[0].force_uncertainty_mN
 
 
 @pytest.mark.parametrize(("held", "share"), [(False, 1.0), (True, 1.0 / (1.0 + S_P * 2.17))])

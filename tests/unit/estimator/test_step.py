@@ -12,6 +12,7 @@ from pincette.core.service import RefusedError
 from pincette.core.wording import fault_text, named_text
 from pincette_estimator.config import EstimatorConfig, configure
 from pincette_estimator.step import Inputs, handle, start, step
+from tests.support.arms import with_arm
 from tests.unit.estimator.bench import APPLIED, DEMO, POSITION, TAUGHT, Bench, a_rig
 
 LINEAR = configure(a_rig(None))
@@ -24,7 +25,7 @@ def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
     for tick in range(50):
         voltage_V = 0.03 * tick
         estimate = bench.feed(19.0 * voltage_V, voltage_V)
-        assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
+        assert estimate.arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
         assert estimate.applied_seq == estimate.seq - 1
 
 
@@ -33,7 +34,7 @@ def test_pressing_reads_a_compressive_force(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     free_um = bench.state.response.position_um()
-    assert bench.feed(free_um - 4.6, 0.0).force_mN == pytest.approx(10.0)
+    assert bench.feed(free_um - 4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
 
 
 @BOTH
@@ -50,8 +51,8 @@ def test_a_zero_is_refused_while_a_part_is_held(config: EstimatorConfig) -> None
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     estimate = bench.feed(0.0, 0.0, zero=True, held=True)
-    assert "a part is held" in fault_text(estimate.zero_refusal)
-    assert estimate.zero_age_s is None
+    assert "a part is held" in fault_text(estimate.arms[0].zero_refusal)
+    assert estimate.arms[0].zero_age_s is None
 
 
 @BOTH
@@ -60,10 +61,10 @@ def test_a_zero_takes_the_offset_away_and_starts_its_age(config: EstimatorConfig
     bench.rest(0.0, 0.0)
     bench.rest(0.4, 0.0)
     estimate = bench.feed(0.4, 0.0, zero=True)
-    assert estimate.zero_refusal is None
-    assert estimate.zero_age_s == 0.0
-    assert estimate.force_mN == pytest.approx(0.0, abs=1e-9)
-    assert bench.feed(0.4, 0.0).zero_age_s == pytest.approx(0.02)
+    assert estimate.arms[0].zero_refusal is None
+    assert estimate.arms[0].zero_age_s == 0.0
+    assert estimate.arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
+    assert bench.feed(0.4, 0.0).arms[0].zero_age_s == pytest.approx(0.02)
 
 
 def test_memory_and_offset_outlive_an_arming() -> None:
@@ -77,9 +78,9 @@ def test_memory_and_offset_outlive_an_arming() -> None:
     assert bench.state.response == before
     pushed_um = 3.0 * IDENTIFIED.compliance_um_per_mN
     estimate = bench.feed(before.follow(1.0, 0.02).position_um() - pushed_um, 1.0)
-    assert estimate.zero_age_s is None
-    assert estimate.zero_refusal is None
-    assert estimate.force_mN == pytest.approx(3.0)
+    assert estimate.arms[0].zero_age_s is None
+    assert estimate.arms[0].zero_refusal is None
+    assert estimate.arms[0].force_mN == pytest.approx(3.0)
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
     fallen = bench.state.response.follow(0.9, 0.0).position_um()
     assert bench.state.response.position_um() - fallen == pytest.approx(0.1 * 15.0, rel=0.01)
@@ -90,25 +91,25 @@ def test_a_confirmed_zero_gives_up_the_offset_of_earlier_epochs() -> None:
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
     bench.arm(2, zero_confirmed=True)
-    assert bench.feed(-4.6, 0.0).force_mN == pytest.approx(0.0)
+    assert bench.feed(-4.6, 0.0).arms[0].force_mN == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("config", [LINEAR, IDENTIFIED], ids=["linear", "identified"])
 def test_a_part_that_presses_at_rest_is_never_zeroed_away(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
-    assert bench.feed(0.0, 0.0, zero=True).zero_refusal is None
+    assert bench.feed(0.0, 0.0, zero=True).arms[0].zero_refusal is None
     pushed_um = 25.0 * config.compliance_um_per_mN
     for epoch in range(2, 7):
         bench.arm(epoch)
         bench.rest(-pushed_um, 0.0)
         estimate = bench.feed(-pushed_um, 0.0, zero=True)
-        assert estimate.zero_refusal is not None
-        assert estimate.zero_refusal.code == FaultCode.ZERO_OFFSET
-        assert estimate.force_mN == pytest.approx(25.0, abs=0.1)
+        assert estimate.arms[0].zero_refusal is not None
+        assert estimate.arms[0].zero_refusal.code == FaultCode.ZERO_OFFSET
+        assert estimate.arms[0].force_mN == pytest.approx(25.0, abs=0.1)
     bench.arm(7, zero_confirmed=True)
     bench.rest(-pushed_um, 0.0)
-    assert bench.feed(-pushed_um, 0.0, zero=True).zero_age_s == 0.0
+    assert bench.feed(-pushed_um, 0.0, zero=True).arms[0].zero_age_s == 0.0
 
 
 def test_an_arm_ahead_of_its_zero_begins_there() -> None:
@@ -118,7 +119,7 @@ def test_an_arm_ahead_of_its_zero_begins_there() -> None:
     bench.feed(-9.0, 0.0, zero=True)
     bench.arm(2)
     bench.rest(0.0, 0.0)
-    assert bench.feed(0.0, 0.0, zero=True).zero_age_s == 0.0
+    assert bench.feed(0.0, 0.0, zero=True).arms[0].zero_age_s == 0.0
 
 
 def test_the_force_of_a_held_part_outlives_an_arming() -> None:
@@ -130,7 +131,7 @@ def test_the_force_of_a_held_part_outlives_an_arming() -> None:
         bench.arm(bench.epoch + 1)
         estimate = bench.feed(held_um, 0.0, held=True)
         wanted_mN = -held_um / IDENTIFIED.compliance_um_per_mN
-        assert estimate.force_mN == pytest.approx(wanted_mN, abs=0.05)
+        assert estimate.arms[0].force_mN == pytest.approx(wanted_mN, abs=0.05)
 
 
 def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
@@ -156,13 +157,13 @@ def test_another_compliance_alone_changes_the_force() -> None:
     bench.config = configure(a_rig(None, compliance_um_per_mN=0.92))
     bench.arm(2)
     bench.feed(0.0, 0.0)
-    assert bench.feed(-0.92, 0.0).force_mN == pytest.approx(1.0)
+    assert bench.feed(-0.92, 0.0).arms[0].force_mN == pytest.approx(1.0)
 
 
 def test_an_invalid_estimate_says_why() -> None:
     bench = Bench(LINEAR)
     assert fault_text(bench.feed(0.0, None).fault) == "no voltage of the sample before"
-    broken = replace(
+    broken = with_arm(
         POSITION, seq=1, valid=False, fault=Fault(FaultCode.INSTRUMENT_SILENT, (), "laser off")
     )
     _, (estimate,) = step(LINEAR, bench.state, Inputs(broken, None), 0.0)
@@ -186,12 +187,12 @@ def test_what_is_no_number_cannot_enter(config: EstimatorConfig, value: float) -
     bench.rest(0.0, 0.0)
     for estimate in (bench.feed(value, 0.0), bench.feed(0.0, value)):
         assert not estimate.valid
-        assert isfinite(estimate.force_mN)
+        assert isfinite(estimate.arms[0].force_mN)
     estimate = bench.feed(0.0, 0.0)
     assert estimate.valid
-    assert abs(estimate.force_mN) < 1e-6
-    assert isfinite(estimate.force_uncertainty_mN)
-    assert isfinite(estimate.perturbation_mN)
+    assert abs(estimate.arms[0].force_mN) < 1e-6
+    assert isfinite(estimate.arms[0].force_uncertainty_mN)
+    assert isfinite(estimate.arms[0].perturbation_mN)
 
 
 @BOTH
@@ -214,9 +215,9 @@ def test_the_published_force_has_no_low_pass() -> None:
     bench = Bench(configure(a_rig(TAUGHT, force_filter_s=0.5)))
     bench.rest(0.0, 0.0)
     free_um = bench.state.response.position_um()
-    assert bench.feed(free_um - 4.6, 0.0).force_mN == pytest.approx(10.0)
+    assert bench.feed(free_um - 4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
     free_um = bench.state.response.position_um()
-    assert bench.feed(free_um, 0.0).force_mN == pytest.approx(0.0, abs=1e-9)
+    assert bench.feed(free_um, 0.0).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_perturbation_is_that_of_its_own_force() -> None:
@@ -230,19 +231,19 @@ def test_the_perturbation_is_that_of_its_own_force() -> None:
         + plant.m_bar * 1.0
         + plant.b_bar * 2.5
         + plant.k_bar * 3.0
-        + estimate.force_mN
+        + estimate.arms[0].force_mN
     )
-    assert estimate.perturbation_mN == pytest.approx(wanted_mN)
+    assert estimate.arms[0].perturbation_mN == pytest.approx(wanted_mN)
 
 
 def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
     bench = Bench(replace(IDENTIFIED, forgotten_mN=3.0))
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
-    before = bench.feed(0.0, 0.0).force_uncertainty_mN
+    before = bench.feed(0.0, 0.0).arms[0].force_uncertainty_mN
     for tick in range(100):
         bench.feed(0.0, 0.004 * (tick % 2))
-    assert bench.feed(0.0, 0.0).force_uncertainty_mN > before + 2.0
+    assert bench.feed(0.0, 0.0).arms[0].force_uncertainty_mN > before + 2.0
 
 
 def test_the_uncertainty_of_a_long_hold_grows_by_the_creep_of_the_whole_stroke() -> None:
@@ -254,7 +255,7 @@ def test_the_uncertainty_of_a_long_hold_grows_by_the_creep_of_the_whole_stroke()
         bench = Bench(configure(a_rig(each)))
         bench.rest(0.0, 0.0)
         bench.feed(0.0, 0.0, zero=True)
-        stated_mN.append([bench.feed(20.0, 2.0).force_uncertainty_mN for _ in range(5002)])
+        stated_mN.append([bench.feed(20.0, 2.0).arms[0].force_uncertainty_mN for _ in range(5002)])
     assert stated_mN[0][400] == pytest.approx(stated_mN[1][400])
     s_p, d_p = DEMO.model.compliance_um_per_mN, DEMO.model.piezo_um_per_V
     late_mN = sqrt(stated_mN[0][-1] ** 2 - stated_mN[1][-1] ** 2)

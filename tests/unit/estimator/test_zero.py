@@ -49,9 +49,11 @@ def test_a_free_arm_may_be_zeroed_before_the_first_touch_and_not_beyond(
 ) -> None:
     approach = Approach(taught)
     approach.close_to(20.0)
-    assert approach.zero().zero_refusal is None
+    assert approach.zero().arms[0].zero_refusal is None
     approach.close_to(28.0)
-    assert "it may touch the part, limit 27.000 µm" in fault_text(approach.zero().zero_refusal)
+    assert "it may touch the part, limit 27.000 µm" in fault_text(
+        approach.zero().arms[0].zero_refusal
+    )
 
 
 @RESPONSES
@@ -59,28 +61,28 @@ def test_an_arm_that_touched_something_on_the_way_is_not_zeroed(
     taught: IdentifiedFreeResponse | None,
 ) -> None:
     approach = Approach(taught)
-    assert approach.zero().zero_refusal is None
+    assert approach.zero().arms[0].zero_refusal is None
     approach.close_to(16.0, contact_um=12.0)
     before = approach.zero(12.0)
-    assert before.force_mN > 2.0
-    assert "touched something at 1" in fault_text(before.zero_refusal)
+    assert before.arms[0].force_mN > 2.0
+    assert "touched something at 1" in fault_text(before.arms[0].zero_refusal)
     # Where it came from, it is free again.
     approach.voltage_V = 0.0
-    assert approach.zero(12.0).zero_refusal is None
+    assert approach.zero(12.0).arms[0].zero_refusal is None
 
 
 def test_before_the_first_zero_the_refusal_says_what_to_do() -> None:
     approach = Approach(None)
     approach.bench.rest(-7.0, 0.0)
     estimate = approach.bench.feed(-7.0, 0.0, zero=True)
-    assert "the offset would change by -7.000 µm" in fault_text(estimate.zero_refusal)
-    assert "open the gripper, and arm again" in fault_text(estimate.zero_refusal)
-    assert estimate.zero_age_s is None
+    assert "the offset would change by -7.000 µm" in fault_text(estimate.arms[0].zero_refusal)
+    assert "open the gripper, and arm again" in fault_text(estimate.arms[0].zero_refusal)
+    assert estimate.arms[0].zero_age_s is None
 
 
 def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -> None:
     approach = Approach(TAUGHT)
-    assert approach.zero().zero_refusal is None
+    assert approach.zero().arms[0].zero_refusal is None
 
     def short_of_the_model(by_um: float) -> str:
         """Rest by so much short of x_1 and ask for a zero there."""
@@ -89,7 +91,7 @@ def test_the_first_grip_of_an_estimator_allows_for_a_memory_it_does_not_know() -
             response = approach.bench.state.response
             x_um = response.follow(approach.voltage_V, 0.02).position_um() - by_um
             estimate = approach.bench.feed(x_um, approach.voltage_V, zero=count == 12)
-            refusal = fault_text(estimate.zero_refusal)
+            refusal = fault_text(estimate.arms[0].zero_refusal)
         return refusal
 
     approach.close_to(15.0)
@@ -124,14 +126,15 @@ def test_a_zero_whose_sample_is_lost_is_taken_once_at_the_next_measured_one(lost
     approach = with_a_zero_due(lost)
     place_um, voltage_V = approach.place(1e9), approach.voltage_V
     taken = approach.bench.feed(place_um, voltage_V, answered=False)
-    assert (taken.valid, taken.zero_age_s) == (True, 0.0)
+    assert (taken.valid, taken.arms[0].zero_age_s) == (True, 0.0)
     after = approach.bench.feed(place_um, voltage_V, answered=False)
-    assert after.zero_age_s == pytest.approx(0.02)
+    assert after.arms[0].zero_age_s == pytest.approx(0.02)
 
 
 def test_a_zero_whose_sample_is_lost_may_be_refused_at_the_next_measured_one() -> None:
     approach = with_a_zero_due()
-    assert approach.bench.feed(0.0, approach.voltage_V, answered=False).zero_refusal is not None
+    found = approach.bench.feed(0.0, approach.voltage_V, answered=False)
+    assert found.arms[0].zero_refusal is not None
 
 
 @pytest.mark.parametrize("rise_V", [0.0, 0.02])
@@ -140,10 +143,10 @@ def test_a_zero_is_not_taken_after_another_command(rise_V: float) -> None:
     approach.voltage_V += rise_V
     later = approach.feed(1e9)
     assert later.valid
-    assert later.zero_age_s != 0.0
+    assert later.arms[0].zero_age_s != 0.0
     # Not even where the arm rests again.
     again = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)
-    assert again.zero_age_s != 0.0
+    assert again.arms[0].zero_age_s != 0.0
 
 
 @pytest.mark.parametrize("state", [Mode.RAMPING, Mode.FROZEN])
@@ -153,11 +156,11 @@ def test_a_zero_is_not_taken_after_a_trip(state: Mode) -> None:
         approach.place(1e9), approach.voltage_V, answered=False, state=state
     )
     assert later.valid
-    assert later.zero_age_s != 0.0
+    assert later.arms[0].zero_age_s != 0.0
 
 
 def test_a_zero_that_is_due_ends_with_its_epoch() -> None:
     approach = with_a_zero_due()
     approach.bench.arm(2)
     later = approach.bench.feed(approach.place(1e9), approach.voltage_V, answered=False)
-    assert later.zero_age_s is None
+    assert later.arms[0].zero_age_s is None

@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.core.messages import Ack, Applied, Finish, Message, Position, Recorded, Telemetry
+from pincette.core.messages.arms import ArmPosition
 from pincette.records import mcap_reading
 from pincette.records.columns import columns
 from tests.support.recorded import EPOCH, PERIOD_S, loop, notice
@@ -73,7 +74,9 @@ def test_request_and_model_go_into_the_file(bench: Bench) -> None:
 
 def test_other_epochs_and_other_jobs_are_not_recorded(bench: Bench) -> None:
     bench.begin()
-    bench.feed([Position(EPOCH + 2, 0, 0.0, 1.0), replace(notice(), job="j-2"), *loop(2)])
+    bench.feed(
+        [Position(EPOCH + 2, 0, 0.0, (ArmPosition(1.0),)), replace(notice(), job="j-2"), *loop(2)]
+    )
     recorded = bench.finish(1)
     assert isinstance(recorded, Recorded)
     assert recorded.messages == len(loop(2))
@@ -150,7 +153,9 @@ def test_a_program_that_died_does_not_make_the_record_incomplete(bench: Bench) -
 
 def test_idle_samples_after_the_end_are_in_no_table(bench: Bench) -> None:
     messages = _whole(bench)
-    bench.feed([Position(EPOCH, seq, 0.6, 0.0, valid=True) for seq in range(30, 35)])
+    bench.feed(
+        [Position(EPOCH, seq, 0.6, (ArmPosition(0.0, valid=True),)) for seq in range(30, 35)]
+    )
     recorded = bench.finish(34)
     assert isinstance(recorded, Recorded)
     assert recorded.complete
@@ -179,7 +184,7 @@ def test_a_silent_loop_is_given_up(bench: Bench) -> None:
 def test_an_idle_loop_that_goes_on_measuring_is_no_sign_of_life(bench: Bench) -> None:
     _whole(bench)
     for seq in range(30, 42):
-        bench.feed([Position(EPOCH, seq, 0.0, 0.0, valid=True)])
+        bench.feed([Position(EPOCH, seq, 0.0, (ArmPosition(0.0, valid=True),))])
         bench.wait(1.0)
     assert bench.keeper.record is None
     assert "nobody finished it" in _manifest(bench)["detail"]
@@ -266,7 +271,7 @@ def test_a_disk_that_fills_up_leaves_what_was_written(
 def test_a_message_that_no_file_has_room_for_is_counted(bench: Bench) -> None:
     messages = loop(10)
     bench.begin()
-    bench.feed([*messages[:20], Position(EPOCH, 2**63, 0.0, 0.0), *messages[20:]])
+    bench.feed([*messages[:20], Position(EPOCH, 2**63, 0.0, (ArmPosition(0.0),)), *messages[20:]])
     recorded = bench.finish(9)
     assert isinstance(recorded, Recorded)
     assert (recorded.messages, recorded.dropped) == (len(messages), 1)

@@ -56,8 +56,10 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
         summary = reader.get_summary()
     wanted = [item for item in messages if recorded.name_of(item) == "estimate"]
     decoded = [proto for _, _, _, proto in found]
-    assert [proto.force_mN for proto in decoded] == [cast(Any, item).force_mN for item in wanted]
-    assert not decoded[0].HasField("zero_age_s")
+    assert [proto.arms[0].force_mN for proto in decoded] == [
+        cast(Any, item).arms[0].force_mN for item in wanted
+    ]
+    assert not decoded[0].arms[0].HasField("zero_age_s")
     assert [entry.log_time - sample_0_ns(messages) for _, _, entry, _ in found] == [
         seq * 20_000_000 for seq in range(20)
     ]
@@ -65,7 +67,7 @@ def test_the_public_reader_decodes_it(tmp_path: Path) -> None:
     assert summary.statistics is not None
     assert summary.statistics.message_count == len(messages)
     channel = found[0][1]
-    assert channel.metadata["key"] == "pincette/v1/demo/estimate"
+    assert channel.metadata["key"] == "pincette/v2/demo/estimate"
     assert channel.metadata["summary"] == "contact force and perturbation"
     assert json.loads(channel.metadata["units"])["force_mN"] == "mN"
 

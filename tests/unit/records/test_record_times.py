@@ -9,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from pincette.core.messages import Message, Position, Sample
+from pincette.core.messages.arms import ArmPosition
 from pincette.records import folder, mcap_reading, parquet
 from pincette.records.csv_export import csv_rows
 from pincette.records.mcap_file import McapFile
@@ -124,7 +125,7 @@ def test_sample_0_is_counted_back_from_the_first_sample_that_came(tmp_path: Path
 
 
 def test_a_record_without_samples_states_no_sample_0(tmp_path: Path) -> None:
-    idle = Position(EPOCH, -1, 0.0, 0.0, valid=True)
+    idle = Position(EPOCH, -1, 0.0, (ArmPosition(0.0, valid=True),))
     record(tmp_path / "job.mcap", [(idle, START_NS + 10**9)])
     assert write_tables_of_file(tmp_path).times == {
         **BEGUN,
@@ -135,7 +136,7 @@ def test_a_record_without_samples_states_no_sample_0(tmp_path: Path) -> None:
 def test_a_record_of_an_earlier_version_states_no_begin() -> None:
     times = RecordTimes(ABOUT, PERIOD_S)
     assert times.texts() == {}
-    times.add(Position(EPOCH, 0, 0.0, 0.0, valid=True), START_NS)
+    times.add(Position(EPOCH, 0, 0.0, (ArmPosition(0.0, valid=True),)), START_NS)
     assert times.texts() == {"sample_0_at": BEGUN["begin_at"], "end_at": BEGUN["begin_at"]}
 
 

@@ -56,7 +56,7 @@ def test_the_router_takes_a_topic_of_its_producer_alone(topic: Topic) -> None:
 
 
 @pytest.mark.parametrize(
-    "wildcard", ["pincette/v1/left/*", "pincette/v1/*/command", "**", "pincette/**"]
+    "wildcard", ["pincette/v2/left/*", "pincette/v2/*/command", "**", "pincette/**"]
 )
 def test_a_put_on_a_wildcard_is_let_through_for_nobody(wildcard: str) -> None:
     for who, access in [
@@ -80,7 +80,7 @@ def test_only_the_supervisor_asks_everything() -> None:
 
 def test_a_question_on_a_wildcard_reaches_no_question() -> None:
     for who in (VIEWER, OPERATOR, *PROGRAMS):
-        for wildcard in ("pincette/v1/left/**", "pincette/v1/left/call/*/*", "**"):
+        for wildcard in ("pincette/v2/left/**", "pincette/v2/left/call/*/*", "**"):
             assert not lets(AT_ROUTER, who, "ingress", "query", wildcard)
 
 

@@ -51,8 +51,8 @@ def test_the_router_lets_it_speak_for_its_services_alone(composed: Programs) -> 
             asked = request_key(NAME, ARM[other])
             assert lets(at_router, who, "ingress", "reply", asked) == own
             assert not lets(at_router, who, "ingress", "query", asked)
-        assert not lets(at_router, who, "ingress", "put", f"pincette/v1/{NAME}/*")
-        assert not lets(at_router, who, "ingress", "put", f"pincette/v1/right/{other}")
+        assert not lets(at_router, who, "ingress", "put", f"pincette/v2/{NAME}/*")
+        assert not lets(at_router, who, "ingress", "put", f"pincette/v2/right/{other}")
 
 
 @pytest.mark.parametrize("lockstep", [False, True])

@@ -73,7 +73,7 @@ def test_a_rigs_router_speaks_for_its_own_rig_alone() -> None:
     for name in LOOP:
         assert lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("left", name))
         assert not lets(at_server, ROUTER, "ingress", "liveliness_token", live_key("right", name))
-    for wildcard in ("pincette/**", "pincette/v1/*/command", "pincette/v1/left/*"):
+    for wildcard in ("pincette/**", "pincette/v2/*/command", "pincette/v2/left/*"):
         assert not lets(at_server, ROUTER, "ingress", "put", wildcard)
 
 

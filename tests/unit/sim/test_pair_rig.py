@@ -1,28 +1,23 @@
 """The simulated rig of two arms: ticks, both kinds of time, and what may be done to it."""
 
-from typing import Any
-
 import pytest
 
 from pincette.config import ConfigError, Simulation
-from pincette.core.messages import SimCommand
+from pincette.core.messages import GroundTruth, SimCommand
 from pincette.sim.bench import open_bench
 from pincette.sim.rig.pair_rig import ArmOfPair, SimulatedPair
 from pincette.sim.script.script import Script, script_of
 from tests.support.rigs import Tree, demo_rig
 from tests.support.two_arms import two_arm_rig
 
-Truth = tuple[Any, ...]
 
-
-def made(*changes: Tree, time: str = "lockstep") -> tuple[SimulatedPair, list[Truth], list[float]]:
-    truths: list[Truth] = []
+def made(
+    *changes: Tree, time: str = "lockstep"
+) -> tuple[SimulatedPair, list[GroundTruth], list[float]]:
+    truths: list[GroundTruth] = []
     now = [0.0]
 
-    def tell(*truth: Any) -> None:
-        truths.append(truth)
-
-    bench = open_bench(two_arm_rig(*changes, time=time), lambda: now[0], tell)
+    bench = open_bench(two_arm_rig(*changes, time=time), lambda: now[0], truths.append)
     assert isinstance(bench.rig, SimulatedPair)
     return bench.rig, truths, now
 
@@ -34,11 +29,11 @@ def test_a_tick_of_lockstep_ends_once_both_are_written() -> None:
     assert (pair.now_s(), truths) == (0.0, [])
     pair.put_out(1, 0.5)
     assert pair.now_s() == 0.02
-    (seq, x_um, force_mN, voltage_V, second) = truths[0]
-    assert (seq, x_um, force_mN) == (0, 0.0, 0.0)
-    assert voltage_V == pytest.approx(1.0, abs=1e-3)
+    first, second = truths[0].arms
+    assert (truths[0].seq, first.x_um, first.force_mN) == (0, 0.0, 0.0)
+    assert first.voltage_V == pytest.approx(1.0, abs=1e-3)
     assert second.voltage_V == pytest.approx(0.5, abs=1e-3)
-    assert second.part_um == 6.2
+    assert truths[0].part_um == 6.2
     pair.pass_time()
     assert pair.snapshot().tips_um[0] > pair.snapshot().tips_um[1] > 1.0
 
@@ -61,9 +56,10 @@ def test_in_real_time_each_voltage_acts_from_when_it_is_written() -> None:
     assert pair.snapshot().tips_um[1] == 0.0
     pair.put_out(1, 1.0)
     pair.pass_time()
-    assert [truth[0] for truth in truths] == [0, 0]
-    assert truths[0][3] == truths[1][3] == pytest.approx(1.0, abs=1e-3)
-    assert [truth[4].voltage_V for truth in truths] == [0.0, pytest.approx(1.0, abs=1e-3)]
+    assert [truth.seq for truth in truths] == [0, 0]
+    first_V, second_V = ([truth.arms[arm].voltage_V for truth in truths] for arm in (0, 1))
+    assert first_V == [pytest.approx(1.0, abs=1e-3)] * 2
+    assert second_V == [0.0, pytest.approx(1.0, abs=1e-3)]
     now[0] = 0.4
     assert pair.snapshot().tips_um[1] > 5.0
 

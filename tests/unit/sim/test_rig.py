@@ -3,6 +3,7 @@ import math
 import pytest
 
 from pincette.config import ConfigError, RigFile, Simulation
+from pincette.core.messages import GroundTruth
 from pincette.sim.bench import open_bench
 from pincette.sim.rig.rig import SimulatedRig, Snapshot, TruthSink
 
@@ -68,21 +69,22 @@ def test_the_old_voltage_holds_for_the_delay(simulation: Simulation) -> None:
 
 
 def test_truth_pairs_the_sample_with_the_write(simulation: Simulation) -> None:
-    told = list[tuple[int, float, float, float]]()
+    told = list[GroundTruth]()
     rig = _lockstep(
         simulation.model_copy(update={"sensor_noise_um": 0.0}),
-        lambda seq, x_um, force_mN, voltage_V: told.append((seq, x_um, force_mN, voltage_V)),
+        told.append,
     )
     seen = list[float]()
     for voltage_V in (1.0, 2.4, 2.4, 0.0):
         seen.append(rig.measure_um())
         rig.put_out(voltage_V)
-    assert [seq for seq, _, _, _ in told] == [0, 1, 2, 3]
-    assert [x_um for _, x_um, _, _ in told] == pytest.approx(seen, abs=0.0126)
-    assert [u_V for _, _, _, u_V in told] == pytest.approx([1.0, 2.4, 2.4, 0.0], abs=0.0007)
-    for _, x_um, force_mN, _ in told:
-        assert force_mN == pytest.approx(max(0.0, 2.11 * (x_um - 31.2)))
-    assert told[3][2] > 0.0
+    assert [truth.seq for truth in told] == [0, 1, 2, 3]
+    arms = [truth.arms[0] for truth in told]
+    assert [arm.x_um for arm in arms] == pytest.approx(seen, abs=0.0126)
+    assert [arm.voltage_V for arm in arms] == pytest.approx([1.0, 2.4, 2.4, 0.0], abs=0.0007)
+    for arm in arms:
+        assert arm.force_mN == pytest.approx(max(0.0, 2.11 * (arm.x_um - 31.2)))
+    assert arms[3].force_mN > 0.0
 
 
 def test_a_reading_is_a_whole_number_of_steps_and_noisy(simulation: Simulation) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from pincette.config import Simulation
 from pincette.config.simulation import Drift, SecondMode
+from pincette.core.messages import GroundTruth
 from pincette.sim.plant import plant
 from pincette.sim.rig.capture import CaptureOverflowError
 from pincette.sim.rig.rig import SimulatedRig
@@ -74,9 +75,11 @@ def test_the_old_voltage_holds_for_the_delay(fast: Simulation) -> None:
 
 def test_each_tick_has_a_truth(fast: Simulation) -> None:
     told = list[tuple[int, float]]()
-    rig = SimulatedRig(
-        fast, PERIOD_S, True, lambda: 0.0, lambda seq, _x, _f, volt_V: told.append((seq, volt_V))
-    )
+
+    def tell(truth: GroundTruth) -> None:
+        told.append((truth.seq, truth.arms[0].voltage_V))
+
+    rig = SimulatedRig(fast, PERIOD_S, True, lambda: 0.0, tell)
     rig.put_out_wave([0.1, 0.4], 50.0)
     rig.go_on()
     rig.go_on()

@@ -12,6 +12,7 @@ from pincette.control.quantities import Document
 from pincette.control.record import replace
 from pincette.core import messages
 from pincette.core.faults import Acted, Fault, Mode, Outcome, Predecessor
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.messages.requests import ExchangeTimes
 from pincette.core.topics import TOPIC_OF, Request, Topic
 from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
@@ -122,7 +123,7 @@ class CannedRig:
 
     def idle(self) -> None:
         """What a rig in real time says while nothing plays."""
-        self.publish(messages.Position(self.epoch, 0, 0.0, 0.01, valid=True))
+        self.publish(messages.Position(self.epoch, 0, 0.0, (ArmPosition(0.01, valid=True),)))
         self.publish(self._applied(Mode.LATCHED if self.latch else Mode.IDLE, self.latch))
 
     def call(

@@ -20,7 +20,16 @@ from pincette.core.messages import (
     Telemetry,
     Timing,
 )
+from pincette.core.messages.arms import (
+    ArmApplied,
+    ArmCommand,
+    ArmEstimate,
+    ArmPosition,
+    ArmTelemetry,
+    ArmTruth,
+)
 from tests.support import recorded
+from tests.support.arms import with_arm
 
 PERIOD_S = 0.02
 PLANT = discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), PERIOD_S)
@@ -98,7 +107,7 @@ def track(epoch: int = 7) -> list[Tick]:
     for number in range(1, round(PATH.duration_s / PERIOD_S) + 1):
         tick = _tick(epoch, len(ticks), "track", *before[1:])
         telemetry = replace(tick.telemetry, segment_tick=number)
-        truth = replace(tick.truth, force_mN=before[3] + TRUE_ERROR_MN)
+        truth = with_arm(tick.truth, force_mN=before[3] + TRUE_ERROR_MN)
         ticks.append(replace(tick, telemetry=telemetry, truth=truth))
         # What the controller refers to at this tick holds for the sample after it.
         force_mN = PATH.at(number * PERIOD_S)
@@ -149,8 +158,8 @@ def _still(epoch: int, seq: int, phase: str, segment: int, x_um: float) -> Tick:
     tick = _tick(epoch, seq, phase, segment, 0.0, 0.0)
     return replace(
         tick,
-        position=replace(tick.position, x_um=x_um),
-        applied=replace(tick.applied, voltage_V=0.0),
+        position=with_arm(tick.position, x_um=x_um),
+        applied=with_arm(tick.applied, voltage_V=0.0),
     )
 
 
@@ -178,24 +187,28 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
     voltage_V = (x_um + 0.46 * force_r_mN) / 19.0
     known = phase in ("hold", "track", "unload", "retreat")
     return Tick(
-        Position(epoch, seq, seq * PERIOD_S, x_um, valid=True),
+        Position(epoch, seq, seq * PERIOD_S, (ArmPosition(x_um, valid=True),)),
         Estimate(
             epoch=epoch,
             seq=seq,
-            x_um=x_um,
-            force_mN=force_r_mN + error_mN,
-            force_uncertainty_mN=UNCERTAINTY_MN,
-            perturbation_mN=0.0,
-            zero_age_s=None if phase == "zero" else (seq - 20) * PERIOD_S,
-            zero_refusal=None,
-            applied_V=voltage_V,
             applied_seq=seq - 1,
-            limits_active=0,
             tripped=False,
             degraded=False,
+            arms=(
+                ArmEstimate(
+                    x_um=x_um,
+                    force_mN=force_r_mN + error_mN,
+                    force_uncertainty_mN=UNCERTAINTY_MN,
+                    perturbation_mN=0.0,
+                    zero_age_s=None if phase == "zero" else (seq - 20) * PERIOD_S,
+                    zero_refusal=None,
+                    applied_V=voltage_V,
+                    limits_active=0,
+                ),
+            ),
             valid=True,
         ),
-        Command(epoch, seq, 1, voltage_V, held, seq == 19, final=False, valid=True),
+        Command(epoch, seq, 1, (ArmCommand(voltage_V),), held, seq == 19, final=False, valid=True),
         Telemetry(
             epoch=epoch,
             seq=seq,
@@ -203,8 +216,7 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             phase=phase,
             segment=segment,
             segment_tick=0,
-            x_r_um=x_r_um,
-            x_d_um=x_r_um,
+            arms=(ArmTelemetry(x_r_um, x_r_um),),
             force_r_mN=force_r_mN,
             sliding_um=0.02 * sin(1.3 * seq),
             band_um=0.01,
@@ -220,10 +232,9 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
         Applied(
             epoch=epoch,
             seq=seq,
-            voltage_V=voltage_V,
+            arms=(ArmApplied(voltage_V, 4 if phase == "approach" and seq < 25 else 0),),
             state=Mode.ARMED,
             cause=Cause.NONE,
-            limits_active=4 if phase == "approach" and seq < 25 else 0,
             part_held=held,
             zero=seq == 19,
             final=False,
@@ -231,7 +242,7 @@ def _tick(epoch: int, seq: int, phase: str, segment: int, x_r_um: float, force_r
             refused=0,
             command_age_s=0.008,
         ),
-        GroundTruth(seq, x_um, force_r_mN, voltage_V),
+        GroundTruth(seq, (ArmTruth(x_um, force_r_mN, voltage_V),)),
     )
 
 

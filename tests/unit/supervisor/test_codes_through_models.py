@@ -17,6 +17,7 @@ from pincette.client import InfeasiblePlanError, JobEndedError, ProblemError
 from pincette.control.vocabulary import FaultCode, LimitedQuantity
 from pincette.core.faults import Cause, Fault, Mode, Outcome, fault
 from pincette.core.messages import Applied, Telemetry
+from pincette.core.messages.arms import ArmApplied
 from pincette.core.wording import cause_text
 from pincette_supervisor.kinds.grip import GripResult
 from tests.support.model_examples import example_of
@@ -33,7 +34,19 @@ def test_a_fault(code: FaultCode) -> None:
 
 @pytest.mark.parametrize("cause", list(Cause))
 def test_a_cause(cause: Cause) -> None:
-    applied = Applied(1, 2, 0.5, Mode.LATCHED, cause, 0, False, False, False, True, 0, 0.02)
+    applied = Applied(
+        1,
+        2,
+        (ArmApplied(0.5, 0),),
+        Mode.LATCHED,
+        cause,
+        False,
+        False,
+        False,
+        answered=True,
+        refused=0,
+        command_age_s=0.02,
+    )
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(applied), type=Applied).cause is cause
     assert example_of(Ending, trip=cause).trip == cause
     assert example_of(Alarm, cause=cause).cause == cause

@@ -9,6 +9,7 @@ from pincette.core.faults import CAUSES, Mode
 from pincette.core.messages import Applied, Message, Status, Timing
 from pincette.core.topics import TOPIC_OF
 from pincette_supervisor.rigs.counters import BOUNDS_S, FORCE_BOUNDS_MN, RigCounters
+from tests.support.arms import with_arm
 from tests.support.histograms import counted
 from tests.unit.supervisor.canned import trip_reason
 
@@ -73,7 +74,7 @@ def test_ages_are_of_commands_that_were_taken() -> None:
 
 def test_the_peak_of_an_arming_is_its_highest_valid_force() -> None:
     ticks = samples.grip()
-    true_mN = max(tick.estimate.force_mN for tick in ticks if tick.estimate.valid)
+    true_mN = max(tick.estimate.arms[0].force_mN for tick in ticks if tick.estimate.valid)
     counters = RigCounters()
     assert counters.peaks().newest_mN is None
     fed(of_grip(), counters)
@@ -82,20 +83,20 @@ def test_the_peak_of_an_arming_is_its_highest_valid_force() -> None:
     assert peaks.sum_mN == pytest.approx(true_mN)
     place = next(place for place, bound in enumerate(FORCE_BOUNDS_MN) if bound >= true_mN)
     assert peaks.counts == tuple(int(at >= place) for at in range(len(FORCE_BOUNDS_MN) + 1))
-    invalid = replace(ticks[-1].estimate, epoch=9, force_mN=1e6, valid=False)
+    invalid = with_arm(ticks[-1].estimate, epoch=9, force_mN=1e6, valid=False)
     assert fed([invalid], counters).peaks() == peaks
     fed(of_grip(8), counters)
     assert counters.peaks().counts[-1] == 2
 
 
 def test_what_is_estimated_while_nothing_is_armed_is_no_peak() -> None:
-    held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.force_mN)
+    held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
     counters = fed([replace(held, epoch=0), replace(held, epoch=3)])
     assert counters.peaks().newest_mN is None
     fed(of_grip(), counters)
-    fed([replace(held, force_mN=99.0)], counters)  # after its last sample
+    fed([with_arm(held, force_mN=99.0)], counters)  # after its last sample
     assert counters.peaks().counts[-1] == 1
-    assert counters.peaks().newest_mN == pytest.approx(held.force_mN)
+    assert counters.peaks().newest_mN == pytest.approx(held.arms[0].force_mN)
 
 
 def test_an_arming_whose_end_was_not_heard_counts_when_the_next_one_has_a_force() -> None:
@@ -161,8 +162,8 @@ def test_what_was_refused_and_lost_goes_on_over_a_restart() -> None:
 
 
 def test_an_estimate_without_a_zero_is_no_peak() -> None:
-    held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.force_mN)
-    unzeroed = replace(held, force_mN=99.0, zero_age_s=None)
+    held = max((tick.estimate for tick in samples.grip()), key=lambda one: one.arms[0].force_mN)
+    unzeroed = with_arm(held, force_mN=99.0, zero_age_s=None)
     counters = RigCounters()
     fed([*of_grip()[:-3], unzeroed, *of_grip()[-3:]], counters)
-    assert counters.peaks().newest_mN == pytest.approx(held.force_mN)
+    assert counters.peaks().newest_mN == pytest.approx(held.arms[0].force_mN)

@@ -9,6 +9,7 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.faults import Mode
 from pincette.core.messages import Position, Trip
+from pincette.core.messages.arms import ArmPosition
 from pincette_supervisor.attention import GRID_S, Attention, share_words
 from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
 
@@ -34,7 +35,7 @@ def held(desk: Harness) -> str:
 
     def sensor() -> None:
         while not over.wait(0.02):
-            desk.bus.publish(Position(0, 0, 0.0, 0.01, valid=True))
+            desk.bus.publish(Position(0, 0, 0.0, (ArmPosition(0.01, valid=True),)))
 
     thread = threading.Thread(target=sensor)
     thread.start()
@@ -136,7 +137,7 @@ def test_an_actuator_that_is_silent_while_others_are_heard_ends_the_job(desk: Ha
     pass_time(desk)
 
     def stopped_while_the_sensor_is_heard() -> bool:
-        desk.bus.publish(Position(desk.bus.epoch, HOLD, 0.0, 30.0, valid=True))
+        desk.bus.publish(Position(desk.bus.epoch, HOLD, 0.0, (ArmPosition(30.0, valid=True),)))
         return desk.get(f"/jobs/{job}")["state"] != "running"
 
     desk.until(stopped_while_the_sensor_is_heard)

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from pincette.control.record import replace
 from pincette.records.columns import columns
 from pincette_supervisor.plugin.goal import goal_of
+from tests.support.arms import with_arm
 
 from . import samples
 from .harness import Harness
@@ -26,7 +26,7 @@ def off_at(tick: int, more_mN: float) -> list[Tick]:
     ticks = samples.grip()
     first = next(i for i, one in enumerate(ticks) if one.telemetry.phase == "hold")
     one = ticks[first + tick]
-    far = replace(one.estimate, force_mN=one.estimate.force_mN + more_mN)
+    far = with_arm(one.estimate, force_mN=one.estimate.arms[0].force_mN + more_mN)
     ticks[first + tick] = replace_tick(one, far)
     return ticks
 

@@ -11,6 +11,7 @@ from pincette.control.record import replace
 from pincette.core.messages import Message
 from pincette.records.columns import columns
 from pincette_supervisor.plugin.law_result import law_figures, true_perturbation_error
+from tests.support.arms import with_arm
 from tests.unit.control.laws.model_loop import ModelArm
 
 from . import samples
@@ -31,10 +32,10 @@ def pressed_arm(count: int = 60) -> tuple[list[Tick], list[float]]:
         ticks.append(
             replace(
                 tick,
-                position=replace(tick.position, x_um=arm.x_um),
-                estimate=replace(tick.estimate, x_um=arm.x_um, force_mN=99.0),
-                applied=replace(tick.applied, voltage_V=voltage_V),
-                truth=replace(tick.truth, x_um=99.0, force_mN=arm.force_mN),
+                position=with_arm(tick.position, x_um=arm.x_um),
+                estimate=with_arm(tick.estimate, x_um=arm.x_um, force_mN=99.0),
+                applied=with_arm(tick.applied, voltage_V=voltage_V),
+                truth=with_arm(tick.truth, x_um=99.0, force_mN=arm.force_mN),
             )
         )
         p_mN.append(p_mN[-1] + RATES[seq % len(RATES)])
@@ -67,7 +68,7 @@ def test_it_is_that_of_the_parameter_set() -> None:
 
 def test_what_is_missing_or_no_measurement_leaves_a_hole() -> None:
     ticks, _ = pressed_arm()
-    blind = replace(ticks[20], position=replace(ticks[20].position, x_um=0.0, valid=False))
+    blind = replace(ticks[20], position=with_arm(ticks[20].position, x_um=0.0, valid=False))
     found = true_perturbation_error(table_of([*ticks[:20], blind, *ticks[21:]]), PLANT)
     assert np.flatnonzero(np.isnan(found)).tolist() == [0, 1, 2, 20, 21, 22, 23]
     table = table_of([*ticks[:30], *ticks[31:]])

@@ -12,7 +12,7 @@ from pincette.api.live import LiveBatch
 from pincette.bus.memory import MemoryBus
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Message, Position, Telemetry
-from pincette.core.messages.second import SecondApplied, SecondPosition
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
@@ -28,6 +28,7 @@ from pincette_supervisor.rigs.live import (
     TooManyListenersError,
 )
 from tests.support.apps import create_app
+from tests.support.arms import with_arm
 from tests.support.keys import key_of_each_scope
 
 from . import samples
@@ -64,7 +65,7 @@ class Scene:
         applied = samples.grip(epoch)[0].applied
         for seq in range(first, first + count):
             self.now_s += PERIOD_S
-            position = Position(epoch, seq, seq * PERIOD_S, 0.01, valid=True)
+            position = Position(epoch, seq, seq * PERIOD_S, (ArmPosition(0.01, valid=True),))
             self.say((position, replace(applied, seq=seq)))
 
 
@@ -89,13 +90,13 @@ def test_a_voltage_that_the_output_has_not_confirmed_is_not_known(scene: Scene, 
     for tick in ticks:
         position, applied = tick.position, replace(tick.applied, unconfirmed=tick is ticks[3])
         if arms == 2:
-            position = replace(position, second=SecondPosition(1.0, valid=True))
-            applied = replace(applied, second=SecondApplied(2.0, 0))
+            position = replace(position, arms=(*position.arms, ArmPosition(1.0, valid=True)))
+            applied = replace(applied, arms=(*applied.arms, ArmApplied(2.0, 0)))
         scene.say((position, tick.estimate, tick.telemetry, applied))
     batches = heard(listener)
     found = [volts for batch in batches for volts in batch.voltage_V]
     assert found == [
-        None if tick is ticks[3] else round(tick.applied.voltage_V, 4) for tick in ticks
+        None if tick is ticks[3] else round(tick.applied.arms[0].voltage_V, 4) for tick in ticks
     ]
     assert None not in [x_um for batch in batches for x_um in batch.x_um]
     others = [volts for batch in batches if batch.second for volts in batch.second.voltage_V]
@@ -112,11 +113,11 @@ def test_samples_are_joined_by_number_and_parted_by_phase(scene: Scene) -> None:
     last, tick = batches[-1], ticks[-1]
     assert last.playing
     assert last.epoch == tick.position.epoch
-    assert last.x_um[-1] == pytest.approx(tick.position.x_um, abs=1e-4)
-    assert last.x_r_um[-1] == pytest.approx(tick.telemetry.x_r_um, abs=1e-4)
-    assert last.force_mN[-1] == pytest.approx(tick.estimate.force_mN, abs=1e-4)
+    assert last.x_um[-1] == pytest.approx(tick.position.arms[0].x_um, abs=1e-4)
+    assert last.x_r_um[-1] == pytest.approx(tick.telemetry.arms[0].x_r_um, abs=1e-4)
+    assert last.force_mN[-1] == pytest.approx(tick.estimate.arms[0].force_mN, abs=1e-4)
     assert last.force_r_mN[-1] == pytest.approx(tick.telemetry.force_r_mN, abs=1e-4)
-    assert last.voltage_V[-1] == pytest.approx(tick.applied.voltage_V, abs=1e-4)
+    assert last.voltage_V[-1] == pytest.approx(tick.applied.arms[0].voltage_V, abs=1e-4)
     assert last.sliding_um[-1] == pytest.approx(tick.telemetry.sliding_um, abs=1e-4)
     assert all(batch.dropped == 0 for batch in batches)
 
@@ -186,8 +187,8 @@ def test_an_idle_rig_has_position_and_voltage_alone(scene: Scene) -> None:
 def test_what_is_not_valid_is_not_shown(scene: Scene) -> None:
     listener = scene.live.open()
     tick = samples.grip()[0]
-    blind = replace(tick.position, valid=False, x_um=0.0, fault=NO_READING)
-    scene.say((blind, replace(tick.estimate, zero_age_s=None), tick.telemetry, tick.applied))
+    blind = with_arm(tick.position, valid=False, x_um=0.0, fault=NO_READING)
+    scene.say((blind, with_arm(tick.estimate, zero_age_s=None), tick.telemetry, tick.applied))
     (batch,) = heard(listener)
     assert batch.x_um == [None]
     assert batch.force_mN == [None]

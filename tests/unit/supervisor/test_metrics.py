@@ -66,7 +66,9 @@ def test_a_grip_is_seen(harness: Harness) -> None:
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
     assert value(harness, "pincette_jobs", **states) == 1.0
     assert value(harness, "pincette_command_age_seconds_count") > 500
-    force_N = 1e-3 * max(tick.estimate.force_mN for tick in samples.grip() if tick.estimate.valid)
+    force_N = 1e-3 * max(
+        tick.estimate.arms[0].force_mN for tick in samples.grip() if tick.estimate.valid
+    )
     assert value(harness, "pincette_force_peak_newtons") == pytest.approx(force_N)
     assert value(harness, "pincette_arming_force_peak_newtons_bucket", le="0.01") == 0.0
     assert value(harness, "pincette_arming_force_peak_newtons_bucket", le="0.05") == 1.0

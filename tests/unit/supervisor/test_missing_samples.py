@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from pincette.control.record import replace
 from pincette_supervisor.plugin.figures import MOST_MISSING
+from tests.support.arms import with_arm
 
 from . import samples
 from .harness import Harness
@@ -22,7 +23,7 @@ def lacking(count: int) -> Callable[[list[Tick]], list[Tick]]:
 
     def edit(ticks: list[Tick]) -> list[Tick]:
         return [
-            replace(tick, position=replace(tick.position, valid=tick.position.seq not in gone))
+            replace(tick, position=with_arm(tick.position, valid=tick.position.seq not in gone))
             for tick in samples.rest(ticks[0].position.epoch, ticks=PLANNED)
         ]
 

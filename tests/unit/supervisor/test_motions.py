@@ -12,6 +12,7 @@ from pincette.api.results import MotionResult
 from pincette.config import RigFile
 from pincette.core.faults import Cause, Mode, Outcome
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
+from pincette.core.messages.arms import ArmApplied, ArmEstimate, ArmPosition, ArmTelemetry
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
@@ -167,16 +168,17 @@ def samples(count: int, *, held: bool) -> list[Message]:
     made: list[Message] = []
     for seq in range(count):
         x_um = min(12.0, 0.24 * seq)
+        tip = ArmEstimate(x_um, 0.1, 0.2, 0.0, None, None, 0.6, 0)
+        output, final = ArmApplied(0.05 * x_um, 0), seq == count - 1
         made += [
-            Position(1, seq, 0.02 * seq, x_um, True),
-            Estimate(1, seq, x_um, 0.1, 0.2, 0.0, None, None, 0.6, seq - 1, 0, False, False, True),
+            Position(1, seq, 0.02 * seq, (ArmPosition(x_um, valid=True),)),
+            Estimate(1, seq, seq - 1, False, False, (tip,), True),
             Telemetry(
-                1, seq, True, "hold" if held else "move", 0, seq, x_um, x_um, 0.0, 0.0, 1.0, 0.0,
-                0.0, 0.0, Outcome.MOVED, None, None, held, (),
+                1, seq, True, "hold" if held else "move", 0, seq, (ArmTelemetry(x_um, x_um),),
+                0.0, 0.0, 1.0, 0.0, 0.0, 0.0, Outcome.MOVED, None, None, held, (),
             ),
             Applied(
-                1, seq, 0.05 * x_um, Mode.ARMED, Cause.NONE, 0, held, False, seq == count - 1,
-                True, 0, 0.0,
+                1, seq, (output,), Mode.ARMED, Cause.NONE, held, False, final, True, 0, 0.0
             ),
         ]  # fmt: skip
     return made

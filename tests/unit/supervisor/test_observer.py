@@ -3,8 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 
-from msgspec.structs import replace
-
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import Sink
 from pincette.core.codec import decode, encode
@@ -12,6 +10,7 @@ from pincette.core.messages import Applied, Message, Position
 from pincette.core.topics import Topic
 from pincette_supervisor.rigs.live import LiveSamples
 from pincette_supervisor.rigs.observer import Observer
+from tests.support.arms import with_arm
 
 from . import samples
 
@@ -47,12 +46,12 @@ def test_a_position_from_before_the_end_of_a_ramp_is_not_where_the_arm_stands() 
     )
 
     def hear(seq: int, x_um: float, voltage_V: float) -> float | None:
-        bus.publish(replace(position, seq=seq, x_um=x_um, valid=True))
-        bus.publish(replace(applied, seq=seq, voltage_V=voltage_V))
+        bus.publish(with_arm(position, seq=seq, x_um=x_um, valid=True))
+        bus.publish(with_arm(applied, seq=seq, voltage_V=voltage_V))
         while bus.pump():
             pass
         stands = observer.standing()
-        return None if stands is None else stands.x_um
+        return None if stands is None else stands.arms[0].x_um
 
     assert observer.standing() is None
     assert hear(100, 40.9, 2.0) == 40.9
@@ -71,9 +70,9 @@ def test_a_position_from_before_an_actuator_was_started_anew_is_not_where_the_ar
         for kind in (Position, Applied)
     )
     for message in (
-        replace(position, x_um=40.9, valid=True),
-        replace(applied, voltage_V=2.0),
-        replace(applied, epoch=applied.epoch + 1, seq=-1, voltage_V=0.0),
+        with_arm(position, x_um=40.9, valid=True),
+        with_arm(applied, voltage_V=2.0),
+        with_arm(applied, epoch=applied.epoch + 1, seq=-1, voltage_V=0.0),
     ):
         bus.publish(message)
         while bus.pump():

@@ -66,7 +66,7 @@ def truths(messages: list[Message]) -> dict[int, GroundTruth]:
 
 
 def voltages(messages: list[Message]) -> dict[int, float]:
-    return {item.seq: item.voltage_V for item in messages if isinstance(item, Applied)}
+    return {item.seq: item.arms[0].voltage_V for item in messages if isinstance(item, Applied)}
 
 
 def last_outcome(messages: list[Message]) -> str:
@@ -83,8 +83,8 @@ def test_a_rig_that_is_its_model_does_what_was_predicted(kind: str) -> None:
     assert len(samples.t_s) == len(true)
     # The output takes its voltage as a text of millivolts: 1 mV is 0.019 µm.
     for seq, sample in true.items():
-        assert samples.x_um[seq] == pytest.approx(sample.x_um, abs=0.03)
-        assert samples.force_mN[seq] == pytest.approx(sample.force_mN, abs=0.05)
+        assert samples.x_um[seq] == pytest.approx(sample.arms[0].x_um, abs=0.03)
+        assert samples.force_mN[seq] == pytest.approx(sample.arms[0].force_mN, abs=0.05)
         assert samples.voltage_V[seq] == pytest.approx(applied[seq], abs=0.002)
 
 
@@ -96,7 +96,7 @@ def test_the_demo_rig_comes_near_to_what_was_predicted(kind: str) -> None:
     true = truths(messages).values()
     assert last_outcome(messages) == found.outcome
     # Its part lies 1.2 µm further and is 3 % softer than the rig file says.
-    peak_mN = max(sample.force_mN for sample in true)
+    peak_mN = max(sample.arms[0].force_mN for sample in true)
     assert max(found.samples.force_mN) == pytest.approx(peak_mN, abs=0.6)
     peak_V = max(voltages(messages).values())
     assert max(found.samples.voltage_V) == pytest.approx(peak_V, abs=0.08)

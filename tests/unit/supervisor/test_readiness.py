@@ -108,9 +108,9 @@ def test_a_journal_that_cannot_be_written_refuses_jobs_until_it_can(
 
 def test_refused_messages_of_a_program_and_of_the_supervisor_are_shown(harness: Harness) -> None:
     assert checks(harness)["bus.refused"]["ok"]
-    harness.bus.refused.note("pincette/v1/demo/position", "Position.x_um = nan µm: not finite")
+    harness.bus.refused.note("pincette/v2/demo/position", "Position.arms.x_um = nan µm: not finite")
     check = checks(harness)["bus.refused"]
     assert (check["ok"], check["needed"], check["value"]) == (False, False, 1)
-    assert "Position.x_um" in check["words"]
+    assert "Position.arms.x_um" in check["words"]
     counted = harness.call("GET", "/metrics").text
     assert 'pincette_dropped_total{kind="refused",rig="demo",service="supervisor"} 1.0' in counted

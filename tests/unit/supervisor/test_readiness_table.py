@@ -23,6 +23,7 @@ from pincette.core.faults import Cause
 from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.jobs.job import JobStatus
 from pincette_supervisor.jobs.readiness import ABOUT_TO, Readiness, motion_of, occupant_of
+from tests.support.arms import with_arm
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
@@ -99,7 +100,7 @@ def test_what_has_the_rig_decides_which_jobs_start() -> None:
 
 def test_the_stage_moves_only_beside_an_arm_that_is_known_to_rest() -> None:
     hold, approach = samples.grip(7)[IN_HOLD], samples.grip(7)[IN_APPROACH]
-    off = replace(hold.estimate, force_mN=hold.telemetry.force_r_mN + 30.0)
+    off = with_arm(hold.estimate, force_mN=hold.telemetry.force_r_mN + 30.0)
     telemetries = (None, approach.telemetry, hold.telemetry)
     estimates = (None, replace(hold.estimate, valid=False), off, hold.estimate)
     for state, job, telemetry, estimate in product(RIG_STATES, JOBS, telemetries, estimates):

@@ -12,10 +12,11 @@ from pincette.control.force.estimation import COVERAGE
 from pincette.control.record import replace
 from pincette.core.faults import Acted, Cause, Mode, Outcome
 from pincette.core.messages import Applied, Estimate, Message
-from pincette.records.columns import COLUMNS, columns, missed
+from pincette.records.columns import ARMS, COLUMNS, SECOND_COLUMNS, columns, missed
 from pincette_supervisor.kinds.grip import GripResult
 from pincette_supervisor.kinds.grip.functions import grip_result, held_uncertainty_mN
 from pincette_supervisor.results.documents import verdict
+from tests.support.arms import with_arm
 from tests.support.rigs import DEMO
 
 from . import samples
@@ -68,7 +69,7 @@ def test_a_grip_has_the_figures_it_was_made_with() -> None:
 )
 def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bool) -> None:
     messages = [
-        replace(message, stroke_change=change, stroke_limit=None if change is None else 0.004)
+        with_arm(message, stroke_change=change, stroke_limit=None if change is None else 0.004)
         if isinstance(message, Estimate)
         else message
         for tick in samples.grip()
@@ -135,8 +136,9 @@ def test_no_sample_at_all_makes_an_empty_result() -> None:
 
 
 def test_every_column_names_a_field_of_its_message() -> None:
-    for column in COLUMNS:
-        assert column.field in {field.name for field in fields(column.message)}
+    for column in (*COLUMNS, *SECOND_COLUMNS):
+        record = column.message if column.arm is None else ARMS[column.message]
+        assert column.field in {field.name for field in fields(record)}
 
 
 def test_a_sample_that_never_came_leaves_a_hole_in_its_columns_only() -> None:
@@ -144,7 +146,7 @@ def test_a_sample_that_never_came_leaves_a_hole_in_its_columns_only() -> None:
     messages: list[Message] = [m for m in tick.messages() if not isinstance(m, Applied)]
     table = columns(messages, PERIOD_S)
     assert table["voltage_V"] == [None]
-    assert table["x_um"] == [tick.position.x_um]
+    assert table["x_um"] == [tick.position.arms[0].x_um]
     assert missed(table) == 0
 
 
@@ -155,7 +157,7 @@ def test_truths_are_numbered_by_their_order() -> None:
     written = [t for t in ticks if t.applied.seq != 4]
     truths = [replace(t.truth, seq=900 + place) for place, t in enumerate(written)]
     table = columns([*applied, *truths], PERIOD_S)
-    expected = [None if t.applied.seq == 4 else t.truth.x_um for t in ticks]
+    expected = [None if t.applied.seq == 4 else t.truth.arms[0].x_um for t in ticks]
     assert table["true_x_um"] == expected
 
 
@@ -165,5 +167,5 @@ def test_truths_after_a_trip_are_left_out() -> None:
         replace(t.applied, state="ramping" if t.applied.seq >= 7 else "armed") for t in ticks
     ]
     table = columns([*applied, *(t.truth for t in ticks)], PERIOD_S)
-    assert table["true_x_um"][:7] == [t.truth.x_um for t in ticks[:7]]
+    assert table["true_x_um"][:7] == [t.truth.arms[0].x_um for t in ticks[:7]]
     assert table["true_x_um"][7:] == [None, None, None]

@@ -9,6 +9,7 @@ from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.kinds.calibrate.functions import BY_HAND, NO_MORE
+from tests.support.arms import with_arm
 
 from . import samples
 from .canned import IN_APPROACH
@@ -169,8 +170,8 @@ def too_far(ticks: list[samples.Tick]) -> list[samples.Tick]:
         tick = made[seq]
         made[seq] = replace(
             tick,
-            position=replace(tick.position, x_um=FAR_UM if seq > 100 else 0.0),
-            applied=replace(tick.applied, voltage_V=FAR_V),
+            position=with_arm(tick.position, x_um=FAR_UM if seq > 100 else 0.0),
+            applied=with_arm(tick.applied, voltage_V=FAR_V),
         )
     last = made[-1]
     made[-1] = replace(last, telemetry=replace(last.telemetry, outcome=Outcome.OVERTRAVEL))

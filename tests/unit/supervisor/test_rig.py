@@ -11,8 +11,10 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.core.faults import FaultCode, fault
 from pincette.core.messages import Applied, Message, Position
+from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import APPLIED, Request
 from pincette_supervisor.program import PortInUseError, bind
+from tests.support.arms import with_arm
 
 from .harness import PATIENCE_S, Harness
 
@@ -176,16 +178,16 @@ def test_in_real_time_the_sensor_must_have_spoken(
     harness.bus.idle()
     assert harness.get("/rigs/demo")["can_start"] is True
     harness.bus.publish(
-        replace(
-            Position(0, 1, 0.02, 0.0),
+        with_arm(
+            Position(0, 1, 0.02, (ArmPosition(0.0),)),
             fault=NO_READING,
         )
     )
     assert harness.get("/rigs/demo")["can_start"] is True, "of one position that was not read"
     harness.observer.clock = lambda: 100.21
     harness.bus.publish(
-        replace(
-            Position(0, 2, 0.04, 0.0),
+        with_arm(
+            Position(0, 2, 0.04, (ArmPosition(0.0),)),
             fault=NO_READING,
         )
     )

@@ -9,6 +9,7 @@ from pincette.records.row_blocks import RowBlocks
 from pincette_supervisor.kinds.grip.functions import grip_result
 from pincette_supervisor.results import run_samples
 from pincette_supervisor.results.run_samples import RunSamples, RunTables, completed
+from tests.support.arms import with_arm
 
 from . import samples
 from .samples import PERIOD_S, PLANT
@@ -36,9 +37,9 @@ def _moved(message: Message, by: int, place: int) -> Message:
         return message
     message = replace(message, seq=message.seq + by)
     if isinstance(message, Estimate) and place == HOLD_TICKS // 3:
-        return replace(message, force_mN=PEAK_MN)
+        return with_arm(message, force_mN=PEAK_MN)
     if isinstance(message, Applied) and HOLD_TICKS // 2 <= place < HOLD_TICKS // 2 + LIMITED:
-        return replace(message, limits_active=1, answered=False)
+        return with_arm(message, limits_active=1, answered=False)
     return message
 
 

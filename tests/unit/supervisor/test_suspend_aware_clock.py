@@ -8,6 +8,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.core.messages import Position
+from pincette.core.messages.arms import ArmPosition
 from pincette_supervisor.rigs.observer import Observer
 from pincette_supervisor.rigs.suspend_aware_clock import (
     SAMPLE_COUNTS_S,
@@ -54,7 +55,7 @@ def test_a_sensor_was_not_silent_to_one_who_slept(rig_file: RigFile) -> None:
     bus = CannedRig(rig_file)
     observer = Observer(bus, hand, awake_clock)
     assert observer.silent_s(Position) is None
-    bus.publish(Position(0, 1, 0.02, 0.0))
+    bus.publish(Position(0, 1, 0.02, (ArmPosition(0.0),)))
     hand.now_s += 5.0
     awake_clock.sample()
     assert observer.age_s(Position) == pytest.approx(5.0)

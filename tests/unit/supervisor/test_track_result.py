@@ -8,6 +8,7 @@ from pincette.control.record import replace
 from pincette.records.columns import columns
 from pincette_supervisor.kinds.track import TrackResult
 from pincette_supervisor.kinds.track.functions import full_amplitude, track_result
+from tests.support.arms import with_arm
 
 from . import samples
 from .samples import PATH, PERIOD_S, PLANT, Tick
@@ -54,7 +55,7 @@ def test_full_amplitude_begins_and_ends_with_whole_cycles() -> None:
 
 def test_an_error_in_the_blend_does_not_count() -> None:
     ticks = samples.track()
-    far = replace(ticks[60].position, x_um=99.0)
+    far = with_arm(ticks[60].position, x_um=99.0)
     position = result_of([*ticks[:60], replace(ticks[60], position=far), *ticks[61:]]).position_um
     assert position is not None
     assert position.maximum < 0.05

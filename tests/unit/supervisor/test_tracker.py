@@ -8,9 +8,9 @@ from pincette.api.jobs import Progress
 from pincette.control.record import replace
 from pincette.core.faults import FaultCode, Outcome, fault
 from pincette.core.messages import Estimate, Message
-from pincette.core.messages.second import SecondEstimate
 from pincette.core.wording import fault_text
 from pincette_supervisor.jobs.tracker import SETTLE_S, Tracker, outcome_words
+from tests.support.arms import with_arm
 
 from . import samples
 from .samples import PERIOD_S
@@ -24,16 +24,8 @@ APART_MN = 1.5
 
 def with_second(estimate: Estimate) -> Estimate:
     """The same of a rig of two arms."""
-    second = SecondEstimate(
-        x_um=estimate.x_um,
-        force_mN=estimate.force_mN + APART_MN,
-        force_uncertainty_mN=estimate.force_uncertainty_mN,
-        zero_age_s=estimate.zero_age_s,
-        zero_refusal=None,
-        applied_V=estimate.applied_V,
-        limits_active=0,
-    )
-    return replace(estimate, second=second)
+    first = estimate.arms[0]
+    return replace(estimate, arms=(first, replace(first, force_mN=first.force_mN + APART_MN)))
 
 
 def followed(hold_at_s: float | None, *, arms: int = 1) -> list[Progress]:
@@ -94,9 +86,9 @@ def test_no_phase_is_missed_where_many_samples_come_at_once() -> None:
 def test_a_refused_zero_states_its_reason_or_that_its_sample_was_lost() -> None:
     refusal = fault(FaultCode.ZERO_PART_HELD)
     estimate = next(iter(samples.grip())).estimate
-    refused = replace(estimate, zero_refusal=refusal)
+    refused = with_arm(estimate, zero_refusal=refusal)
     assert fault_text(refusal) in outcome_words(Outcome.ZERO_REFUSED, None, refused)
-    assert "lost" in outcome_words(Outcome.ZERO_REFUSED, None, replace(refused, zero_refusal=None))
+    assert "lost" in outcome_words(Outcome.ZERO_REFUSED, None, with_arm(refused, zero_refusal=None))
     assert "lost" in outcome_words(Outcome.ZERO_REFUSED)
 
 
@@ -108,4 +100,4 @@ def test_the_progress_has_only_a_voltage_that_the_output_has_confirmed(
     tracker = Tracker(tick.position.epoch, PERIOD_S, None, lockstep=True)
     tracker.update([tick.position, tick.telemetry, replace(tick.applied, unconfirmed=unconfirmed)])
     shown_V = tracker.progress().voltage_V
-    assert shown_V == (None if unconfirmed else tick.applied.voltage_V)
+    assert shown_V == (None if unconfirmed else tick.applied.arms[0].voltage_V)

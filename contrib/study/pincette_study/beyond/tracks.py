@@ -200,7 +200,7 @@ def grip_trial(
         raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
     views = [m for m in played if isinstance(m, Telemetry)]
     told = [m for m in played if isinstance(m, GroundTruth)]
-    true_mN = {m.seq - told[0].seq: m.force_mN for m in told}
+    true_mN = {m.seq - told[0].seq: m.arms[0].force_mN for m in told}
     hold = [view.seq for view in views if view.phase == "hold"]
     force_mN: float = planned.values["force_mN"]
     held_mN = np.array([true_mN[seq] for seq in hold])

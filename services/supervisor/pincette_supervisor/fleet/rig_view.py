@@ -2,7 +2,6 @@
 
 from datetime import UTC, datetime
 
-from msgspec import UNSET
 from msgspec.structs import asdict
 
 from pincette.api.job_kinds import job_kinds
@@ -22,6 +21,7 @@ from pincette.api.rigs import (
 )
 from pincette.core.faults import Mode
 from pincette.core.messages import Applied, Estimate, Position, Status, Telemetry
+from pincette.core.messages.arms import ArmEstimate
 from pincette.core.topics import LOOP, TOPICS
 from pincette.core.wording import status_text
 from pincette_supervisor.alarms.trips import fault_views
@@ -153,17 +153,30 @@ def _newest(context: RigContext) -> Newest | None:
         return None
     # Without a zero the estimate has no reference, and no interface may pass it on as a force.
     known = estimate if estimate is not None and estimate.valid else None
-    zeroed = known if known is not None and known.zero_age_s is not None else None
+    zeroed = _zeroed(known, 0)
     return Newest(
         seq=None if position is None else position.seq,
         phase=telemetry.phase if telemetry is not None and telemetry.playing else "",
-        x_um=position.x_um if position is not None and position.valid else None,
+        x_um=None if position is None else _x_um(position, 0),
         force_mN=None if zeroed is None else zeroed.force_mN,
         force_uncertainty_mN=None if zeroed is None else zeroed.force_uncertainty_mN,
         zero_age_s=None if zeroed is None else zeroed.zero_age_s,
-        voltage_V=None if applied is None else applied.confirmed_V,
+        voltage_V=None if applied is None else applied.confirmed_V(),
         **_newest_of_second(position, known, applied),
     )
+
+
+def _x_um(position: Position, arm: int) -> float | None:
+    """Return the position of an arm; None where it was not measured."""
+    measured = position.arms[arm]
+    return measured.x_um if measured.valid else None
+
+
+def _zeroed(known: Estimate | None, arm: int) -> ArmEstimate | None:
+    """Return the estimate of an arm whose force has a zero; None without one."""
+    if known is None or arm >= len(known.arms) or known.arms[arm].zero_age_s is None:
+        return None
+    return known.arms[arm]
 
 
 def _newest_of_second(
@@ -171,10 +184,10 @@ def _newest_of_second(
 ) -> dict[str, float | None]:
     """The same of the second arm; nothing where there is none."""
     found: dict[str, float | None] = {}
-    if position is not None and position.second is not UNSET:
-        found["second_x_um"] = position.second.x_um if position.second.valid else None
-    if known is not None and known.second is not UNSET and known.second.zero_age_s is not None:
-        found["second_force_mN"] = known.second.force_mN
-    if applied is not None and applied.second is not UNSET:
-        found["second_voltage_V"] = applied.confirmed_second_V
+    if position is not None and len(position.arms) > 1:
+        found["second_x_um"] = _x_um(position, 1)
+    if (zeroed := _zeroed(known, 1)) is not None:
+        found["second_force_mN"] = zeroed.force_mN
+    if applied is not None and len(applied.arms) > 1:
+        found["second_voltage_V"] = applied.confirmed_V(1)
     return found

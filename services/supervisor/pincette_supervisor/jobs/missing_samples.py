@@ -44,7 +44,7 @@ class MissingSamples:
                 self._begin(message.phase, message.seq)
                 continue
             self._newest = message.seq
-            if message.valid:
+            if message.arms[0].valid:
                 self._valid.add(message.seq)
             if not self._planned[self._phase] and len(self._valid) > WAITING_ROWS:
                 self._valid = {one for one in self._valid if one > message.seq - WAITING_ROWS // 2}

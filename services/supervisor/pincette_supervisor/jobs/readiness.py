@@ -126,10 +126,10 @@ def motion_of(
         return "moving"
     if estimate is None or not estimate.valid:
         return "force_unknown"
-    if not telemetry.held or estimate.zero_age_s is None:
+    if not telemetry.held or estimate.arms[0].zero_age_s is None:
         return "at_rest"
-    error_mN = abs(estimate.force_mN - telemetry.force_r_mN)
-    steady = error_mN <= STEADY_SIGMAS * estimate.force_uncertainty_mN
+    error_mN = abs(estimate.arms[0].force_mN - telemetry.force_r_mN)
+    steady = error_mN <= STEADY_SIGMAS * estimate.arms[0].force_uncertainty_mN
     return "at_rest" if steady else "force_unsteady"
 
 
@@ -185,7 +185,7 @@ def _unsafe(context: RigContext, motion: MotionState, job: JobStatus | None) -> 
         return f"{entry.meaning}: {telemetry.phase}"
     estimate = context.observer.newest(Estimate)
     if motion == "force_unsteady" and telemetry is not None and estimate is not None:
-        error_mN = abs(estimate.force_mN - telemetry.force_r_mN)
-        limit_mN = STEADY_SIGMAS * estimate.force_uncertainty_mN
+        error_mN = abs(estimate.arms[0].force_mN - telemetry.force_r_mN)
+        limit_mN = STEADY_SIGMAS * estimate.arms[0].force_uncertainty_mN
         return f"the force is {error_mN:.2f} mN off its reference, limit {limit_mN:.2f} mN"
     return entry.meaning

@@ -3,8 +3,6 @@
 from collections.abc import Iterable
 from typing import cast
 
-from msgspec import UNSET
-
 from pincette.api.jobs import Progress
 from pincette.api.states import OUTCOMES
 from pincette.config import RigFile
@@ -132,8 +130,7 @@ class Tracker:
         estimate = self._estimate
         if estimate is None:
             return False
-        arms = (estimate,) if estimate.second is UNSET else (estimate, estimate.second)
-        return any(arm.zero_unconfirmed for arm in arms)
+        return any(arm.zero_unconfirmed for arm in estimate.arms)
 
     @property
     def part_held(self) -> bool | None:
@@ -146,8 +143,7 @@ class Tracker:
         estimate = self._estimate
         if estimate is None or not estimate.valid or self.zero_unconfirmed:
             return None
-        arms = (estimate,) if estimate.second is UNSET else (estimate, estimate.second)
-        return False if all(arm.zero_age_s is not None for arm in arms) else None
+        return False if all(arm.zero_age_s is not None for arm in estimate.arms) else None
 
     def _view(self, sample: Telemetry) -> None:
         self._telemetry = sample
@@ -222,11 +218,11 @@ class Tracker:
         """The progress by the newest samples, with what the run waits for."""
         position, applied, telemetry = self._position, self._applied, self._telemetry
         seq = -1 if position is None else position.seq
-        x_um = position.x_um if position is not None and position.valid else None
+        x_um = position.arms[0].x_um if position is not None and position.arms[0].valid else None
         force_mN, uncertainty_mN = self._force()
         played_s, planned_s = self.played_s, self._planned_s
         pressing = self.held and force_mN is not None
-        x_r_um = None if telemetry is None else telemetry.x_r_um
+        x_r_um = None if telemetry is None else telemetry.arms[0].x_r_um
         force_r_mN = None if telemetry is None else telemetry.force_r_mN
         return Progress(
             phase=self.phase,
@@ -241,7 +237,7 @@ class Tracker:
             force_r_mN=force_r_mN,
             force_mN=force_mN,
             force_uncertainty_mN=uncertainty_mN,
-            voltage_V=None if applied is None else applied.confirmed_V,
+            voltage_V=None if applied is None else applied.confirmed_V(),
             held=self.held,
             hold_in_s=self._hold_in_s(),
             force_held_mN=self._held_sum_mN / self._held_count if self._held_count else None,
@@ -255,16 +251,17 @@ class Tracker:
     def _force(self) -> tuple[float | None, float | None]:
         """The newest force and its uncertainty, once it has a zero."""
         estimate = self._estimate
-        if estimate is None or not estimate.valid or estimate.zero_age_s is None:
+        arm = None if estimate is None or not estimate.valid else estimate.arms[0]
+        if arm is None or arm.zero_age_s is None:
             return None, None
-        return estimate.force_mN, estimate.force_uncertainty_mN
+        return arm.force_mN, arm.force_uncertainty_mN
 
     def _pressed_mN(self) -> float | None:
         """What the part is pressed with: of two arms the mean, as their job's result has it."""
         force_mN, _ = self._force()
-        second = UNSET if self._estimate is None else self._estimate.second
-        if force_mN is None or second is UNSET:
+        if force_mN is None or self._estimate is None or len(self._estimate.arms) == 1:
             return force_mN
+        second = self._estimate.arms[1]
         return None if second.zero_age_s is None else 0.5 * (force_mN + second.force_mN)
 
 
@@ -289,9 +286,8 @@ def outcome_words(
 
 def _refusal_words(estimate: Estimate | None) -> str:
     """Describe why the estimator took no zero; without its reason, the sample of it was lost."""
-    refusal = None if estimate is None else estimate.zero_refusal
-    if refusal is None and estimate is not None and estimate.second is not UNSET:
-        refusal = estimate.second.zero_refusal
+    refusals = () if estimate is None else [arm.zero_refusal for arm in estimate.arms]
+    refusal = next((one for one in refusals if one is not None), None)
     return fault_text(refusal) or (
         "the estimator took no zero and refused none: the sample or the voltage of the zero was "
         "lost; look at the sensor's line and start again"

@@ -134,7 +134,7 @@ def _standing(exported: Sequence[JobManager]) -> Iterator[Metric]:
 
 def _stroke_change(context: RigContext) -> float:
     estimate = context.observer.newest(Estimate)
-    change = None if estimate is None else estimate.stroke_change
+    change = None if estimate is None else estimate.arms[0].stroke_change
     return nan if change is None else change
 
 

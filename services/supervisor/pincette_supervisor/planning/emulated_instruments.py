@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from msgspec import UNSET
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.core.messages import Applied, Command, Position, Telemetry
-from pincette.core.messages.second import SecondApplied, SecondPosition
+from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.engine.instrument import Device
 from pincette.instruments.protocols import Block
 from pincette_supervisor.planning.identified_arm import IdentifiedArm
@@ -83,13 +82,13 @@ class ArmInstruments:
         """What the estimator is to have heard of arms that stand away from 0 V."""
         if not self.arm.target_V:
             return None
-        position = Position(0, 0, 0.0, self.arm.x_um, valid=True)
+        position = Position(0, 0, 0.0, (ArmPosition(self.arm.x_um, valid=True),))
         return replace(applied, epoch=0, seq=-1), position
 
     def add_to(self, samples: Samples, t_s: float, told: Answers) -> None:
         """Add a sample of what is now."""
         command, applied, view = told
-        voltages_V = command.voltage_V, applied.voltage_V
+        voltages_V = command.arms[0].voltage_V, applied.arms[0].voltage_V
         samples.add(t_s, self.arm.x_um, self.arm.force_mN, voltages_V, view)
 
     def close(self) -> None:
@@ -132,20 +131,25 @@ class PairInstruments:
         if not any(self.pair.targets_V):
             return None
         (x_1, x_2), u_2 = self.pair.tips_um, self.pair.targets_V[1]
-        position = Position(0, 0, 0.0, x_1, valid=True, second=SecondPosition(x_2, valid=True))
-        second = SecondApplied(u_2, 0)
-        return replace(applied, epoch=0, seq=-1, second=second), position
+        arms = ArmPosition(x_1, valid=True), ArmPosition(x_2, valid=True)
+        outputs = applied.arms[0], ArmApplied(u_2, 0)
+        return replace(applied, epoch=0, seq=-1, arms=outputs), Position(0, 0, 0.0, arms)
 
     def add_to(self, samples: Samples, t_s: float, told: Answers) -> None:
         """Add a sample of what is now."""
         command, applied, view = told
         tips_um, (force_1, force_2) = self.pair.tips_um, self.pair.forces_mN
-        samples.add(t_s, tips_um[0], force_1, (command.voltage_V, applied.voltage_V), view)
-        asked, put, of_second = command.second, applied.second, view.second
-        if samples.second is None or asked is UNSET or put is UNSET or of_second is UNSET:
+        asked, put_out = command.arms, applied.arms
+        samples.add(t_s, tips_um[0], force_1, (asked[0].voltage_V, put_out[0].voltage_V), view)
+        if (
+            samples.second is None
+            or len(asked) == 1
+            or len(put_out) == 1
+            or view.place_r_um is None
+        ):
             raise ValueError("the services have answered for one arm")
-        voltages_V = asked.voltage_V, put.voltage_V
-        samples.second.add(tips_um, force_2, voltages_V, of_second.place_r_um)
+        voltages_V = asked[1].voltage_V, put_out[1].voltage_V
+        samples.second.add(tips_um, force_2, voltages_V, view.place_r_um)
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class Samples:
         self.force_mN.append(force_mN)
         self.asked_V.append(voltages_V[0])
         self.voltage_V.append(voltages_V[1])
-        self.x_r_um.append(told.x_r_um)
+        self.x_r_um.append(told.arms[0].x_r_um)
         self.force_r_mN.append(told.force_r_mN)
         self.sliding_um.append(told.sliding_um)
         self.band_um.append(told.band_um)

@@ -221,13 +221,13 @@ class RigCounters:
             self.degraded += 1
         if not estimate.valid or estimate.epoch != self._arming or estimate.epoch == self._over:
             return  # an idle loop goes on estimating, without contact
-        if estimate.zero_age_s is None:
+        if estimate.arms[0].zero_age_s is None:
             return  # the estimate has no reference, and is no force
         if self._peak is None or self._peak[0] != estimate.epoch:
             self._count_peak()  # of an arming whose last sample was lost
-            self._peak = estimate.epoch, estimate.force_mN
-        elif estimate.force_mN > self._peak[1]:
-            self._peak = estimate.epoch, estimate.force_mN
+            self._peak = estimate.epoch, estimate.arms[0].force_mN
+        elif estimate.arms[0].force_mN > self._peak[1]:
+            self._peak = estimate.epoch, estimate.arms[0].force_mN
 
     def _count_peak(self) -> None:
         if self._peak is None or self._peak[0] == self._over:

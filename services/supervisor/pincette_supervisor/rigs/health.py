@@ -320,9 +320,9 @@ class Health:
         if silent_s > limit_s:
             return f"silent for {1e3 * silent_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
         blind_s = self._observer.blind_s()
-        if position.valid or (blind_s is not None and blind_s <= limit_s):
+        if position.arms[0].valid or (blind_s is not None and blind_s <= limit_s):
             return ""  # one answer that an instrument owes is no trouble, as for the loop
-        return f"reads no position: {fault_text(position.fault) or 'not known why'}"
+        return f"reads no position: {fault_text(position.arms[0].fault) or 'not known why'}"
 
     def reasons(self) -> list[str]:
         """Return why the programs cannot play a job; the actuator's state is not among it."""

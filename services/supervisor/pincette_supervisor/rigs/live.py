@@ -12,8 +12,6 @@ from math import ceil
 from time import monotonic
 from typing import Any
 
-from msgspec import UNSET
-
 from pincette.api.live import LiveBatch, SecondColumns
 from pincette.core.idle_sampling import idle_periods
 from pincette.core.messages import Applied, Estimate, Message, Position, Telemetry
@@ -125,9 +123,9 @@ class LiveSamples:
             self._epoch = position.epoch
         self._close(position.seq - LATE_TICKS * self._stride)
         row = Row(position.epoch, position.seq, self.clock(), position.t_s)
-        row.x_um = position.x_um if position.valid else None
-        if position.second is not UNSET:
-            other = position.second
+        first, *others = position.arms
+        row.x_um = first.x_um if first.valid else None
+        for other in others:
             row.second = SecondRow(x_um=other.x_um if other.valid else None)
         self._pending[position.seq] = row
 
@@ -195,14 +193,14 @@ class LiveSamples:
 
 def _fill_second(row: SecondRow, message: Estimate | Telemetry | Applied) -> None:
     if isinstance(message, Estimate):
-        second = message.second
-        if second is not UNSET and message.valid and second.zero_age_s is not None:
+        second = message.arms[1] if len(message.arms) > 1 else None
+        if second is not None and message.valid and second.zero_age_s is not None:
             row.force_mN = second.force_mN
     elif isinstance(message, Applied):
-        row.voltage_V = message.confirmed_second_V
-    elif message.second is not UNSET:
-        row.place_um = message.second.place_um
-        row.place_r_um = message.second.place_r_um if message.playing else None
+        row.voltage_V = message.confirmed_V(1)
+    else:
+        row.place_um = message.place_um
+        row.place_r_um = message.place_r_um if message.playing else None
 
 
 def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
@@ -210,17 +208,18 @@ def _fill(row: Row, message: Estimate | Telemetry | Applied) -> None:
         _fill_second(row.second, message)
     if isinstance(message, Estimate):
         row.estimated = True
-        if message.valid and message.zero_age_s is not None:
-            row.force_mN = message.force_mN
-            row.force_uncertainty_mN = message.force_uncertainty_mN
+        arm = message.arms[0]
+        if message.valid and arm.zero_age_s is not None:
+            row.force_mN = arm.force_mN
+            row.force_uncertainty_mN = arm.force_uncertainty_mN
     elif isinstance(message, Applied):
         row.applied, row.armed = True, message.state == "armed"
-        row.voltage_V = message.confirmed_V
+        row.voltage_V = message.confirmed_V()
     else:
         row.whole, row.playing = True, message.playing
         if message.playing:
             row.phase = message.phase
-            row.x_r_um, row.force_r_mN = message.x_r_um, message.force_r_mN
+            row.x_r_um, row.force_r_mN = message.arms[0].x_r_um, message.force_r_mN
             row.sliding_um = message.sliding_um
 
 

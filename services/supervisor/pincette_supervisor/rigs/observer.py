@@ -127,11 +127,11 @@ class Observer:
         awake_s = self.awake_clock()
         if isinstance(message, Applied):
             before = self.newest(Applied)
-            if before is not None and abs(message.voltage_V - before.voltage_V) > STEP_V:
+            if before is not None and _way_V(before, message) > STEP_V:
                 self._stepped = (message.epoch, message.seq)
                 self._position_before = self.newest(Position)
         self._newest[type(message)] = (message, (self.clock(), awake_s))
-        if isinstance(message, Position) and message.valid:
+        if isinstance(message, Position) and message.arms[0].valid:
             self._position_read_at = awake_s
         if isinstance(message, Applied) and message.answered:
             self._confirmed_at = self.clock()
@@ -160,7 +160,7 @@ class Observer:
         followed: a loop in lockstep ends with the ramp of a trip, or with programs that died.
         """
         position = self.newest(Position)
-        if position is None or position is self._position_before or not position.valid:
+        if position is None or position is self._position_before or not position.arms[0].valid:
             return None
         epoch, seq = self._stepped or (None, 0)
         return None if position.epoch == epoch and position.seq <= seq else position
@@ -209,3 +209,8 @@ class Observer:
     def stop_buffering(self) -> None:
         """Keep the newest messages only."""
         self._buffer = None
+
+
+def _way_V(before: Applied, after: Applied) -> float:
+    """Return by how much the voltage of the first arm has changed."""
+    return abs(after.arms[0].voltage_V - before.arms[0].voltage_V)

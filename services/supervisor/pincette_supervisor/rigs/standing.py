@@ -9,8 +9,6 @@ believed. In lockstep time is not that of the clock on the wall: the actuator's 
 from math import inf
 from typing import NamedTuple
 
-from msgspec import UNSET
-
 from pincette.api.rig_states import PART, Certainty, PartState, ReportedPart, RigState
 from pincette.api.rigs import Standing
 from pincette.core.faults import Fault, FaultCode, Mode
@@ -127,15 +125,16 @@ def present(context: RigContext) -> Present | None:
     if applied is None:
         return None
     position = context.observer.standing()
-    x_um = None if position is None else position.x_um
-    other = UNSET if position is None else position.second
+    measured = () if position is None else position.arms
+    x_um = measured[0].x_um if measured else None
+    second = measured[1] if len(measured) > 1 else None
     known = standing(context).part
     return Present(
-        applied.voltage_V,
+        applied.arms[0].voltage_V,
         x_um,
         None if known == "unknown" else known == "held",
-        second_V=None if applied.second is UNSET else applied.second.voltage_V,
-        second_um=other.x_um if other is not UNSET and other.valid else None,
+        second_V=applied.arms[1].voltage_V if len(applied.arms) > 1 else None,
+        second_um=second.x_um if second is not None and second.valid else None,
         memory_known=memory_known(context),
         stroke=stroke_finding(context),
     )

@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import Any, cast
 
 import msgpack as untyped_msgpack
-from msgspec import NODEFAULT, inspect
+from msgspec import inspect
 
 from pincette.control.quantities import MAX_ITEMS, MAX_TEXT
 
@@ -83,14 +83,6 @@ def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
     node = _node(kind)
     assert isinstance(node, inspect.StructType)
     return [(field.name, field.type) for field in node.fields]
-
-
-def may_be_absent(field: inspect.Field) -> bool:
-    """Whether a field is left out of the bytes where it is ``UNSET``; all others are always sent.
-
-    msgspec tells such a field as one that is not required and has no default that can be sent.
-    """
-    return not field.required and field.default is NODEFAULT and field.default_factory is NODEFAULT
 
 
 def unit_stated(node: inspect.Metadata) -> str:
@@ -181,13 +173,11 @@ def _map(place: str, value: Any) -> dict[Any, Any]:
 def _record(place: str, node: inspect.StructType, value: Any) -> Any:
     tree = _map(place, value)
     fields = {field.name: field.type for field in node.fields}
-    absent = {field.name for field in node.fields if may_be_absent(field)} - tree.keys()
     tags: set[Any] = set() if node.tag_field is None else {node.tag_field}
-    if tree.keys() - tags != fields.keys() - absent:
-        odd = (fields.keys() - absent) ^ (tree.keys() - tags)
+    if tree.keys() - tags != fields.keys():
+        odd = fields.keys() ^ (tree.keys() - tags)
         raise FieldsError(f"{place}: fields missing or unknown: {_named(odd)}")
-    sent = [name for name in fields if name in tree]
-    values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in sent}
+    values = {name: _value(f"{place}.{name}", fields[name], tree[name]) for name in fields}
     try:
         return node.cls(**values)
     except ValueError as error:  # data that refuses itself

@@ -1,16 +1,14 @@
 """What is published: samples of the loop, each with its number, and what is told beside them."""
 
-from msgspec import UNSET, UnsetType
-
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import (
+    Arms,
     Epoch,
     Hertz,
     Items,
     Micrometre,
     Millinewton,
     MillinewtonPerMicrometre,
-    Number,
     Second,
     Seq,
     Text,
@@ -19,34 +17,30 @@ from pincette.control.quantities import (
 )
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Acted, Cause, Fault, Mode, Outcome
-from pincette.core.messages.second import (
-    SecondApplied,
-    SecondCommand,
-    SecondEstimate,
-    SecondPosition,
-    SecondTelemetry,
-    SecondTruth,
+from pincette.core.messages.arms import (
+    ArmApplied,
+    ArmCommand,
+    ArmEstimate,
+    ArmPosition,
+    ArmTelemetry,
+    ArmTruth,
 )
 from pincette.latency.histogram import Distribution
 
 
 class Position(FrozenRecord, frozen=True):
-    """One measurement of the arm's tip by the sensor, at its own grid point."""
+    """One measurement of each arm's tip by the sensor, at its own grid point."""
 
     epoch: Epoch
     seq: Seq
     t_s: Second
-    x_um: Micrometre
-    valid: bool = False
-    fault: Fault | None = None
-    """Why it is no measurement."""
-    second: SecondPosition | UnsetType = UNSET
-    """Of the second arm; where there is one arm, the field is not sent."""
+    arms: Arms[ArmPosition]
+    """Measurement of each driven arm, the first arm first."""
 
     @property
     def usable(self) -> bool:
-        """Whether each arm there is was measured."""
-        return self.valid and (self.second is UNSET or self.second.valid)
+        """Whether every arm was measured."""
+        return all(arm.valid for arm in self.arms)
 
 
 class Burst(FrozenRecord, frozen=True):
@@ -62,51 +56,31 @@ class Burst(FrozenRecord, frozen=True):
 
 
 class Estimate(FrozenRecord, frozen=True):
-    """Contact force and lumped perturbation, from position k and the voltage applied at k-1."""
+    """Force and perturbation of each arm, from position k and the voltage applied at k-1."""
 
     epoch: Epoch
     seq: Seq
-    x_um: Micrometre
-    force_mN: Millinewton
-    force_uncertainty_mN: Millinewton
-    perturbation_mN: Millinewton
-    zero_age_s: Second | None
-    zero_refusal: Fault | None
-    """Why the force was not zeroed when that was asked for last."""
-    applied_V: Volt
     applied_seq: Seq
-    limits_active: Whole
+    """Number of the sample whose voltages it was made with; -1 without them."""
     tripped: bool
     degraded: bool
+    """Whether the voltage applied to an arm is missing."""
+    arms: Arms[ArmEstimate]
+    """Estimate of each driven arm, the first arm first; ``valid`` and ``fault`` are of all."""
     valid: bool = False
     fault: Fault | None = None
     """Why it is not valid."""
-    touch_x_um: Micrometre | None = None
-    """Where an arm that should be free has met something; None: nowhere."""
-    touch_mN: Millinewton | None = None
-    """Least force of that touch: by how far the closing arm lags since a kink in its way, which
-    takes no zero, or the force less three uncertainties, below 0 where it is held from behind; by
-    a zero that is not confirmed, the force itself where it is above its uncertainty."""
-    stroke_change: Number | None = None
-    """Change of the arm's stroke since its calibration, as a share, from the last way that began
-    with conditioning strokes; None: not compared since the start."""
-    stroke_limit: Number | None = None
-    """Change up to which noise and repetition explain it."""
-    zero_unconfirmed: bool = False
-    """True where the zero may hide the force of a part that already pressed when it was taken: the
-    estimator knows no zero from before its start, nobody has confirmed that the arm was free, and
-    no part has been found at its planned place since."""
-    second: SecondEstimate | UnsetType = UNSET
-    """Of the second arm; ``valid`` and ``fault`` are of both."""
 
 
 class Command(FrozenRecord, frozen=True):
-    """The voltage the controller asks for, based on sample ``seq``."""
+    """The voltages the controller asks for, based on sample ``seq``."""
 
     epoch: Epoch
     seq: Seq
     owner: Whole
-    voltage_V: Volt
+    arms: Arms[ArmCommand]
+    """What is asked of each driven arm, the first arm first. The actuator refuses a command for
+    another number of arms than the rig has."""
     part_held: bool
     """What a fault means from here on: freeze (held) or ramp to the safe voltage (free)."""
     zero: bool
@@ -117,17 +91,11 @@ class Command(FrozenRecord, frozen=True):
     fault: Fault | None = None
     """Why it is not valid: what the controller cannot see."""
     sweep: Sweep | None = None
-    """Play this about ``voltage_V``; the commands after it say that it may go on."""
-    force_mN: Millinewton | None = None
-    """The estimate it was computed from; None without a valid zero."""
-    x_d_um: Micrometre | None = None
-    """Where the law wants the arm at sample ``seq``; None where no law has steered it there."""
+    """Play this about the first arm's voltage; the commands after it say that it may go on."""
     segment: Whole | None = None
     """Number of the program's segment that the voltage is of; None: of none."""
     segment_tick: Whole = 0
     """Ticks into it."""
-    second: SecondCommand | UnsetType = UNSET
-    """Of the second arm. A rig of two arms refuses a command without it, one of one arm with it."""
 
 
 class Applied(FrozenRecord, frozen=True):
@@ -138,12 +106,11 @@ class Applied(FrozenRecord, frozen=True):
 
     epoch: Epoch
     seq: Seq
-    voltage_V: Volt
+    arms: Arms[ArmApplied]
+    """Output of each driven arm, the first arm first; mode, cause and latch are those of all."""
     state: Mode
     cause: Cause
     """Of the trip; empty where there is none."""
-    limits_active: Whole
-    """Bits: 1 voltage at its maximum, 2 at its minimum, 4 slew limited upwards, 8 downwards."""
     part_held: bool
     zero: bool
     final: bool
@@ -160,20 +127,22 @@ class Applied(FrozenRecord, frozen=True):
     """Time since the output moved last, a period at most, that the slew limit gave the command
     taken; None in lockstep, where it is a period."""
     unconfirmed: bool = False
-    """Whether the output has not confirmed ``voltage_V``: then nobody knows what is put out. Of two
-    arms, whether either has not."""
-    second: SecondApplied | UnsetType = UNSET
-    """Of the second arm."""
+    """Whether the output of an arm has not confirmed its ``voltage_V``: then nobody knows what is
+    put out."""
 
-    @property
-    def confirmed_V(self) -> float | None:
-        """Voltage that the output has confirmed; None while it has not confirmed ``voltage_V``."""
-        return None if self.unconfirmed else self.voltage_V
+    def confirmed_V(self, arm: int = 0) -> float | None:
+        """Return the voltage that the output of an arm has confirmed.
 
-    @property
-    def confirmed_second_V(self) -> float | None:
-        """Confirmed voltage of the second arm; None on a rig of one arm too."""
-        return None if self.unconfirmed or self.second is UNSET else self.second.voltage_V
+        Parameters
+        ----------
+        arm
+            Index of the arm, from 0.
+
+        Returns
+        -------
+        The voltage, in V; None while it is not confirmed, or for an arm that is not there.
+        """
+        return None if self.unconfirmed or arm >= len(self.arms) else self.arms[arm].voltage_V
 
 
 class Telemetry(FrozenRecord, frozen=True):
@@ -189,8 +158,8 @@ class Telemetry(FrozenRecord, frozen=True):
     phase: Text
     segment: Whole
     segment_tick: Whole
-    x_r_um: Micrometre
-    x_d_um: Micrometre
+    arms: Arms[ArmTelemetry]
+    """References of each driven arm, the first arm first."""
     force_r_mN: Millinewton
     sliding_um: Micrometre
     """s; where s is a force, s over K̄."""
@@ -229,8 +198,11 @@ class Telemetry(FrozenRecord, frozen=True):
     """Estimated force just before it; if the sensor has jumped, the force since."""
     step_after_mN: Millinewton | None = None
     """Estimated force just after it; if the part has slipped, the force since."""
-    second: SecondTelemetry | UnsetType = UNSET
-    """Of the second arm."""
+    place_um: Micrometre | None = None
+    """Place of the part between two arms, q = (x_1 - x_2)/2 of the sample; None on a rig of one
+    arm."""
+    place_r_um: Micrometre | None = None
+    """Reference of that place."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):
@@ -239,11 +211,11 @@ class GroundTruth(FrozenRecord, frozen=True):
     seq: Seq
     """Number of writes to the output since the rig program started. It belongs to no epoch, so it
     does not join with the ``seq`` of other topics."""
-    x_um: Micrometre
-    force_mN: Millinewton
-    voltage_V: Volt
-    second: SecondTruth | UnsetType = UNSET
-    """Of the second arm."""
+    arms: Arms[ArmTruth]
+    """State of each driven arm, the first arm first."""
+    part_um: Micrometre | None = None
+    """Position where the first of two arms touches the part; None where there is no part, and on a
+    rig of one arm."""
 
 
 class JobNotice(FrozenRecord, frozen=True):

@@ -7,6 +7,7 @@ from pincette.bus.protocol import BusError
 from pincette.bus.topology import PLAIN, SessionConfig
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.core.messages import Estimate, Message, Position
+from pincette.core.messages.arms import ArmEstimate, ArmPosition
 from pincette.core.topics import ESTIMATE, POSITION
 from pincette.latency.histogram import Distribution, Histogram
 
@@ -69,7 +70,7 @@ def _match(bus: ZenohBus, queue: Messages) -> None:
     """Wait until the two hear each other."""
     end_s = monotonic() + MATCHED_S
     while monotonic() < end_s:
-        bus.publish(Position(1, 0, 0.0, 0.0))
+        bus.publish(Position(1, 0, 0.0, (ArmPosition(0.0),)))
         try:
             queue.get(timeout=0.05)
         except Empty:
@@ -81,7 +82,7 @@ def _match(bus: ZenohBus, queue: Messages) -> None:
 def _exchange(bus: ZenohBus, queue: Messages, seq: int) -> float:
     """Send a sample, and wait for what is made of it; how long that took, in s."""
     began_s = monotonic()
-    bus.publish(Position(1, seq, 0.0, 0.0, valid=True))
+    bus.publish(Position(1, seq, 0.0, (ArmPosition(0.0, valid=True),)))
     while True:
         try:
             message = queue.get(timeout=LOST_S)
@@ -95,17 +96,21 @@ def _estimate(position: Position) -> Estimate:
     return Estimate(
         epoch=position.epoch,
         seq=position.seq,
-        x_um=position.x_um,
-        force_mN=0.0,
-        force_uncertainty_mN=0.0,
-        perturbation_mN=0.0,
-        zero_age_s=None,
-        zero_refusal=None,
-        applied_V=0.0,
         applied_seq=position.seq - 1,
-        limits_active=0,
         tripped=False,
         degraded=False,
+        arms=(
+            ArmEstimate(
+                x_um=position.arms[0].x_um,
+                force_mN=0.0,
+                force_uncertainty_mN=0.0,
+                perturbation_mN=0.0,
+                zero_age_s=None,
+                zero_refusal=None,
+                applied_V=0.0,
+                limits_active=0,
+            ),
+        ),
     )
 
 

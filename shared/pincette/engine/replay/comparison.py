@@ -12,6 +12,8 @@ from pincette.core.topics import TOPIC_OF
 
 CLOCKED = ("command_age_s", "refused")
 """What the actuator's clock makes of a tick in real time."""
+OF_ARMS = ("", "second.")
+"""Beginning of the name of a field of each arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +86,9 @@ class Comparison:
 
     def _compare(self, recorded: Sample, replayed: Sample) -> None:
         clocked = CLOCKED if isinstance(recorded, Applied) and not self._lockstep else ()
-        for name in [name for name in recorded.__struct_fields__ if name not in clocked]:
-            one, other = getattr(recorded, name), getattr(replayed, name)
+        found, again = values_of(recorded), values_of(replayed)
+        for name in [name for name in found | again if name not in clocked]:
+            one, other = found.get(name), again.get(name)
             if not same(one, other):
                 self._differs(recorded, name, one, other)
                 return
@@ -97,6 +100,19 @@ class Comparison:
         if found.first is None or sample.seq < found.first.seq:
             topic = TOPIC_OF[type(sample)].name
             found.first = Difference(topic, sample.seq, field, recorded, replayed)
+
+
+def values_of(sample: Sample) -> dict[str, Any]:
+    """Return the fields of a sample by name; those of its second arm have the prefix of tables."""
+    values: dict[str, Any] = {}
+    for name in sample.__struct_fields__:
+        if name != "arms":
+            values[name] = getattr(sample, name)
+    arms: tuple[Any, ...] = getattr(sample, "arms", ())
+    for prefix, arm in zip(OF_ARMS, arms, strict=False):
+        for name in arm.__struct_fields__:
+            values[prefix + name] = getattr(arm, name)
+    return values
 
 
 def same(one: Any, other: Any) -> bool:

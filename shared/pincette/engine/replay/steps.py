@@ -100,8 +100,8 @@ def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
 def _joined(estimate: Estimate, applied: Applied) -> bool:
     """Whether an estimate may have been made with this; a tick may be answered twice."""
     return (
-        estimate.applied_V == applied.voltage_V
-        and estimate.limits_active == applied.limits_active
+        estimate.arms[0].applied_V == applied.arms[0].voltage_V
+        and estimate.arms[0].limits_active == applied.arms[0].limits_active
         and estimate.tripped == (applied.state in TRIPPED)
     )
 

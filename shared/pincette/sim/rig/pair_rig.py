@@ -9,7 +9,8 @@ from msgspec import structs
 from msgspec.structs import replace
 
 from pincette.config import Simulation
-from pincette.core.messages.second import SecondTruth
+from pincette.core.messages import GroundTruth
+from pincette.core.messages.arms import ArmTruth
 from pincette.sim.plant.drive import quantised_V
 from pincette.sim.plant.noise import GaussianNoise
 from pincette.sim.plant.pair_modes import Pair
@@ -24,11 +25,10 @@ from pincette.sim.plant.parameters import plant_parameters
 from pincette.sim.plant.plant import advance, left_alone
 from pincette.sim.plant.state import Event, PlantState
 from pincette.sim.rig.pair_commands import PairOrders, PairTimeline
+from pincette.sim.rig.rig import TruthSink
 from pincette.sim.rig.sensor_view import reading_um
 from pincette.sim.rig.wave import NANOSECONDS
 
-PairTruthSink = Callable[[int, float, float, float, SecondTruth], None]
-"""Takes what ``TruthSink`` takes of the first arm, and then what is of the second."""
 NO_WAVES = ValueError("a simulated rig of two arms plays no waves and acquires none")
 NOISE_STREAMS = (0, 2)
 """Of the readings of each arm; 1 is that of captured samples."""
@@ -62,7 +62,7 @@ class SimulatedPair(PairOrders):
         period_s: float,
         lockstep: bool,
         clock: Callable[[], float],
-        truth: PairTruthSink | None = None,
+        truth: TruthSink | None = None,
     ) -> None:
         """``outputs`` are the simulations of each arm, with step and lag of its output resolved."""
         if lockstep and simulation.actuation_delay_s > period_s:
@@ -179,7 +179,8 @@ class SimulatedPair(PairOrders):
         wanted_V = self._due_V or (now.first.target_V, now.second.target_V)
         u_1, u_2 = (quantised_V(arm, u) for arm, u in zip(parameters.arms, wanted_V, strict=True))
         part_um = sample.part_um if sample.part == "there" else None
-        self._truth(seq, x_1, force_1, u_1, SecondTruth(x_2, force_2, u_2, part_um))
+        arms = ArmTruth(x_1, force_1, u_1), ArmTruth(x_2, force_2, u_2)
+        self._truth(GroundTruth(seq, arms, part_um))
 
     def _catch_up(self) -> None:
         timeline = self._timeline

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 from pincette.config import Simulation
+from pincette.core.messages import GroundTruth
+from pincette.core.messages.arms import ArmTruth
 from pincette.sim.plant import plant
 from pincette.sim.plant.noise import GaussianNoise
 from pincette.sim.plant.state import Event, PlantState
@@ -15,9 +17,9 @@ from pincette.sim.rig.commands import Orders
 from pincette.sim.rig.timeline import Timeline
 from pincette.sim.rig.wave import NANOSECONDS, Grid, Wave, checked_V
 
-TruthSink = Callable[[int, float, float, float], None]
-"""Takes the number of the tick from 0, and what was true at the sample before it: position in
-µm, contact force in mN; then the voltage in V that the output aims at."""
+TruthSink = Callable[[GroundTruth], None]
+"""Takes the truth of a tick, counted from 0: position and contact force at the sample before it,
+and the voltage that the output aims at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +206,7 @@ class SimulatedRig(Orders):
     def _end_tick(self, sample: tuple[float, float], target_V: float) -> None:
         seq, self._ticks, self._sample = self._ticks, self._ticks + 1, None
         if self._truth is not None:
-            self._truth(seq, *sample, target_V)
+            self._truth(GroundTruth(seq, (ArmTruth(*sample, target_V),)))
 
     def _pass_delay(self, tick: int) -> None:
         delay_s = self._simulation.actuation_delay_s

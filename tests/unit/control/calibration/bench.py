@@ -10,6 +10,7 @@ import numpy as np
 from pincette.config import Simulation, read_rig
 from pincette.control.planning.program import Segment
 from pincette.control.planning.segments import Drive, paths_of
+from pincette.core.messages import GroundTruth
 from pincette.sim.rig.rig import SimulatedRig
 from tests.support.drawn.random_rigs import random_simulation
 from tests.support.drawn.true_values import TrueValues, true_values
@@ -53,9 +54,9 @@ class Bench:
             self.simulation, PERIOD_S, lockstep=True, clock=lambda: 0.0, truth=self._know
         )
 
-    def _know(self, _seq: int, x_um: float, force_mN: float, _voltage_V: float) -> None:
-        self.true_x_um.append(x_um)
-        self.true_force_mN.append(force_mN)
+    def _know(self, truth: GroundTruth) -> None:
+        self.true_x_um.append(truth.arms[0].x_um)
+        self.true_force_mN.append(truth.arms[0].force_mN)
 
     def tick(self, voltage_V: float) -> float:
         """Read, put out, and return the reading."""
