@@ -130,7 +130,7 @@ def test_a_stop_in_flight_holds_the_force_that_is_there() -> None:
         arm.tick()
         assert arm.estimate().force_mN == pytest.approx(force_mN, abs=0.5)
     assert arm.player.held
-    assert arm.player.segment.phase == "hold"
+    assert arm.player.segment.phase == "stopped"
 
 
 @pytest.mark.parametrize("contact_um", [2.0, 5.0, 8.0])
