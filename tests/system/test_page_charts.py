@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from matplotlib.figure import Figure
@@ -15,10 +15,13 @@ from playwright.sync_api import Browser, ViewportSize
 from tests.support.browser import Visit, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
+from tests.support.two_arms import two_arm_rig
 from tests.system.test_page_search import gripped
 from tests.unit.supervisor.harness import Harness
 
 PHONE = {"width": 390, "height": 844}
+PATIENCE_S = 120.0
+"""Time that the page may need on a busy machine, in s."""
 OVERLAPS = """() => {
   const words = [...document.querySelectorAll('h1, h2, th, td, dt, dd, figcaption > *, button, p')]
     .filter((each) => each.offsetParent !== null && each.textContent.trim()
@@ -110,6 +113,89 @@ def test_errors_are_shown_with_the_tolerance_of_the_job(browser: Browser, desk: 
         seen.until("#readouts", "tolerance ± 0.80")
         assert seen.errors == []
     context.close()
+
+
+DRAW_BOTH = """async () => {
+  const { QUANTITIES, Strip } = await import(new URL("page/js/plots/strip.js", document.baseURI));
+  const { palette } = await import(new URL("page/js/plots/axes.js", document.baseURI));
+  const strip = new Strip(QUANTITIES[0]);
+  strip.element.style.cssText = "position: fixed; inset: 0; width: 300px; height: 200px";
+  document.body.append(strip.element);
+  strip.settle({ first: true, last: true, both: true });
+  const source = { count: 100, since: (t) => Math.max(0, Math.min(100, Math.ceil(t * 10))),
+    time: (i) => i / 10, value: (name) => ({ x_um: 1, second_x_um: 5 }[name] ?? NaN),
+    gap: () => false, part: () => "", phase: () => "" };
+  const colours = palette();
+  strip.draw(source, { from: 0, to: 10, seconds: 10, cross: null }, colours);
+  const { width, height } = strip.canvas;
+  const { data } = strip.canvas.getContext("2d").getImageData(0, 0, width, height);
+  strip.element.remove();
+  return [colours.measured, colours.second].map((colour) => {
+    const wanted = [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16));
+    let found = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      if (wanted.every((part, k) => Math.abs(data[i + k] - part) < 12)) found += 1;
+    }
+    return found > 100;
+  });
+}"""
+"""Draw a chart of both arms; return whether the colour of each arm is in it."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_both_arms_of_a_quantity_share_a_chart_inside_the_card(
+    browser: Browser, tmp_path: Path, scheme: Literal["light", "dark"], width: int
+) -> None:
+    desk = Harness(two_arm_rig(), tmp_path)
+    size: ViewportSize = {"width": width, "height": 800}
+    context = browser.new_context(viewport=size, color_scheme=scheme)
+    try:
+        with served(desk.app) as address:
+            seen = visit(context, address)
+            seen.until("[data-quantity=x_um] .key.second", "arm 2", PATIENCE_S)
+            assert strips(seen) == ["x_um", "force_mN", "place_um", "voltage_V"]
+            captions = [seen.text(f"[data-quantity={name}] figcaption") for name in strips(seen)]
+            assert ["arm 1" in text and "arm 2" in text for text in captions] == [
+                True,
+                True,
+                False,
+                True,
+            ]
+            names = seen.page.locator("#readouts tr:visible th").all_inner_texts()
+            assert names == [
+                "Position, arm 1",
+                "Position, arm 2",
+                "Contact force, arm 1",
+                "Contact force, arm 2",
+                "Place",
+                "Voltage, arm 1",
+                "Voltage, arm 2",
+            ]
+            low = [bottom_of(seen, name) for name in (".scope", ".strip.last canvas")]
+            assert low[1] <= low[0]
+            heights = [
+                strip.bounding_box() or {"height": 0.0}
+                for strip in seen.page.locator(".strip:visible canvas").all()
+            ]
+            assert min(box["height"] for box in heights) >= 50.0
+            assert seen.page.evaluate(DRAW_BOTH) == [True, True]
+            seen.page.click("#window [data-seconds='3600']")
+            seen.until("#scope-title", "Records", PATIENCE_S)
+            captions = seen.page.locator(".strip:visible").all_inner_texts()
+            assert not [text for text in captions if "arm 2" in text]
+            assert strips(seen) == ["x_um", "force_mN", "voltage_V"]
+            assert seen.errors == []
+    finally:
+        context.close()
+        desk.close()
+
+
+def bottom_of(seen: Visit, selector: str) -> float:
+    """Return the lower edge of the last visible element of a selector, in pixels."""
+    box = seen.page.locator(selector).locator("visible=true").last.bounding_box()
+    assert box is not None
+    return box["y"] + box["height"]
 
 
 def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:

@@ -26,7 +26,7 @@ export function palette() {
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     grid: colour("line"), text: colour("muted"), ink: colour("ink"), limit: colour("bad"),
-    measured: colour("measured"), reference: colour("reference"), band: colour("band"),
+    measured: colour("measured"), second: colour("second"), reference: colour("reference"), band: colour("band"),
     shade: colour("shade"), zone: colour("zone"), font: `12px ${getComputedStyle(document.body).fontFamily}`,
   };
 }

@@ -47,13 +47,15 @@ export class Charts {
       view.held = null;
     }
     const most = this.past.hours ? 1 : this.arms;
-    const seen = this.strips.filter(({ quantity }) => (quantity.arms ?? 1) <= most
+    const both = most > 1;
+    const listed = this.strips.filter(({ quantity }) => (quantity.arms ?? 1) <= most
       && (quantity.expert ? view.expert : !quantity.shows || quantity.shows === view.shows));
+    const seen = listed.filter(({ quantity }) => !quantity.drawnIn);
     for (const [place, strip] of this.strips.entries()) {
-      const shown = seen.includes(strip);
-      strip.element.hidden = !shown;
-      this.readouts[place].element.hidden = !shown;
-      strip.settle({ first: strip === seen[0], last: strip === seen.at(-1) });
+      strip.element.hidden = !seen.includes(strip);
+      this.readouts[place].element.hidden = !listed.includes(strip);
+      strip.settle({ first: strip === seen[0], last: strip === seen.at(-1), both });
+      this.readouts[place].settle({ both });
     }
     this.dirty = true;
   }

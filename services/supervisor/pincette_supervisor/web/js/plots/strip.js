@@ -4,13 +4,21 @@ import { h, setText } from "../dom.js";
 import { number } from "../words.js";
 import { Axes, niceRange, niceStep } from "./axes.js";
 
-/** `shows`: only among the values, or the errors; `tolerance`: what a job may state for it; `arms`:
- * of rigs with so many, of which the records of hours say nothing. */
+/** The quantities that are shown, in the order of the page.
+ * `shows`: shown among the values or among the errors only. `tolerance`: the tolerance that a job may
+ * state. `arms`: shown for rigs with this many arms only; the records of hours have the first arm only.
+ * `second`: the same quantity of arm 2, drawn in the same chart. `drawnIn`: the chart that draws this
+ * quantity, which has no chart of its own. */
 export const QUANTITIES = [
-  { name: "Position", unit: "µm", value: "x_um", reference: "x_r_um", least: 1,
+  { name: "Position", unit: "µm", value: "x_um", second: "second_x_um", reference: "x_r_um", least: 1,
     decimals: 2, limits: ["position_min", "position_max"], shows: "values" },
-  { name: "Contact force", unit: "mN", value: "force_mN", reference: "force_r_mN",
-    half: "force_uncertainty_mN", least: 2, decimals: 2, limits: ["force_max"], shows: "values" },
+  { name: "Position, arm 2", unit: "µm", value: "second_x_um", least: 1, decimals: 2, limits: [],
+    shows: "values", arms: 2, drawnIn: "x_um" },
+  { name: "Contact force", unit: "mN", value: "force_mN", second: "second_force_mN",
+    reference: "force_r_mN", half: "force_uncertainty_mN", least: 2, decimals: 2,
+    limits: ["force_max"], shows: "values" },
+  { name: "Contact force, arm 2", unit: "mN", value: "second_force_mN", reference: "force_r_mN",
+    least: 2, decimals: 2, limits: [], shows: "values", arms: 2, drawnIn: "force_mN" },
   { name: "Position error", unit: "µm", value: "x_error_um", least: 0.2, decimals: 3, zero: true,
     key: "measured − reference", limits: [], tolerance: "position_tolerance_um", shows: "errors" },
   { name: "Force error", unit: "mN", value: "force_error_mN", half: "force_uncertainty_mN", least: 0.5,
@@ -18,18 +26,14 @@ export const QUANTITIES = [
     tolerance: "force_tolerance_mN", shows: "errors" },
   { name: "Place", unit: "µm", value: "place_um", reference: "place_r_um", least: 1, decimals: 2,
     limits: [], shows: "values", arms: 2 },
-  { name: "Second position", unit: "µm", value: "second_x_um", least: 1, decimals: 2, key: "measured",
-    limits: ["position_min", "position_max"], shows: "values", arms: 2 },
-  { name: "Second force", unit: "mN", value: "second_force_mN", reference: "force_r_mN", least: 2,
-    decimals: 2, key: "estimate", limits: ["force_max"], shows: "values", arms: 2 },
   { name: "Place error", unit: "µm", value: "place_error_um", least: 0.2, decimals: 3, zero: true,
     key: "measured − reference", limits: [], shows: "errors", arms: 2 },
-  { name: "Forces apart", unit: "mN", value: "apart_mN", least: 0.5, decimals: 2, zero: true,
-    key: "first − second", limits: [], shows: "errors", arms: 2 },
-  { name: "Voltage", unit: "V", value: "voltage_V", least: 0.2, decimals: 3, key: "applied",
-    limits: ["voltage_min", "voltage_max"] },
-  { name: "Second voltage", unit: "V", value: "second_voltage_V", least: 0.2, decimals: 3, key: "applied",
-    limits: ["voltage_min", "voltage_max"], arms: 2 },
+  { name: "Difference of both forces", unit: "mN", value: "apart_mN", least: 0.5, decimals: 2,
+    zero: true, key: "arm 1 − arm 2", limits: [], shows: "errors", arms: 2 },
+  { name: "Voltage", unit: "V", value: "voltage_V", second: "second_voltage_V", least: 0.2,
+    decimals: 3, key: "applied", limits: ["voltage_min", "voltage_max"] },
+  { name: "Voltage, arm 2", unit: "V", value: "second_voltage_V", least: 0.2, decimals: 3, limits: [],
+    arms: 2, drawnIn: "voltage_V" },
   { name: "Sliding function", unit: "µm", value: "sliding_um", zero: true, least: 0.2, decimals: 3,
     key: "of the law", limits: [], expert: true },
 ];
@@ -58,8 +62,10 @@ export class Strip {
     this.quantity = quantity;
     this.canvas = h("canvas", { "aria-hidden": "true" });
     this.said = h("output", { class: "strip-said" });
-    const key = quantity.key ?? (quantity.half ? "estimate ± u" : "measured");
-    const keys = [h("span", { class: "key measured" }, key)];
+    this.key = quantity.key ?? (quantity.half ? "estimate ± u" : "measured");
+    this.measured = h("span", { class: "key measured" }, this.key);
+    this.other = h("span", { class: "key second", hidden: true }, "arm 2");
+    const keys = [this.measured, this.other];
     if (quantity.reference) keys.push(h("span", { class: "key reference" }, "reference"));
     this.within = h("span", { class: "key zone", hidden: true });
     this.element = h("figure", { class: "strip", "data-quantity": quantity.value },
@@ -71,8 +77,13 @@ export class Strip {
     this.tolerance = null;
   }
 
-  /** The first strip names the phases, the last has the time below. */
-  settle({ first, last }) {
+  /** Prepare the chart: the first one names the phases, the last has the time below it, and with `both`
+   * it draws arm 2 as well. */
+  settle({ first, last, both }) {
+    const { second, half } = this.quantity;
+    this.second = both ? second : undefined;
+    this.other.hidden = !this.second;
+    setText(this.measured, this.second ? `arm 1${half ? " ± u" : ""}` : this.key);
     this.first = first;
     this.last = last;
     this.axes.top = first ? 20 : 8;
@@ -95,7 +106,8 @@ export class Strip {
     let [low, high] = zero ? [0, 0] : [Infinity, -Infinity];
     if (this.tolerance !== null) [low, high] = [-1.2 * this.tolerance, 1.2 * this.tolerance];
     for (let i = first; i < source.count; i += 1) {
-      for (const v of [...this.ends(source, i), reference ? source.value(reference, i) : NaN]) {
+      const others = [reference, this.second].map((name) => (name ? source.value(name, i) : NaN));
+      for (const v of [...this.ends(source, i), ...others]) {
         if (Number.isFinite(v)) [low, high] = [Math.min(low, v), Math.max(high, v)];
       }
     }
@@ -128,6 +140,7 @@ export class Strip {
     if (reference) {
       axes.line(first, end, time, of(reference), colours.reference, { dash: [6, 4], width: 1.4, ...breaks });
     }
+    if (this.second) axes.line(first, end, time, of(this.second), colours.second, breaks);
     axes.line(first, end, time, of(value), colours.measured, breaks);
     if (view.cross !== null) axes.upright(view.cross, colours.ink);
     axes.unclip();
@@ -159,10 +172,13 @@ export class Strip {
     axes.names([first, ...starts].map((i) => [source.time(i), source.phase(i)]), source.time(end - 1));
   }
 
-  /** The value at a point; in hours the smallest and the largest. */
+  /** The value at a point, of both arms where both are drawn; in hours the smallest and the largest. */
   words(source, index) {
     const { value, unit, decimals } = this.quantity;
-    if (!source.envelope) return `${number(source.value(value, index), decimals)} ${unit}`;
+    if (!source.envelope) {
+      const values = this.second ? [value, this.second] : [value];
+      return `${values.map((name) => number(source.value(name, index), decimals)).join(" and ")} ${unit}`;
+    }
     const [low, high] = this.ends(source, index).map((each) => number(each, decimals));
     return low === high ? `${low} ${unit}` : `${low} to ${high} ${unit}`;
   }
@@ -176,10 +192,16 @@ export class Readout {
     this.value = h("span", { class: "figure" }, "–");
     this.more = h("span", { class: "more" });
     this.reference = h("td", { class: "ref", role: "cell" });
-    this.element = h("tr", { role: "row" },
-      h("th", { scope: "row", role: "rowheader" }, quantity.name),
+    this.name = h("th", { scope: "row", role: "rowheader" }, quantity.name);
+    this.element = h("tr", { role: "row" }, this.name,
       h("td", { class: "now", role: "cell" }, this.value, " ",
         h("span", { class: "unit" }, quantity.unit), this.more), this.reference);
+  }
+
+  /** Name the arm where the rig has two. */
+  settle({ both }) {
+    const { name, second } = this.quantity;
+    setText(this.name, both && second ? `${name}, arm 1` : name);
   }
 
   show(recent) {
