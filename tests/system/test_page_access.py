@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ViewportSize
 from starlette.types import Receive, Scope, Send
@@ -77,6 +78,17 @@ def barred(seen: Visit, place: str) -> str:
     """Why a control is switched off; empty where it is not."""
     control = seen.page.locator(place)
     return str(control.get_attribute("title") or "") if control.is_disabled() else ""
+
+
+def test_the_banner_of_a_stop_says_who_pressed_and_when(
+    bench: Bench, context: BrowserContext
+) -> None:
+    seen = visit(context, bench.address)
+    address = f"{bench.address}/api/v1/rigs/demo/estop"
+    assert httpx.post(address, headers={"X-Operator": "Ada"}).status_code == 200
+    seen.until("#latch-cause", "Cause: emergency stop, by Ada, at ", LONG_S)
+    seen.page.reload()
+    seen.until("#latch-cause", "Cause: emergency stop, by Ada, at ", LONG_S)
 
 
 def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.control.record import replace
-from pincette.core.faults import FaultCode, Mode, fault
+from pincette.core.faults import Cause, FaultCode, Mode, fault
+from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.journal import alarm_rows
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
@@ -157,6 +158,19 @@ def test_who_asked_for_an_emergency_stop_is_in_its_words(harness: Harness) -> No
     (row,) = alarms(harness)
     assert (row["cause"], row["job"]) == ("estop", None)
     assert row["words"] == "estop: an emergency stop was asked for, by Ada"
+
+
+def test_the_first_of_several_requests_names_an_emergency_stop(harness: Harness) -> None:
+    book, reason = harness.manager.context.alarms, TripReason(Cause.ESTOP)
+    for names in (["Ada", "192.0.2.7"], ["Bob"]):
+        for name in names:
+            book.expect(Cause.ESTOP, name)
+        for _ in names:
+            book.raise_trip(reason, "estop", None)
+        harness.until(lambda by=names[0]: alarms(harness)[0]["words"] == f"estop, by {by}")
+        book.expect(Cause.ESTOP, "late")
+        book.raise_trip(reason, "estop", None)
+        book.reset()
 
 
 def test_a_program_that_dies_stands_until_it_is_back(harness: Harness) -> None:

@@ -47,20 +47,23 @@ class AlarmLog:
         self._write_queue.submit(write)
 
     def expect(self, cause: Cause, by: str) -> None:
-        """Note who asks for a trip, before the actuator is asked."""
+        """Note who requests a trip, before the actuator is asked; the first of several counts.
+
+        A page repeats a stop without its credentials where the reply takes long.
+        """
         with self._lock:
-            self._by[cause] = by
+            self._by.setdefault(cause, by)
 
     def raise_trip(self, reason: TripReason, words: str, job: str | None, detail: str = "") -> None:
         """Raise the alarm of a trip, once however often it is noticed; ``detail``: what failed."""
         # Asked without the lock, which an emergency stop takes, too: the journal may hang.
         stands = self._stands_already(reason.cause)
         with self._lock:
-            if self._tripped == reason or stands:
-                self._tripped = reason
-                return
-            self._tripped = reason
             by = self._by.pop(reason.cause, "")
+            known = self._tripped == reason or stands
+            self._tripped = reason
+            if known:
+                return
         text = f"{words}, by {by}" if by else words
         self.raise_alarm(
             str(reason.cause),

@@ -27,6 +27,12 @@ export class Alarms {
     this.render(open);
   }
 
+  /** Return the alarm of the trip that latches the rig, or null where none is known. */
+  tripOf({ cause }) {
+    return this.alarms.find((each) => each.clears === "reset" && each.cleared_at === null
+      && each.cause === cause) ?? null;
+  }
+
   mark(open) {
     const tab = byId("tab-rig");
     const text = open ? `Rig (${open})` : "Rig";

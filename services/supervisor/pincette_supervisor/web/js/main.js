@@ -75,7 +75,12 @@ async function newestJob() {
 async function refresh() {
   rig = await get(RIG_PATH);
   rigAnswered();
-  showRig(rig);
+  const trip = alarms.tripOf(rig.latch);
+  showRig(rig, trip);
+  // The alarm of a trip is written after the trip, and its event may come while no stream is open.
+  if (!trip && rig.allowed_actions.includes("reset") && rig.latch.cause !== "boot") {
+    alarms.refresh().catch(() => {});
+  }
   checks.follow(rig);
   claim.follow(rig);
   form.follow(rig);

@@ -4,7 +4,9 @@ import { post, RIG_PATH, told } from "./api.js";
 import { claimedBy } from "./claim.js";
 import { alarm } from "./connection.js";
 import { byId, chip, h, setText, show } from "./dom.js";
-import { duration, plain } from "./words.js";
+import { clock, duration, plain } from "./words.js";
+
+const CAUSES = { estop: "emergency stop", boot: "the actuator was switched on" };
 
 function fact(name, id, content) {
   return h("div", { class: "fact" }, h("dt", {}, name), h("dd", { id: `fact-${id}` }, content));
@@ -72,14 +74,15 @@ function notices(rig) {
   return groups.filter(([, reasons]) => reasons.length);
 }
 
-export function showRig(rig) {
+/** Show the rig in the bar and in notices; `trip` is the alarm of the trip that latches it, or null. */
+export function showRig(rig, trip) {
   show(byId("facts"), [start(rig), stands(rig), rig.safe_to_move?.value,
     rig.latch, rig.allowed_actions, rig.model], () => facts(rig));
   const groups = notices(rig);
   byId("reasons").hidden = groups.length === 0;
   show(byId("reasons"), groups, () => groups.map(([title, reasons]) => h("div", {}, h("h2", {}, title),
     h("ul", {}, ...reasons.map((reason) => h("li", {}, reason))))));
-  showLatch(rig);
+  showLatch(rig, trip);
 }
 
 /** Why the stage waits; where the actuator is latched the reset says all of it. */
@@ -89,7 +92,15 @@ function stageWaits(rig) {
     : ` The stage must wait: ${rig.safe_to_move.reasons.join("; ")}.`;
 }
 
-function showLatch(rig) {
+/** Return the cause of the latch in words, with who asked for it and its time where they are known. */
+function causeOf(latch, trip) {
+  const cause = CAUSES[latch.cause] ?? (latch.words || latch.cause);
+  if (!trip) return cause;
+  const more = trip.words.startsWith(latch.words) ? trip.words.slice(latch.words.length) : "";
+  return `${cause}${more}, at ${clock(trip.last_at)}`;
+}
+
+function showLatch(rig, trip) {
   const latched = rig.allowed_actions.includes("reset");
   const before = !byId("latch").hidden;
   byId("latch").hidden = !latched;
@@ -98,9 +109,8 @@ function showLatch(rig) {
     openReset(false);
     return;
   }
-  const cause = { estop: "emergency stop", boot: "the actuator was switched on" }[rig.latch.cause];
   setText(byId("latch-title"), `The actuator is ${plain(rig.latch.state)}`);
-  setText(byId("latch-cause"), `Cause: ${cause ?? (rig.latch.words || rig.latch.cause)}. Nothing moves until a person `
+  setText(byId("latch-cause"), `Cause: ${causeOf(rig.latch, trip)}. Nothing moves until a person `
     + `has reset the rig${rig.part === "held" ? "; a part is held" : ""}.${stageWaits(rig)}`);
   if (!before) alarm(`${byId("latch-title").textContent}. ${byId("latch-cause").textContent}`);
 }
