@@ -177,14 +177,14 @@ class Tools:
         """
         with told():
             rig, fields = await self._rig(), self._plans.take(token)
-            active = await rig.active_job()
-            own = active is not None and LABEL in active.job.labels and "hold_s" not in fields
-            if active is not None and own:
-                now = kept_by_stop(active.job, fields["force_mN"])
-                if now is not None:
-                    return _gripped(active, "held", now.force_mN, now.force_uncertainty_mN)
-            self._asked.add(token)
+            self._asked.add(token)  # before anything is awaited: a stop may come meanwhile
             try:
+                active = await rig.active_job()
+                own = active is not None and LABEL in active.job.labels and "hold_s" not in fields
+                if active is not None and own:
+                    now = kept_by_stop(active.job, fields["force_mN"])
+                    if now is not None:
+                        return _gripped(active, "held", now.force_mN, now.force_uncertainty_mN)
                 labels = {LABEL: token}
                 job = await rig.start("grip", idempotency_key=token, labels=labels, **fields)
                 endless = "hold_s" not in fields
