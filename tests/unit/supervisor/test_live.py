@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Iterable
 from itertools import pairwise
+from math import ceil
 
 import pytest
 from msgspec.structs import replace
@@ -11,7 +12,7 @@ from pydantic import ValidationError
 from pincette.api.live import LiveBatch
 from pincette.bus.memory import MemoryBus
 from pincette.core.faults import FaultCode, fault
-from pincette.core.messages import Message, Position, Telemetry
+from pincette.core.messages import Estimate, Message, Position, Telemetry
 from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
 from pincette_supervisor.access.access import Access
@@ -23,6 +24,7 @@ from pincette_supervisor.rigs.live import (
     KEPT,
     LATE_TICKS,
     LISTENERS_MAX,
+    STALL_S,
     LiveCursor,
     LiveSamples,
     TooManyListenersError,
@@ -72,6 +74,13 @@ class Scene:
 @pytest.fixture
 def scene() -> Scene:
     return Scene()
+
+
+def zeroed_ticks(count: int) -> list[samples.Tick]:
+    """Return the first ticks of a grip whose force is known."""
+    ticks = list(samples.grip())
+    first = next(n for n, one in enumerate(ticks) if one.estimate.arms[0].zero_age_s is not None)
+    return ticks[first : first + count]
 
 
 def heard(listener: LiveCursor) -> list[LiveBatch]:
@@ -140,6 +149,38 @@ def test_the_order_within_a_tick_does_not_matter(scene: Scene) -> None:
     batches = heard(listener)
     assert seqs(batches) == list(range(20))
     assert None not in batches[0].x_r_um
+
+
+def test_the_force_has_no_hole_where_the_messages_of_a_stall_come_program_by_program(
+    scene: Scene,
+) -> None:
+    listener = scene.live.open()
+    ticks = zeroed_ticks(60)
+    scene.play(ticks[:10])
+    stalled = ticks[10:50]
+    for messages in zip(*(tick.messages() for tick in stalled), strict=True):
+        scene.say(messages)
+    scene.play(ticks[50:])
+    batches = heard(listener)
+    assert seqs(batches) == [tick.position.seq for tick in ticks]
+    for batch in batches:
+        assert None not in batch.force_mN
+        assert None not in batch.x_r_um
+        assert None not in batch.voltage_V
+
+
+def test_samples_are_shown_where_the_estimates_have_ended(scene: Scene) -> None:
+    listener = scene.live.open()
+    ticks = zeroed_ticks(100)
+    scene.play(ticks[:10])
+    for tick in ticks[10:]:
+        scene.now_s += PERIOD_S
+        scene.say(one for one in tick.messages() if not isinstance(one, Estimate))
+    found = [pair for one in heard(listener) for pair in zip(one.seq, one.force_mN, strict=True)]
+    late = ceil(STALL_S / PERIOD_S) + 1
+    assert len(found) >= len(ticks) - late
+    assert [seq for seq, _ in found] == [tick.position.seq for tick in ticks[: len(found)]]
+    assert [force_mN is None for _, force_mN in found] == [n >= 10 for n in range(len(found))]
 
 
 def test_a_sample_without_the_controllers_view_is_told_late_and_keeps_the_phase(

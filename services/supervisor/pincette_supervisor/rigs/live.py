@@ -24,7 +24,10 @@ KEPT = int(KEPT_S * KEPT_PER_S)
 EVENT_POINTS, HISTORY_POINTS = 60, 1200
 """Most points of one reading: of later ones, and of the first, which brings the past."""
 LATE_TICKS = 8
-"""A row waits so many ticks for its messages."""
+"""Ticks for which a row waits for its messages."""
+STALL_S = 0.5
+"""Longest time for which a row waits beyond that, in s, while a program's messages have not reached
+its number. After a stall all messages of one program may arrive before those of the next one."""
 LISTENERS_MAX = 16
 """Listeners of one client."""
 
@@ -88,6 +91,8 @@ class LiveSamples:
         self._pending: dict[int, Row] = {}
         """Rows of the newest epoch that still wait for messages, by seq."""
         self._epoch: int | None = None
+        self._passed: dict[type[Message], int] = {}
+        """Newest number of each kind of message in the epoch, positions excluded."""
         self._place = (-1, -1)
         """Epoch of the newest row, and its number divided by the stride; an idle rig leaves numbers
         out, which need not be multiples of the stride."""
@@ -108,8 +113,11 @@ class LiveSamples:
                     self._place = place
                     self._begin(message)
                 return
+            if message.epoch != self._epoch:
+                return
+            self._passed[type(message)] = message.seq
             row = self._pending.get(message.seq)
-            if row is None or row.epoch != message.epoch:
+            if row is None:
                 return
             _fill(row, message)
             if row.whole and row.estimated and row.applied:
@@ -121,13 +129,24 @@ class LiveSamples:
             if self._pending:
                 self._close(max(self._pending))
             self._epoch = position.epoch
-        self._close(position.seq - LATE_TICKS * self._stride)
+            self._passed.clear()
+        self._close_late(position.seq - LATE_TICKS * self._stride)
         row = Row(position.epoch, position.seq, self.clock(), position.t_s)
         first, *others = position.arms
         row.x_um = first.x_um if first.valid else None
         for other in others:
             row.second = SecondRow(x_um=other.x_um if other.valid else None)
         self._pending[position.seq] = row
+
+    def _close_late(self, seq: int) -> None:
+        """Close the rows up to a number that nothing more can be expected for."""
+        now_s = self.clock()
+        for key in sorted(key for key in self._pending if key <= seq):
+            row = self._pending[key]
+            awaited = row.armed and any(passed < key for passed in self._passed.values())
+            if awaited and now_s - row.at_s < STALL_S and len(self._pending) < KEPT:
+                break
+            self._close(key)
 
     def _close(self, seq: int) -> None:
         """Close every row up to a number, in order."""
