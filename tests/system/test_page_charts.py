@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from playwright.sync_api import Browser, ViewportSize
 
-from tests.support.browser import Visit, visit
+from tests.support.browser import DESK, Visit, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.support.two_arms import two_arm_rig
@@ -267,6 +267,22 @@ def test_one_event_has_one_notice(browser: Browser, desk: Harness) -> None:
             for place in ("#estop-said", "#latch")
         ]
         assert grounds[0] == grounds[1]
+    context.close()
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK])
+def test_the_words_of_the_bar_and_of_the_tabs_say_what_they_are_about(
+    browser: Browser, desk: Harness, size: ViewportSize
+) -> None:
+    context = browser.new_context(viewport=size)
+    with served(desk.app) as address:
+        seen = visit(context, address)
+        assert "Model of the arm\nvalues of the rig file" in seen.text("#facts")
+        seen.page.click("#estop")
+        seen.until("#latch-cause", "Do not move the gripper's stage until then", PATIENCE_S)
+        assert "Gripper's stage\n▲do not move" in seen.text("#facts")
+        seen.until("#tab-rig", "Rig (1 alarm)", PATIENCE_S)
+        assert seen.page.evaluate(OVERLAPS) == []
     context.close()
 
 

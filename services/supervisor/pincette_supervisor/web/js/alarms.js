@@ -35,7 +35,7 @@ export class Alarms {
 
   mark(open) {
     const tab = byId("tab-rig");
-    const text = open ? `Rig (${open})` : "Rig";
+    const text = open ? `Rig (${open} ${open === 1 ? "alarm" : "alarms"})` : "Rig";
     if (tab.textContent !== text) tab.textContent = text;
     tab.setAttribute("aria-label", open ? `Rig, ${open} open alarms` : "Rig");
   }

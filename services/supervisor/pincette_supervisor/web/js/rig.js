@@ -15,7 +15,7 @@ function fact(name, id, content) {
 function safeToMove(rig) {
   const safe = rig.safe_to_move;
   if (!safe) return null;
-  return fact("Stage", "stage", chip(safe.value ? "may move" : "must wait",
+  return fact("Gripper's stage", "stage", chip(safe.value ? "may move" : "do not move",
     safe.value ? "good" : "warn"));
 }
 
@@ -41,13 +41,13 @@ function facts(rig) {
   const trouble = rig.allowed_actions.includes("reset") || ["frozen", "ramping"].includes(state);
   // A latch that nobody has to clear says only that the rig was switched on.
   const quiet = ["switched_on", "unknown"].includes(state) ? "muted" : "good";
-  const model = rig.model.version ? `version ${rig.model.version}` : "rig file";
+  const model = rig.model.version ? `calibrated, version ${rig.model.version}` : "values of the rig file";
   return [
     fact("Start", "start", chip(...start(rig))),
     fact("Part", "part", chip(standing.part, tone)),
     safeToMove(rig),
     fact("Actuator", "latch", chip(standing.state, trouble ? "bad" : quiet)),
-    fact("Model", "model", h("span", { title: rig.model.digest }, model)),
+    fact("Model of the arm", "model", h("span", { title: rig.model.digest }, model)),
   ];
 }
 
@@ -59,7 +59,7 @@ export function start(rig) {
   return ["cannot start", "bad"];
 }
 
-/** Why nothing can start, what the stage waits for, and what a person should see to. */
+/** Why nothing can start, why the stage must not move, and what a person should see to. */
 function notices(rig) {
   const running = rig.active_job !== null;
   const latched = rig.allowed_actions.includes("reset");
@@ -67,7 +67,7 @@ function notices(rig) {
     [rig.startable.length ? "Not every job can start" : "No job can start",
       running || (latched && rig.reasons.length === 1) ? [] : rig.reasons],
     // What has latched the actuator is told in one place, by showLatch.
-    ["The stage must wait", running || latched ? [] : rig.safe_to_move?.reasons ?? []],
+    ["Do not move the stage that carries the gripper", running || latched ? [] : rig.safe_to_move?.reasons ?? []],
     ["Claimed by somebody else", claimedBy(rig)],
     ["See to it", rig.warnings ?? []],
   ];
@@ -85,11 +85,12 @@ export function showRig(rig, trip) {
   showLatch(rig, trip);
 }
 
-/** Why the stage waits; where the actuator is latched the reset says all of it. */
+/** Say that the stage must not move, and why unless the latch is the reason. */
 function stageWaits(rig) {
   if (rig.safe_to_move.value) return "";
-  return rig.latch.state === "latched" ? " The stage must wait until then."
-    : ` The stage must wait: ${rig.safe_to_move.reasons.join("; ")}.`;
+  const words = " Do not move the gripper's stage";
+  return rig.latch.state === "latched" ? `${words} until then.`
+    : `${words}: ${rig.safe_to_move.reasons.join("; ")}.`;
 }
 
 /** Return the cause of the latch in words, with who asked for it and its time where they are known. */
