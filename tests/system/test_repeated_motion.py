@@ -166,7 +166,7 @@ def test_a_motion_is_played_without_its_part_over_rest(rig: RunningRig) -> None:
 def test_the_same_by_the_command_line(rig: RunningRig) -> None:
     url = ["--url", f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"]
     track = ["job", "track", "--shape", "sinusoid", "--force-mean-mN", "12", "--force-pp-mN"]
-    track += ["16", "--frequency-hz", "0.5", "--cycles", "2", "--load-s", "1", *url]
+    track += ["16", "--frequency-hz", "0.5", "--cycles", "2", "--load-s", "1", "--all", *url]
     told = typed(*track)
     assert told.returncode == 0, told.stderr
     assert "force error by the free response" in told.stdout
