@@ -63,6 +63,10 @@ def drive(
     law, law_before = laws[player.segment.law], laws[before.segment.law]
     if state is None:
         state = law_before.start(arms)
+        if before.segment.presses:
+            # A part that is held already: its force is none that comes as a step.
+            taken = Handover(before.ref, pressed=True, anew=True, before=law_before)
+            state = law_before.rebase(state, arms, taken)
     handover = _handover(before, player, law_before)
     if handover is not None:
         state = law.rebase(state, arms, handover)

@@ -40,6 +40,7 @@ from pincette_controller.player_state import (
     with_watch,
 )
 from pincette_controller.slipping import watch_steps
+from pincette_controller.taking_over import force_unknown, keep_as_it_is
 
 RETREAT_S = 2.0
 """How long the way back takes where a program has none."""
@@ -114,6 +115,10 @@ def guard(
     if segment.phase == Phase.LOAD and not (player.pause.active or player.pause.over):
         player = replace(player, line=_line(program, player, estimate))
         to_mN = segment.to_mN if isinstance(segment, Press) else None
+        if program.takes_force_over:
+            if force_unknown(player, estimate):
+                return keep_as_it_is(player)
+            return _follow_line(program, player, period_s, limits)
         rises = (to_mN or 0.0) > player.entry.ref.force_mN
         if rises and not player.outcome and is_uncertain(estimate, to_mN):
             uncertain = with_planned_line(program, player, estimate)
@@ -399,4 +404,7 @@ def watch_part(program: Program, player: Player, force_mN: float, x_um: float) -
         return with_watch(player, count=0) if count else player
     if count + 1 < guards.lost_samples:
         return with_watch(player, count=count + 1)
-    return jump(program, replace(player, outcome=Outcome.LOST), Phase.RETREAT, x_um)
+    lost = replace(player, outcome=Outcome.LOST)
+    if program.takes_force_over:
+        return give_up(program, lost, x_um)
+    return jump(program, lost, Phase.RETREAT, x_um)

@@ -29,6 +29,7 @@ from pincette_controller.player_state import (
     with_watch,
 )
 from pincette_controller.slipping import admissible, within_plan
+from pincette_controller.taking_over import settle_held, take_over
 
 CARRY = "move"
 """Phase in which two arms carry a held part."""
@@ -37,6 +38,8 @@ CARRY = "move"
 def begin(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
     """Return a player at the first segment, with the arm where it is and the force read there."""
     x_um, applied_V = estimate.x_um, estimate.applied_V
+    if program.takes_force_over:
+        return take_over(program, estimate, period_s)
     ref = Reference(x_um, voltages_V=(applied_V,))
     return Player(
         0,
@@ -162,7 +165,9 @@ def _next(program: Program, player: Player, x_um: float, estimate: ArmEstimate |
         player = replace(player, outcome=Outcome.NO_CONTACT)
         return jump(program, player, Phase.RETREAT, x_um)
     settles = segment.phase == Phase.LOAD and program.contact_line == "identified"
-    if settles and estimate is not None:
+    if settles and program.begins_held:
+        player = settle_held(program, player)
+    elif settles and estimate is not None:
         player = _settle_contact(program, player, estimate)
         if player.outcome:
             return jump(program, player, Phase.UNLOAD, x_um)

@@ -163,6 +163,8 @@ class State(FrozenRecord, frozen=True):
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
+    """Time of the zero that the force counts from; below 0 where a held part keeps an earlier one;
+    None: there is none."""
     zero_kept: bool = False
     """True where x_1 still goes through a zero, or a first sample, of an earlier epoch."""
     kept_age_s: float = 0.0

@@ -200,6 +200,8 @@ def _follow_free_motion(
     # What x_1 is known to miss is no matter of its offset.
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
+    if first and not applied.part_held and state.zero_s is not None:
+        state = replace(state, zero_s=None)  # kept for a part that is gone
     response = state.response
     nominal_um = response.nominal_um_per_V * applied.arms[config.arm].voltage_V
     detector = state.contact_detector
@@ -365,8 +367,9 @@ def handle(
 
     The force has no zero until the new epoch takes one. The last offset outlives the arming, so
     that a zero which would hide the force of a part is refused, however often it is tried. Only
-    ``zero_confirmed``, a person's word that nothing touches the arm, gives it up. What no program
-    has followed stays unknown to a new model too, until a stroke has wiped it out.
+    ``zero_confirmed``, a person's word that nothing touches the arm, gives it up. With
+    ``zero_kept`` the zero of the epoch before counts for a part that one arm still holds. What no
+    program has followed stays unknown to a new model too, until a stroke has wiped it out.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
@@ -383,6 +386,8 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
     if kept and not same:
         response = response.begin(state.response.position_um())
     unknown = state.unknown if same else config.unknown.led_through(state.past)
+    played_s = _played_s(config, state) if kept else 0.0
+    carried = request.zero_kept and kept and same and config.arms == 1
     return State(
         response,
         config.response,
@@ -394,7 +399,8 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
         known_V=state.highest_V,
         zero_kept=kept,
         zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
-        kept_age_s=_played_s(config, state) if kept else 0.0,
+        kept_age_s=played_s,
+        zero_s=-played_s if carried and state.zero_s is not None else None,
         refused=state.refused,
         past=state.past,
         stroke=state.stroke if same else None,
@@ -425,6 +431,7 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
         "reversal_memory",
         "highest_V",
         "known_V",
+        "zero_s",
         "zero_kept",
         "kept_age_s",
         "zero_confirmed",

@@ -56,6 +56,7 @@ def arm(
             zero_confirmed,
             None if planned is None else planned.voltage,
             None if planned is None else planned.second_voltage,
+            program.takes_force_over,
         )
         bus.call(ARM[service], request)
         # Before the first sample, so that no program plays without the lease it shall have.

@@ -294,6 +294,8 @@ class CannedRig:
         """End with the part held."""
         self.part_held = True
         self.ticks[self.place :] = []
+        outcome = tick.telemetry.outcome or Outcome.STOPPED
+        self.publish(replace(tick.telemetry, outcome=outcome, playing=False))
         self.publish(replace(tick.applied, state=Mode.IDLE, final=True, part_held=True))
 
     def _finish(self, request: messages.Finish) -> messages.Recorded:

@@ -184,3 +184,50 @@ def test_whoever_listens_hears_states_phases_and_the_result(harness: Harness) ->
     assert states[0] == "preparing"
     assert states[-1] == "succeeded"
     assert harness.bus.notices[-1].epoch == harness.bus.epoch
+
+
+def test_a_new_force_takes_a_part_over_from_a_job_that_still_holds_it(harness: Harness) -> None:
+    job = harness.playing_to(IN_HOLD, until_released=True)
+    taken = harness.post("/jobs", {"kind": "hold", "force_mN": 15.0})
+    assert taken.status_code == 201, taken.text
+    assert harness.bus.acts == ["keep"]
+    assert harness.ended(job)["state"] == "stopped"
+    values = taken.json()["values"]
+    assert values["force_mN"] == 15.0
+    assert values["from_mN"] == pytest.approx(20.0, abs=1.0)
+
+
+@pytest.mark.parametrize("more", [{"hold_s": 4.0}, {"until_released": True}])
+def test_a_job_that_is_on_its_way_keeps_its_part_from_a_new_force(
+    harness: Harness, more: dict[str, object]
+) -> None:
+    place = IN_HOLD if "hold_s" in more else IN_APPROACH
+    harness.playing_to(place, **more)
+    refused = harness.post("/jobs", {"kind": "hold", "force_mN": 15.0})
+    assert refused.status_code in (409, 422), refused.text
+    assert harness.bus.acts == []
+
+
+@pytest.mark.parametrize(
+    ("force_mN", "words"), [(3.0, "twice the contact force"), (41.0, "above the limit 40 mN")]
+)
+def test_a_new_force_that_the_rig_does_not_allow_is_refused(
+    harness: Harness, force_mN: float, words: str
+) -> None:
+    job = harness.playing_to(IN_HOLD, until_released=True)
+    refused = harness.post("/jobs", {"kind": "hold", "force_mN": force_mN})
+    assert refused.status_code == 422, refused.text
+    problem = refused.json()
+    assert problem["type"].endswith("limit-violation")
+    assert {one["pointer"] for one in problem["violations"]} == {"/force_mN"}
+    assert words in problem["detail"]
+    assert harness.bus.acts == []
+    assert harness.get(f"/jobs/{job}")["state"] == "running"
+
+
+def test_a_new_force_is_refused_where_nothing_is_held(harness: Harness) -> None:
+    job = harness.grip()["id"]
+    harness.ended(job)
+    refused = harness.post("/jobs", {"kind": "hold", "force_mN": 15.0})
+    assert refused.status_code == 409, refused.text
+    assert refused.json()["type"].endswith("nothing-held")

@@ -223,8 +223,14 @@ def await_end(active: LiveJob | None) -> None:
 
 
 def hand_over(context: RigContext, active: LiveJob | None, planned: Planned) -> None:
-    """End a job that only holds a part where the next one begins held; raises ProblemError."""
-    if active is not None and active.status.keeps_part and planned.begins_held:
+    """End a job that only holds a part where the next one begins held; raises ProblemError.
+
+    A new force is also taken from a job that still runs, and that holds its part until a release.
+    """
+    if active is None or not planned.begins_held:
+        return
+    takes_over = planned.program.takes_force_over and active.rests_with_part
+    if active.status.keeps_part or takes_over:
         try:
             context.bus.call(ACTION, Action(ActionCode.KEEP))
         except BusError as error:

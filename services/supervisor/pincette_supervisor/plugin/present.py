@@ -29,6 +29,10 @@ class Present:
     """The estimator's finding that the stroke of an arm has changed; None: it has none."""
     pose_um: float | None = None
     """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
+    force_mN: float | None = None
+    """Force of one arm on a part that it holds; None: not known, or no part is held."""
+    force_uncertainty_mN: float | None = None
+    """Expanded uncertainty of that force."""
 
     def stand_V(self, rig: RigFile) -> float:
         """The voltage applied, or where that is not known the rig file's safe voltage."""

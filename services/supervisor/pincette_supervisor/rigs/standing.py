@@ -12,7 +12,8 @@ from typing import NamedTuple
 from pincette.api.rig_states import PART, Certainty, PartState, ReportedPart, RigState
 from pincette.api.rigs import Standing
 from pincette.core.faults import Fault, FaultCode, Mode
-from pincette.core.messages import Applied
+from pincette.core.messages import Applied, Estimate
+from pincette.core.messages.arms import ArmEstimate
 from pincette_supervisor.alarms.trips import output_lost
 from pincette_supervisor.plugin import Present
 from pincette_supervisor.rigs.rig_context import RigContext
@@ -129,6 +130,7 @@ def present(context: RigContext) -> Present | None:
     x_um = measured[0].x_um if measured else None
     second = measured[1] if len(measured) > 1 else None
     known = standing(context).part
+    pressed = _pressing(context, applied) if known == "held" else None
     return Present(
         applied.arms[0].voltage_V,
         x_um,
@@ -137,7 +139,19 @@ def present(context: RigContext) -> Present | None:
         second_um=second.x_um if second is not None and second.valid else None,
         memory_known=memory_known(context),
         stroke=stroke_finding(context),
+        force_mN=None if pressed is None else pressed.force_mN,
+        force_uncertainty_mN=None if pressed is None else pressed.force_uncertainty_mN,
     )
+
+
+def _pressing(context: RigContext, applied: Applied) -> ArmEstimate | None:
+    """Return the newest force of one arm in the epoch of a voltage; None without a zero."""
+    estimate = context.observer.newest(Estimate)
+    if estimate is None or estimate.epoch != applied.epoch or not estimate.valid:
+        return None
+    if len(estimate.arms) != 1 or estimate.arms[0].zero_age_s is None:
+        return None
+    return estimate.arms[0]
 
 
 def memory_known(context: RigContext) -> bool | None:

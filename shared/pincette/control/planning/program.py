@@ -100,6 +100,12 @@ class Program(FrozenRecord, frozen=True):
     slip_retries: Whole = 0
     """Number of slips after which a load goes on from where the part has stopped."""
 
+    @property
+    def takes_force_over(self) -> bool:
+        """Whether it begins with a force of one arm on a part that the arm already holds."""
+        first = self.segments[0] if self.segments else None
+        return self.begins_held and first is not None and first.presses and first.arms != 2
+
     def __post_init__(self) -> None:
         require_positive("contact stiffness K_e", self.contact_stiffness_mN_per_um, "mN/µm")
         for place, segment in enumerate(self.segments):

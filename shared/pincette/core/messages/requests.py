@@ -34,6 +34,8 @@ class Arm(FrozenRecord, frozen=True):
     """Voltages that the plan has stated; None: the limits of the rig."""
     second_voltage: VoltageRange | None = None
     """Voltages of the second arm likewise."""
+    zero_kept: bool = False
+    """Whether the force of a part that is still held keeps the zero of the epoch before."""
 
 
 class Load(FrozenRecord, frozen=True):

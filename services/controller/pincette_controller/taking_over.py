@@ -1,0 +1,70 @@
+"""Beginning with a part that one arm holds already, at the force that acts on it.
+
+The references begin where the arm is measured, with the force that is estimated, so that neither
+they nor the voltage jump. The contact line goes through that sample with the stiffness of the
+hardest part, and follows the samples of the load from there, whether the force rises or falls: a
+falling force is then above its reference, and the contact is not lost.
+
+A force without a zero may hide any force. No voltage is moved for it: the part is kept as it is.
+"""
+
+from msgspec.structs import replace
+
+from pincette.control.planning.load_line import stiffness_bounds
+from pincette.control.planning.program import Program
+from pincette.control.planning.segments import Drive, Entry, Press, Reference
+from pincette.core.faults import Outcome, Phase
+from pincette.core.messages.arms import ArmEstimate
+from pincette_controller.player_state import NO_PAUSE, Began, Player, enter, with_line
+from pincette_controller.slipping import admissible
+
+LARGEST_ERROR = 0.02
+"""Standard error of the fitted stiffness, as a share of it, up to which the fit is used."""
+
+
+def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
+    """Return a player at the first segment, with the force that the estimate states."""
+    x_um, force_mN, applied_V = estimate.x_um, estimate.force_mN, estimate.applied_V
+    ref = Reference(x_um, force_mN=force_mN, voltages_V=(applied_V,))
+    player = Player(
+        0,
+        program.segments[0],
+        0,
+        Entry(ref, period_s),
+        ref,
+        # The force has a zero, so that its limit counts from 0.
+        Began((x_um,), (applied_V,)),
+        (applied_V,),
+        held=True,
+    )
+    _, hardest = stiffness_bounds(program.contact_stiffness_mN_per_um, program.guards)
+    return with_line(player, x_um - force_mN / hardest, hardest)
+
+
+def force_unknown(player: Player, estimate: ArmEstimate) -> bool:
+    """Whether a held part is moved by a force that has no zero, or whose U is as large."""
+    segment = player.segment
+    if segment.phase != Phase.LOAD or player.outcome:
+        return False
+    goal_mN = segment.to_mN if isinstance(segment, Press) else None
+    unsure = goal_mN is not None and estimate.force_uncertainty_mN >= goal_mN
+    return estimate.zero_age_s is None or unsure
+
+
+def keep_as_it_is(player: Player) -> Player:
+    """Keep the voltage of a part whose force is not known, until it is released."""
+    kept = replace(player, outcome=Outcome.UNCERTAIN_FORCE, pause=NO_PAUSE)
+    return enter(kept, -1, Drive(Phase.STOPPED, None, player.segment.law))
+
+
+def settle_held(program: Program, player: Player) -> Player:
+    """Take the contact line as fitted over the load, where the fit is sure and admissible.
+
+    Unlike a grip a wrong stiffness ends nothing: the part is held already.
+    """
+    fit = player.line.fit()
+    if fit is None or not admissible(program, fit.K_e_mN_per_um):
+        return player
+    if fit.K_e_error_mN_per_um > LARGEST_ERROR * fit.K_e_mN_per_um:
+        return player
+    return with_line(player, fit.x_e_um, fit.K_e_mN_per_um)

@@ -1,0 +1,205 @@
+"""A new force on a part that one arm holds: a load or an unload to it, a hold, and the release.
+
+The references begin where the arm is, with the force that acts, and move along the contact line.
+The voltage is predicted from the one applied: by the identified free response from a memory that
+came to that voltage from below, else by d_p. The range of voltages also covers a memory that came
+to it from above, as after a higher force.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pincette.control.checks import require_positive
+from pincette.control.planning.contact_line import LoadLine
+from pincette.control.planning.contact_plan import (
+    LOST_FRACTION,
+    LOST_SAMPLES,
+    ZERO_WAIT_S,
+    MotionPlan,
+    PlannedRig,
+    voltage_range,
+)
+from pincette.control.planning.contact_request import CONTACT_SAMPLES, MARGIN_UM
+from pincette.control.planning.feasibility import excursions, named_violation
+from pincette.control.planning.load_line import LEAST_STIFFNESS
+from pincette.control.planning.motion_plan import Stand
+from pincette.control.planning.prediction import (
+    nominal,
+    planned_phases,
+    predict,
+    require_bounded,
+    sample_course,
+)
+from pincette.control.planning.profiles import SHORTEST_MOVE_S
+from pincette.control.planning.program import Guards, PlannedRange, Program
+from pincette.control.planning.segments import Drive, Entry, Press, Ramp, Reference, Segment
+from pincette.control.planning.touch_force import short_load, uncertain_force, weak_force
+from pincette.control.response.hysteresis import HysteresisModel, HysteresisState, start
+from pincette.control.response.hysteresis import step as state_after
+from pincette.control.response.inverse import free_voltages
+
+STEPS, STEP_S = 50, 0.04
+"""Steps of a way, and the time of each, in which a model is moved along it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldForceRequest:
+    """The force that a held part is loaded or unloaded to, and how.
+
+    Raises
+    ------
+    ValueError
+        Where a number is impossible.
+    """
+
+    force_mN: float
+    load_s: float
+    """Time of the way to the force, up or down."""
+    hold_s: float | None
+    """None: until an action ends it."""
+    release_s: float
+    contact_force_mN: float
+    stiffness_mN_per_um: float
+    """K_e as planned."""
+    stiffness_tolerance: float
+    """Share of K_e by which the part may differ; below 1."""
+
+    def __post_init__(self) -> None:
+        for name in ("force_mN", "load_s", "release_s", "contact_force_mN", "stiffness_mN_per_um"):
+            require_positive(name, getattr(self, name), "")
+        if self.hold_s is not None:
+            require_positive("hold_s", self.hold_s, "s")
+
+
+@dataclass(frozen=True, slots=True)
+class HeldStand(Stand):
+    """Where the arm stands that holds a part, and what it presses it with."""
+
+    force_mN: float
+    uncertainty_mN: float
+    """Expanded uncertainty of that force."""
+
+
+def plan_held_force(
+    request: HeldForceRequest,
+    rig: PlannedRig,
+    stand: HeldStand,
+    safe_V: float,
+    pointers: Mapping[str, str],
+) -> MotionPlan:
+    """Plan the way to a new force; phases ``load``, ``hold`` and ``unload``.
+
+    Parameters
+    ----------
+    pointers
+        The member of the request that leads beyond a limit, by ``phase`` or ``phase quantity``.
+
+    Raises
+    ------
+    ValueError
+        Where d_p, s_p or the period is not finite and positive, or where it takes too long.
+    """
+    d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
+    s_p = require_positive("compliance", rig.compliance_um_per_mN, "µm/mN")
+    K_e, force_mN, hold_s = request.stiffness_mN_per_um, request.force_mN, request.hold_s
+    settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
+    segments: tuple[Segment, ...] = (
+        Press("load", request.load_s, to_mN=force_mN),
+        Press("hold", hold_s, to_mN=force_mN, move_s=settle_s),
+        Drive("unload", request.release_s, courses=(Ramp(safe_V),)),
+    )
+    change_mN = force_mN - stand.force_mN
+    way_um = change_mN * (s_p + 1.0 / K_e)
+    ways_V = _voltages_V(rig, stand.voltage_V, way_um)
+    course_V = ways_V[0]
+
+    def follow(segment: Segment, entry: Entry, ref: Reference) -> Reference:
+        if segment.open_loop:
+            # The part keeps the arm from following its voltage: the gain of the way to rest.
+            begin, (begin_V,) = entry.ref, entry.ref.voltages_V
+            way_V = begin_V - safe_V
+            gain = d_p if not way_V else (begin.x_um - rig.x_start_um - d_p * safe_V) / way_V
+            return nominal(gain, segment, entry, ref)
+        share = (ref.force_mN - stand.force_mN) / change_mN if change_mN else 0.0
+        return ref._replace(voltages_V=(_at_share(course_V, share),))
+
+    line = LoadLine(stand.x_um - stand.force_mN / K_e, K_e)
+    begins = Reference(stand.x_um, force_mN=stand.force_mN, voltages_V=(stand.voltage_V,))
+    pieces = predict(segments, Entry(begins, rig.period_s, line), follow)
+    require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
+    course = sample_course(pieces, rig.period_s)
+    broken = [
+        *weak_force(force_mN, request.contact_force_mN, "/force_mN", 0.0),
+        *uncertain_force(force_mN, stand.uncertainty_mN, "/force_mN", "force"),
+        *short_load(request.load_s, rig.period_s),
+    ]
+    for found in excursions(course, rig.limits):
+        pointer = pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))
+        broken.append(named_violation(found, pointer))
+    softest = LEAST_STIFFNESS * K_e
+    planned = PlannedRange(
+        voltage=voltage_range([safe_V, *(one for way in ways_V for one in way)], rig),
+        position_min_um=stand.x_um + min(0.0, change_mN) / softest - MARGIN_UM,
+        position_max_um=stand.x_um + max(0.0, change_mN) / softest + MARGIN_UM,
+        force_max_mN=max(force_mN, stand.force_mN + stand.uncertainty_mN),
+    )
+    program = Program(
+        segments,
+        _guards(request, rig),
+        K_e,
+        begins_held=True,
+        planned_range=planned,
+    )
+    phases = planned_phases(pieces, [piece.end.voltages_V[0] for piece in pieces])
+    return MotionPlan(program, phases, course, tuple(broken))
+
+
+def _guards(request: HeldForceRequest, rig: PlannedRig) -> Guards:
+    K_e, tolerance = request.stiffness_mN_per_um, request.stiffness_tolerance
+    return Guards(
+        contact_force_mN=request.contact_force_mN,
+        contact_samples=CONTACT_SAMPLES,
+        force_max_mN=rig.limits.force_max_mN,
+        lost_fraction=LOST_FRACTION,
+        lost_samples=LOST_SAMPLES,
+        stiffness_min_mN_per_um=K_e * (1.0 - tolerance),
+        stiffness_max_mN_per_um=K_e * (1.0 + tolerance),
+        zero_wait_s=ZERO_WAIT_S,
+        position_min_um=rig.limits.position_min_um,
+        position_max_um=rig.limits.position_max_um,
+    )
+
+
+def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[float]]:
+    """Return the voltages along a way of the free arm, for a memory from below and from above."""
+    ways_um = [way_um * step / STEPS for step in range(STEPS + 1)]
+    model = rig.free_response
+    if model is None:
+        return [[from_V + one / rig.piezo_um_per_V for one in ways_um]]
+    above_V = from_V if rig.taught_V is None else max(from_V, rig.taught_V[1])
+    found: list[list[float]] = []
+    for stops_V in ((from_V,), (above_V, from_V)):
+        memory = start(model) if rig.memory is None else rig.memory
+        for to_V in stops_V:
+            memory = _led(model, memory, to_V)
+        voltages_V = free_voltages(model, ways_um, STEP_S, memory)
+        # A model that creeps finds another voltage for the place where it stands already.
+        shift_V = from_V - voltages_V[0]
+        found.append([one + shift_V for one in voltages_V])
+    return found
+
+
+def _led(model: HysteresisModel, memory: HysteresisState, to_V: float) -> HysteresisState:
+    """Return the memory after a way to a voltage in even steps."""
+    from_V = memory.voltage_V
+    for step in range(1, STEPS + 1):
+        memory = state_after(model, memory, from_V + (to_V - from_V) * step / STEPS, STEP_S)
+    return memory
+
+
+def _at_share(values_V: Sequence[float], share: float) -> float:
+    """Return the value at a share of even steps, which the ends bound."""
+    place = min(max(share, 0.0), 1.0) * (len(values_V) - 1)
+    index = min(int(place), len(values_V) - 2)
+    low_V, high_V = values_V[index], values_V[index + 1]
+    return low_V + (place - index) * (high_V - low_V)
