@@ -17,6 +17,7 @@ from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
 TO_THE_TOP = "e => { e.closest('.side').scrollTop += e.getBoundingClientRect().top - 120; }"
+LONG_MS = 60_000.0
 LOADED = "document.querySelector('#job-detail img.picture').naturalWidth"
 
 
@@ -188,4 +189,76 @@ def test_a_job_that_came_and_ended_between_two_looks_is_listed(
         seen.until("#job-list", "B15")
         seen.page.click(f"#open-{after}")
         seen.until("#job-detail", after)
+    context.close()
+
+
+FILLED = """async (requests) => {
+  const { Fields } = await import("./page/js/form/fields.js");
+  const { kinds } = await (await fetch("api/v1/kinds")).json();
+  return requests.map((request) => {
+    const fields = new Fields();
+    const { form } = kinds.find((each) => each.name === request.kind);
+    fields.show(form.filter((each) => each.arms.includes(1)), {}, { recipes: ["soft"] });
+    fields.fill(request);
+    return [{ kind: request.kind, ...fields.read() }, fields.lacking(request)];
+  });
+}"""
+"""Fill forms with requests; return what each form would send, and what it lacks of the request."""
+REQUESTS: list[dict[str, Any]] = [
+    {
+        "kind": "grip",
+        "force_mN": 12.5,
+        "hold_s": 1.5,
+        "force_tolerance_mN": 0.8,
+        "profile": "gentle",
+    },
+    {"kind": "grip", "recipe": "soft", "until_released": True, "on_stop": "release"},
+    {"kind": "move", "by_um": -2.5},
+    {
+        "kind": "track",
+        "shape": "waypoints",
+        "points": [{"t_s": 0.0, "force_mN": 5.0}, {"t_s": 2.0, "force_mN": 10.25}],
+    },
+    {"kind": "track", "shape": "step", "levels_mN": [5.0, 10.5], "learn": False},
+]
+
+
+def test_run_again_fills_the_form_with_the_request_of_the_job(
+    browser: Browser, desk: Harness
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(**DESK))
+    with served(desk.app) as address:
+        wishes = {
+            "force_mN": 12.5,
+            "hold_s": 1.5,
+            "force_tolerance_mN": 0.8,
+            "labels": {"lot": "7"},
+        }
+        job = gripped(address, "B7", notes="dusty", **wishes)
+        seen = visit(context, address)
+        filled = seen.page.evaluate(FILLED, REQUESTS)
+        for request, (sent, lacking) in zip(REQUESTS, filled, strict=True):
+            stated = {name: value for name, value in request.items() if value is not False}
+            assert {name: sent.get(name) for name in stated} == stated
+            assert set(lacking) <= {"kind"}
+        ((_, lacking),) = seen.page.evaluate(
+            FILLED, [{"kind": "grip", "zero_confirmed": True, "recipe": "gone"}]
+        )
+        assert {"zero_confirmed", "recipe"} <= set(lacking)
+        seen.page.click("#tab-jobs")
+        seen.page.click(f"#open-{job}", timeout=LONG_MS)
+        seen.page.click("#job-again", timeout=LONG_MS)
+        seen.until("#start-filled", f"Filled in as job {job} was requested, without: labels.")
+        assert seen.page.input_value("#field-notes") == ""
+        with seen.page.expect_request(
+            lambda request: request.method == "POST" and request.url.endswith("/jobs"),
+            timeout=LONG_MS,
+        ) as asked:
+            seen.page.click("#start")
+        body: dict[str, Any] = asked.value.post_data_json or {}
+        del wishes["labels"]
+        for name, value in {"kind": "grip", "sample": "B7", **wishes}.items():
+            assert body[name] == value
+        assert "notes" not in body
+        assert seen.errors == []
     context.close()

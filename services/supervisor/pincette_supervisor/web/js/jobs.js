@@ -15,8 +15,9 @@ const PERIODS = [["", "any time", null, null], ["today", "today", 0, null], ["ye
 const MOST = 480;
 
 export class Jobs {
-  constructor({ choose }) {
-    this.choose = choose;
+  /** `choose` shows a job by its id; `again` offers the request of a job once more. */
+  constructor({ choose, again }) {
+    Object.assign(this, { choose, again });
     this.jobs = [];
     this.chosen = null;
     this.artifacts = null;
@@ -162,6 +163,8 @@ export class Jobs {
       job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
+      h("p", {}, h("button", { type: "button", id: "job-again", "data-needs": "operate",
+        onclick: () => this.again(job) }, "Run again…")),
       ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
         h("img", { src: place(file), class: "picture", loading: "lazy",
           alt: `${plain(job.kind)}: position, force and voltage over time` }))),

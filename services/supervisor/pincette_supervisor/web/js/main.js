@@ -45,7 +45,11 @@ const choose = (id) => {
   jobs.open(id).catch(() => {});
 };
 const current = new Current({ refresh: soon, choose });
-const jobs = new Jobs({ choose });
+const runAgain = (past) => {
+  openTab("tab-start");
+  form.again(past);
+};
+const jobs = new Jobs({ choose, again: runAgain });
 const calibrations = new Calibrations({ refresh: soon });
 const alarms = new Alarms({ refresh: soon });
 const checks = new Checks();

@@ -6,6 +6,9 @@ import { numberIn, numbersIn, recordsIn } from "./numbers.js";
 
 const WIDE = ["pairs"];
 
+/** A person states these of the present, so that they are never copied from an earlier request. */
+const CONFIRMED = ["zero_confirmed"];
+
 const idOf = (name) => `field-${name}`;
 
 /** The keypad of numbers has no minus sign and no separator on some telephones. */
@@ -72,6 +75,19 @@ export function inWords(value) {
   if (value && typeof value === "object") return Object.values(value).map(inWords).join(" ");
   if (typeof value === "boolean") return value ? "yes" : "no";
   return String(value);
+}
+
+/** The text of a field that is read as a value. */
+function textOf(value, { widget, columns }) {
+  if (widget !== "pairs" || !Array.isArray(value)) return inWords(value);
+  return value.map((record) => columns.map((name) => record[name]).join(" ")).join("\n");
+}
+
+/** Whether a second value states everything that the first one does. */
+function covers(value, other) {
+  if (value === null || value === undefined) return true;
+  if (typeof value !== "object") return value === other;
+  return Object.keys(value).every((name) => covers(value[name], other?.[name]));
 }
 
 /** Show at a field what is wrong with it. */
@@ -179,6 +195,35 @@ export class Fields {
   set(values) {
     for (const [name, value] of Object.entries(values)) this.find(name).value = value;
     this.settle();
+  }
+
+  /** Fill every field with what a request states, and empty those that it leaves out. */
+  fill(request) {
+    const naming = this.specs.filter((spec) => spec.names);
+    for (const { name, choices } of naming) {
+      const chosen = choices.find(({ value }) => typeof request[value] === "number");
+      if (chosen) this.find(name).value = chosen.value;
+    }
+    for (const spec of this.specs) {
+      if (naming.includes(spec)) continue;
+      const found = this.find(spec.name);
+      const value = (spec.within ? request[spec.within] : request)?.[this.sentAs(spec)] ?? null;
+      if (spec.widget === "check") {
+        found.checked = CONFIRMED.includes(spec.name) ? spec.ticked : value ?? spec.ticked;
+      } else found.value = value === null ? "" : textOf(value, spec);
+      if (found.selectedIndex === -1) found.selectedIndex = 0;
+      if (spec.advanced && value !== null) this.more.open = true;
+    }
+    this.settle();
+  }
+
+  /** Return the members of a request that the fields do not state as they are. */
+  lacking(request) {
+    const sent = this.read();
+    for (const spec of this.specs) {
+      if (spec.widget === "check") sent[spec.name] ??= spec.ticked;
+    }
+    return Object.keys(request).filter((name) => !covers(request[name], sent[name]));
   }
 
   /** Refuse a text that cannot be read as soon as its field is left. */

@@ -8,7 +8,10 @@ import { Fields } from "./fields.js";
 import { Jog } from "./jog.js";
 import { defaultsOf, kindsFor, plannedFields } from "../kinds.js";
 import { PlanView } from "./plan.js";
-import { plain } from "../words.js";
+import { plain, withoutUnit } from "../words.js";
+
+/** Members of a request that the form states outside its fields, or anew for each job. */
+const ELSEWHERE = ["kind", "rig", "autostart", "queue", "dry_run", ...SAID.map(([name]) => name)];
 
 export class StartForm {
   constructor({ refresh, started, recent }) {
@@ -32,6 +35,7 @@ export class StartForm {
       onchange: () => this.choose(this.kind.value) });
     this.hint = h("p", { class: "hint", id: "kind-hint" });
     this.fault = h("p", { class: "fault", id: "start-said", role: "alert" });
+    this.filled = h("p", { class: "hint", id: "start-filled", role: "status" });
     this.queue = h("input", { type: "checkbox", id: "field-queue", onchange: () => this.forget() });
     this.said = SAID.map(([name, label]) => [name,
       ...field(`field-${name}`, label, "", { oninput: () => this.forget() })]);
@@ -40,6 +44,7 @@ export class StartForm {
       "data-needs": "operate" }, "Start");
     this.form = h("form", { id: "start-form", novalidate: true },
       h("div", { class: "field" }, h("label", { for: "kind" }, "Job"), this.kind, this.hint),
+      this.filled,
       this.fields.element, this.fields.more,
       sample, h("details", { id: "say-more" }, h("summary", {}, "Batch, operator, notes"), ...others),
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
@@ -76,10 +81,33 @@ export class StartForm {
     this.follow(this.rig);
   }
 
+  /** Fill the form with the request of a job, and say what of it the form does not have. */
+  again(job) {
+    if (!kindsFor(this.arms).some((each) => each.name === job.kind)) {
+      this.forget();
+      this.fault.textContent = `This rig takes no job of the kind ${plain(job.kind)}.`;
+      return;
+    }
+    this.choose(job.kind);
+    this.fields.fill(job.request);
+    // Notes are about one run.
+    for (const [name, , input] of this.said) input.value = name === "notes" ? "" : job[name] ?? "";
+    this.forget();
+    this.kind.focus();
+    try {
+      const lacking = this.fields.lacking(job.request).filter((name) => !ELSEWHERE.includes(name));
+      const words = lacking.map(withoutUnit).join(", ");
+      this.filled.textContent = `Filled in as job ${job.id} was requested${words ? `, without: ${words}` : ""}.`;
+    } catch (problem) {
+      this.tell(problem);
+    }
+  }
+
   /** What was said about a request holds no longer once the request is another. */
   forget() {
     this.key = freshKey();
     this.fault.textContent = "";
+    this.filled.textContent = "";
     this.plan.clear();
     this.fields.forgive();
     this.fields.settle();
