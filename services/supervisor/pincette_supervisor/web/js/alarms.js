@@ -33,6 +33,11 @@ export class Alarms {
       && each.cause === cause) ?? null;
   }
 
+  /** Whether the latch's trip has, or soon will have, an alarm; a latch from the start has none. */
+  expectsTrip({ cause }) {
+    return cause !== "" && cause !== "boot";
+  }
+
   mark(open) {
     const tab = byId("tab-rig");
     const text = open ? `Rig (${open} ${open === 1 ? "alarm" : "alarms"})` : "Rig";

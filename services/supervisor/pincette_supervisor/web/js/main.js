@@ -82,7 +82,7 @@ async function refresh() {
   const trip = alarms.tripOf(rig.latch);
   showRig(rig, trip);
   // The alarm of a trip is written after the trip, and its event may come while no stream is open.
-  if (!trip && rig.allowed_actions.includes("reset") && rig.latch.cause !== "boot") {
+  if (!trip && rig.allowed_actions.includes("reset") && alarms.expectsTrip(rig.latch)) {
     alarms.refresh().catch(() => {});
   }
   checks.follow(rig);
