@@ -7,6 +7,8 @@ import { clock } from "./words.js";
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
 const MOST = 50;
 const ENDS = { reset: "until the rig is reset", condition: "still so", acknowledge: "" };
+/** Causes of a latch for which no alarm is raised: none, and the start of the actuator. */
+const WITHOUT_ALARM = new Set(["", "boot"]);
 
 export class Alarms {
   constructor({ refresh }) {
@@ -35,7 +37,7 @@ export class Alarms {
 
   /** Whether the latch's trip has, or soon will have, an alarm; a latch from the start has none. */
   expectsTrip({ cause }) {
-    return cause !== "" && cause !== "boot";
+    return !WITHOUT_ALARM.has(cause);
   }
 
   mark(open) {
