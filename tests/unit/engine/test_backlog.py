@@ -8,32 +8,18 @@ from msgspec.structs import replace
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import Sink
 from pincette.config import read_rig
-from pincette.core.faults import Cause, Mode
-from pincette.core.messages import Applied, Estimate, Message, Position
-from pincette.core.messages.arms import ArmApplied, ArmPosition
+from pincette.core.messages import Estimate, Message
 from pincette.core.topics import Topic
 from pincette.engine import loop as engine
 from pincette.engine.loop import Loop
 from pincette.engine.process import loop_services
 from pincette.engine.runner import Runner
 from tests.support.rigs import DEMO
+from tests.unit.engine.samples import IDLE as APPLIED
+from tests.unit.engine.samples import POSITION
 
 SOON_S = 10.0
 COUNT = 10
-APPLIED = Applied(
-    0,
-    -1,
-    (ArmApplied(0.0, 0),),
-    Mode.IDLE,
-    Cause.NONE,
-    False,
-    False,
-    False,
-    answered=False,
-    refused=0,
-    command_age_s=0.0,
-)
-POSITION = Position(0, 0, 0.0, (ArmPosition(1.0, valid=True),))
 
 
 class Bus(MemoryBus):

@@ -4,34 +4,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from pincette.core.messages import Command, Estimate, Position, Sample
-from pincette.core.messages.arms import ArmCommand, ArmEstimate, ArmPosition
+from pincette.core.messages import Command, Position, Sample
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.engine.joiner import AHEAD, Joiner
 from pincette_estimator import SERVICE
+from tests.unit.engine import samples
 
 T = 0.02
-POSITION = Position(3, 0, 0.0, (ArmPosition(1.0, valid=True),))
+POSITION = replace(samples.POSITION, epoch=3)
 COMMAND = Command(3, 0, 1, (ArmCommand(0.5),), False, False, False, True)
-ESTIMATE = Estimate(
-    3,
-    0,
-    -1,
-    False,
-    False,
-    (
-        ArmEstimate(
-            x_um=1.0,
-            force_mN=0.0,
-            force_uncertainty_mN=0.0,
-            perturbation_mN=0.0,
-            zero_age_s=None,
-            zero_refusal=None,
-            applied_V=0.0,
-            limits_active=0,
-        ),
-    ),
-    True,
-)
+ESTIMATE = replace(samples.ESTIMATE, epoch=3)
 
 
 def fresh() -> Joiner:

@@ -7,8 +7,7 @@ import pytest
 
 from pincette.bus.memory import MemoryBus
 from pincette.config import read_rig
-from pincette.core.messages import Estimate, Message
-from pincette.core.messages.arms import ArmEstimate
+from pincette.core.messages import Message
 from pincette.core.service import Busy, Slept
 from pincette.engine import loop as engine
 from pincette.engine.loop import Loop
@@ -16,28 +15,10 @@ from pincette.engine.process import loop_services
 from pincette.engine.runner import Runner
 from pincette.engine.timing_budget import PATIENCE_WAKES
 from tests.support.rigs import DEMO
+from tests.unit.engine.samples import ESTIMATE
 
 SERVICES = loop_services()
 RIG = read_rig(DEMO)
-ESTIMATE = Estimate(
-    0,
-    0,
-    -1,
-    False,
-    False,
-    (
-        ArmEstimate(
-            x_um=1.0,
-            force_mN=0.0,
-            force_uncertainty_mN=0.1,
-            perturbation_mN=0.0,
-            zero_age_s=None,
-            zero_refusal=None,
-            applied_V=0.0,
-            limits_active=0,
-        ),
-    ),
-)
 
 
 class Output:

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from pincette.bus.protocol import RequestHandler, Sink
 from pincette.bus.refused import MANY, RefusedMessages
 from pincette.config import ConfigError, read_rig
-from pincette.core.faults import Cause, Mode
 from pincette.core.messages import (
     Applied,
     Arm,
@@ -28,7 +27,6 @@ from pincette.core.messages import (
     Telemetry,
     Timing,
 )
-from pincette.core.messages.arms import ArmApplied, ArmEstimate, ArmPosition
 from pincette.core.topics import ARM, COMMAND, LOAD, LOOP, RESET, STATUS, Request, Topic
 from pincette.core.wording import fault_text
 from pincette.engine.arming import ORDER
@@ -41,6 +39,7 @@ from pincette.engine.timing_stats import PUBLISH_EVERY_S
 from tests.support.partitions import composing
 from tests.support.rigs import DEMO, demo_rig
 from tests.support.scripted import PROGRAM
+from tests.unit.engine.samples import ESTIMATE, IDLE, POSITION
 
 SERVICES = loop_services()
 RIG = read_rig(DEMO)
@@ -177,20 +176,7 @@ def test_what_another_program_waits_for_leaves_at_once_and_the_rest_at_the_end()
     outside = Outside()
     runners = [Watched(SERVICES[name], RIG) for name in ("estimator", "controller")]
     loop = Loop(runners, outside, urgent=(COMMAND,))
-    applied = Applied(
-        0,
-        -1,
-        (ArmApplied(0.0, 0),),
-        Mode.IDLE,
-        Cause.NONE,
-        False,
-        False,
-        False,
-        answered=False,
-        refused=0,
-        command_age_s=0.0,
-    )
-    for sample in (applied, Position(0, 0, 0.0, (ArmPosition(1.0, valid=True),))):
+    for sample in (IDLE, POSITION):
         next(sink for topic, sink in outside.sinks.items() if topic.message is type(sample))(
             COMMAND, sample
         )
@@ -287,26 +273,7 @@ def test_a_service_that_fails_ends_the_program_with_its_instrument_at_rest(where
     runners[1].state = replace(state, arms=(replace(state.arms[0], voltage_V=1.5),))
     failing: Any = runners[0]
     setattr(failing, where, fails)
-    estimate = Estimate(
-        0,
-        0,
-        -1,
-        False,
-        False,
-        (
-            ArmEstimate(
-                x_um=1.0,
-                force_mN=0.0,
-                force_uncertainty_mN=0.1,
-                perturbation_mN=0.0,
-                zero_age_s=None,
-                zero_refusal=None,
-                applied_V=0.0,
-                limits_active=0,
-            ),
-        ),
-    )
-    next(iter(outside.sinks.values()))(COMMAND, estimate)
+    next(iter(outside.sinks.values()))(COMMAND, ESTIMATE)
     ended: list[BaseException] = []
 
     def run() -> None:

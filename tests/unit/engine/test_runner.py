@@ -11,7 +11,7 @@ from pincette.config import Calibration, RigFile, calibrated, read_rig
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import Document
 from pincette.control.record import replace
-from pincette.core.faults import Cause, FaultCode, Mode
+from pincette.core.faults import Cause, FaultCode
 from pincette.core.messages import (
     Ack,
     Applied,
@@ -25,7 +25,7 @@ from pincette.core.messages import (
     StatusRequest,
     Trip,
 )
-from pincette.core.messages.arms import ArmApplied, ArmCommand, ArmPosition
+from pincette.core.messages.arms import ArmCommand, ArmPosition
 from pincette.core.service import Input, Service, SetVoltage
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION
 from pincette.core.wording import applied_text, fault_text
@@ -34,22 +34,11 @@ from pincette.instruments.protocols import Block, InstrumentError
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
+from tests.unit.engine.samples import ARMED
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
-APPLIED_0 = Applied(
-    1,
-    0,
-    (ArmApplied(0.5, 0),),
-    Mode.ARMED,
-    Cause.NONE,
-    False,
-    False,
-    False,
-    answered=True,
-    refused=0,
-    command_age_s=0.0,
-)
+APPLIED_0 = replace(ARMED, seq=0)
 
 
 class Inputs(NamedTuple):

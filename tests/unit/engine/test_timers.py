@@ -8,11 +8,9 @@ from msgspec.structs import replace
 
 from pincette.config import Calibration, read_rig
 from pincette.control.quantities import Document
-from pincette.core.faults import Cause, Mode
 from pincette.core.idle_sampling import SAMPLE_S
 from pincette.core.messages import (
     Ack,
-    Applied,
     Arm,
     Estimate,
     Idle,
@@ -22,30 +20,19 @@ from pincette.core.messages import (
     Status,
     StatusRequest,
 )
-from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.engine.joiner import KEPT
 from pincette.engine.runner import IDLE_S, Runner
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
+from tests.unit.engine import samples
+from tests.unit.engine.samples import ARMED as APPLIED
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
 T = RIG.rig.period_s
-APPLIED = Applied(
-    1,
-    -1,
-    (ArmApplied(0.5, 0),),
-    Mode.ARMED,
-    Cause.NONE,
-    False,
-    False,
-    False,
-    answered=True,
-    refused=0,
-    command_age_s=0.0,
-)
-POSITION = Position(1, 0, 0.0, (ArmPosition(1.0, valid=True),))
+
+POSITION = replace(samples.POSITION, epoch=1)
 
 
 class Laser:

@@ -6,64 +6,31 @@ import pytest
 from msgspec.structs import replace
 
 from pincette.config import read_rig
-from pincette.core.faults import Cause, Mode
 from pincette.core.messages import (
-    Applied,
     Arm,
     Command,
-    Estimate,
     Message,
-    Position,
     Reset,
     Timing,
     TimingRequest,
 )
-from pincette.core.messages.arms import ArmApplied, ArmCommand, ArmEstimate, ArmPosition
+from pincette.core.messages.arms import ArmCommand
 from pincette.engine.runner import NO_CLOCK, Runner
 from pincette.engine.timing_stats import KEPT, PUBLISH_EVERY_S, TimingStats
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_controller import SERVICE as CONTROLLER
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
+from tests.unit.engine import samples
+from tests.unit.engine.samples import ARMED as APPLIED
 
 RIG = read_rig(Path("deploy/rigs/demo.toml"))
 LOCKSTEP = RIG.model_copy(update={"rig": RIG.rig.model_copy(update={"time": "lockstep"})})
 T = RIG.rig.period_s
-POSITION = Position(1, 0, 0.0, (ArmPosition(1.0, valid=True),))
-APPLIED = Applied(
-    1,
-    -1,
-    (ArmApplied(0.5, 0),),
-    Mode.ARMED,
-    Cause.NONE,
-    False,
-    False,
-    False,
-    answered=True,
-    refused=0,
-    command_age_s=0.0,
-)
+POSITION = replace(samples.POSITION, epoch=1)
+
 COMMAND = Command(1, 0, 7, (ArmCommand(0.1),), False, False, False, True)
-ESTIMATE = Estimate(
-    1,
-    0,
-    -1,
-    False,
-    False,
-    (
-        ArmEstimate(
-            x_um=1.0,
-            force_mN=0.0,
-            force_uncertainty_mN=0.1,
-            perturbation_mN=0.0,
-            zero_age_s=0.0,
-            zero_refusal=None,
-            applied_V=0.0,
-            limits_active=0,
-        ),
-    ),
-    True,
-)
+ESTIMATE = replace(samples.ESTIMATE, epoch=1)
 
 
 class Laser:
