@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypothesis.stateful import RuleBasedStateMachine, invariant
 
+from pincette.api.events import Event
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType, JobState
 from pincette.config.reading import laid_over
@@ -55,9 +56,14 @@ class Explored(RuleBasedStateMachine):
 
     @invariant()
     def the_journal_agrees_with_the_table(self) -> None:
-        told = self.office.store.events_after(0, limit=100_000)
+        told, rows = self._events(), self.rows()
+        while (later := self._events()) != told:  # the journal's thread wrote between both reads
+            told, rows = later, self.rows()
         assert [row.number for row in told] == list(range(1, len(told) + 1))
-        assert {row.id: row.state for row in self.rows()} == states_told(told)
+        assert {row.id: row.state for row in rows} == states_told(told)
+
+    def _events(self) -> list[Event]:
+        return self.office.store.events_after(0, limit=100_000)
 
     @invariant()
     def no_thread_dies(self) -> None:
