@@ -147,7 +147,7 @@ def _unit_and_text(name: str, text: str) -> tuple[str, str]:
 
 
 def _said(schema: dict[str, Any]) -> dict[str, Any]:
-    """Without null, which TOML does not have."""
+    """Return the schema without null, which TOML does not have."""
     parts = [part for part in words.variants(schema) if not words.is_null(part)]
     return parts[0] if len(parts) == 1 else {"anyOf": parts}
 

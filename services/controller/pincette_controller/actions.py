@@ -157,7 +157,7 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
 def act(
     program: Program, player: Player, pending: Sequence[Action], seq: int, x_um: float
 ) -> tuple[Player, tuple[Action, ...], list[Acted]]:
-    """Player after the actions whose seq has come, those for later, and what acted but a pause."""
+    """Return the player after all due actions, the later ones, and what acted except a pause."""
     acted: list[Acted] = []
     later: list[Action] = []
     for request in pending:

@@ -25,10 +25,10 @@ class ForcesApart(FrozenRecord, frozen=True):
     held_s: float = 0.0
     mean_mN: float = 0.0
     uncertainty_mN: float = 0.0
-    """Of the difference, as both estimators state it now."""
+    """Uncertainty U of the difference of both forces, in mN."""
 
     def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForcesApart":
-        """Take in a sample of both arms; without a part, or a force that is known, begin anew."""
+        """Add a sample of both arms; start again without a part or without a known force."""
         first, second = both.arms
         known = first.zero_age_s is not None and second.zero_age_s is not None
         if not held or not both.valid or not known:

@@ -196,7 +196,7 @@ class State(FrozenRecord, frozen=True):
     """By a voltage whose sample has not come yet."""
     foreseen: Foreseen | None = None
     second: "State | None" = None
-    """Of the second arm."""
+    """State of the second arm; None for a rig of one arm."""
     apart: ForcesApart = field(default_factory=ForcesApart)
     """How far the forces of two arms differ."""
     bottom: Bottom = Bottom()

@@ -1,4 +1,4 @@
-"""How far the estimated force may be off, as the estimator stands."""
+"""Uncertainty U of the estimated force, from the state of the estimator."""
 
 from math import hypot, inf, log10, sqrt
 

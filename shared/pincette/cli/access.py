@@ -39,12 +39,12 @@ REMEDIES = (
     "`pincette run supervisor` starts one alone, and touches neither loop nor part",
     "--url names another",
 )
-"""What helps where no supervisor answers."""
+"""Remedies for an address at which no supervisor answers."""
 SILENT_REMEDIES = (
     "ask again: the supervisor may be busy",
     "`pincette rigs` shows whether it replies at all; `pincette estop` stops the rig without it",
 )
-"""What helps where a connection was made and no reply came."""
+"""Remedies for a connection on which no reply came."""
 Key = Annotated[str | None, Option("--key", metavar="KEY", help=KEY_HELP)]
 Authority = Annotated[
     Path | None,

@@ -55,7 +55,7 @@ TABLE_COLUMNS = (
     JOBS.c.plan["values"].label("values"),
     JOBS.c.result,
 )
-"""What a table takes from a job."""
+"""Columns of the journal that the table of jobs reads."""
 
 
 class KeyTakenError(Exception):

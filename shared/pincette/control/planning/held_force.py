@@ -73,7 +73,7 @@ class HeldForceRequest:
 
 @dataclass(frozen=True, slots=True)
 class HeldStand(Stand):
-    """Where the arm stands that holds a part, and what it presses it with."""
+    """Position, voltage and force of the arm that holds a part."""
 
     force_mN: float
     uncertainty_mN: float
