@@ -67,7 +67,7 @@ def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ..
     It slows down over v·t/2, but not beyond the goal of its segment. A seek may touch at any
     sample: its arm goes back to where the seek began, where it was free.
     """
-    if player.pair is not None:
+    if player.felt is not None:
         return (None, None), STOP_S
     segment, x_um = player.segment, player.ref.x_um
     if isinstance(segment, Seek):

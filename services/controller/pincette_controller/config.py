@@ -1,6 +1,5 @@
 """What the controller takes from the rig file."""
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,13 +24,22 @@ from pincette_controller.learning import check_cycle
 
 
 @dataclass(frozen=True, slots=True)
+class ArmConfig:
+    """An arm as identified, and its hard limits."""
+
+    parameters: ArmParameters
+    response: FreeResponse
+    """Free response of the arm unpoled, at 0 V; laws of the identified set work with it."""
+    monitors: MonitorLimits
+    voltage: VoltageLimits
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """The arm as identified, the laws that a program may name, the hard limits."""
+    """The arms, and the laws that a program may name."""
 
     period_s: float
-    arm: ArmParameters
-    response: FreeResponse
-    """Of the arm unpoled, at 0 V; laws of the identified set work with it."""
+    arms: tuple[ArmConfig, ...]
     law: LawSettings
     """The law of a program that names none."""
     installed: Mapping[str, LawDefinition]
@@ -39,27 +47,23 @@ class ControllerConfig:
     force_filter_s: float
     output: OutputTiming
     """When a voltage acts on the arm."""
-    monitors: MonitorLimits
-    voltage: VoltageLimits
     steps: StepLimits
     """Numbers by which a step of the position is judged."""
-    part_um_per_mN: float = 0.0
+    part_um_per_mN: float
     """c, by which a part between two arms yields."""
-    second: "ControllerConfig | None" = None
-    """Of the second arm."""
 
     def laws(self, program: Program) -> tuple[ControlLaw, ...]:
         """Return the laws of a program, in its order; raises ValueError where one is impossible."""
-        if self.second is not None:
-            return self._two_arm_laws(self.second, program)
+        if len(self.arms) == 2:
+            return self._two_arm_laws(program)
         chosen = [self._settings(spec) for spec in program.laws] or [self.law]
-        identified = self.response
+        identified = self.arms[0].response
         hysteresis = identified.model if isinstance(identified, IdentifiedResponse) else None
         return tuple(
             OneArmLaw(
                 build(
                     settings,
-                    self.arm,
+                    self.arms[0].parameters,
                     self.period_s,
                     self.force_filter_s,
                     hysteresis,
@@ -69,9 +73,10 @@ class ControllerConfig:
             for settings in chosen
         )
 
-    def _two_arm_laws(self, second: "ControllerConfig", program: Program) -> tuple[ControlLaw, ...]:
-        arms, period_s = (self.arm, second.arm), self.period_s
-        um_per_V = self.arm.d / self.arm.k, second.arm.d / second.arm.k
+    def _two_arm_laws(self, program: Program) -> tuple[ControlLaw, ...]:
+        first, second = (arm.parameters for arm in self.arms)
+        arms, period_s = (first, second), self.period_s
+        um_per_V = first.d / first.k, second.d / second.k
         return tuple(
             TwoArmsLaw(
                 two_arms.build(
@@ -101,10 +106,11 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     """
     if not program.segments:
         raise ValueError("the program has no segments")
-    if config.second is None and any(segment.arms == 2 for segment in program.segments):
+    alone = len(config.arms) == 1
+    if alone and any(segment.arms == 2 for segment in program.segments):
         raise ValueError("the program is for two arms, and this rig has one")
     made = program.laws
-    if config.second is None and not isinstance(config.response, IdentifiedResponse):
+    if alone and not isinstance(config.arms[0].response, IdentifiedResponse):
         made = tuple(spec for spec in made if spec.set != "identified")
     try:
         if made or not program.laws:
@@ -114,7 +120,7 @@ def check_program(config: ControllerConfig, program: Program) -> None:
     check_cycle(program, config.period_s)
     count = max(1, len(program.laws))
     for segment in program.segments:
-        if config.second is not None and segment.arms == 1:
+        if not alone and segment.arms == 1:
             raise ValueError(f"{segment.phase} is for one arm, and this rig has two")
         if not 0 <= segment.law < count:
             raise ValueError(f"{segment.phase} names law {segment.law}, there are {count}")
@@ -122,23 +128,21 @@ def check_program(config: ControllerConfig, program: Program) -> None:
 
 def configure(rig: RigFile) -> ControllerConfig:
     """Take the controller's part of a rig file."""
-    first, *others = map(_of_arm, rig.arms)
-    if not others:
-        return first
-    c = 1.0 / rig.part.stiffness_mN_per_um
-    return dataclasses.replace(first, second=others[0], part_um_per_mN=c)
-
-
-def _of_arm(rig: RigFile) -> ControllerConfig:
     return ControllerConfig(
         period_s=rig.rig.period_s,
-        arm=rig.model.arm(),
-        response=derived.free_response(rig.model),
+        arms=tuple(
+            ArmConfig(
+                arm.model.arm(),
+                derived.free_response(arm.model),
+                arm.monitors,
+                arm.voltage_limits,
+            )
+            for arm in rig.arms
+        ),
         law=rig.law_settings,
         installed=installed_laws(),
         force_filter_s=rig.model.force_filter_s,
         output=rig.output_timing,
-        monitors=rig.monitors,
-        voltage=rig.voltage_limits,
         steps=derived.step_limits(rig),
+        part_um_per_mN=1.0 / rig.part.stiffness_mN_per_um,
     )

@@ -10,6 +10,7 @@ from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOL
 from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.control_laws import ArmView, ControlLaw, Handover, Setpoint, Wanted
+from pincette_controller.felt import Arms
 from pincette_controller.player_state import Player
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
@@ -25,11 +26,12 @@ def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
     return ArmView(estimate.x_um, estimate.force_mN, estimate.applied_V, limited, response, known)
 
 
-def at_measured(player: Player, x_um: float, force_mN: float, opening_um: float = 0.0) -> Player:
-    """Return the player with references where the arms are, as a segment without a law has them.
-
-    ``force_mN`` counts only where a part is held.
-    """
+def at_measured(player: Player, arms: Arms, x_um: float) -> Player:
+    """Return the player with references where the arms are, as a segment without a law has them."""
+    force_mN, opening_um = arms[0].force_mN, 0.0
+    if player.felt is not None:
+        force_mN = 0.5 * (force_mN + arms[1].force_mN)
+        opening_um = sum(player.felt.tips_um)
     ref = player.ref._replace(
         x_um=x_um,
         speed_um_per_s=0.0,

@@ -1,4 +1,4 @@
-"""The force of one arm for certain, by its uncertainty U."""
+"""What the uncertainty U lets a force mean."""
 
 from pincette.core.messages.arms import ArmEstimate
 
@@ -8,3 +8,8 @@ def sure_force_mN(estimate: ArmEstimate) -> float:
     if estimate.zero_age_s is not None:
         return estimate.force_mN
     return estimate.force_mN - estimate.force_uncertainty_mN
+
+
+def is_uncertain(estimate: ArmEstimate, load_mN: float | None) -> bool:
+    """Return whether U is as large as the force that a load goes to, so that F means nothing."""
+    return load_mN is not None and estimate.force_uncertainty_mN >= load_mN

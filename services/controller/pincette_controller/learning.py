@@ -19,9 +19,9 @@ class Learning(FrozenRecord, frozen=True):
     correction_um: float = 0.0
 
 
-def begin_learning(program: Program) -> Learning:
-    """Begin with what the program brings."""
-    known = program.corrections
+def begin_learning(program: Program, arms: int) -> Learning:
+    """Begin with what the program brings; two arms learn nothing."""
+    known = program.corrections if arms == 1 else None
     return Learning(None if known is None else CycleLearner(known))
 
 

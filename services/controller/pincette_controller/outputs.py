@@ -18,7 +18,7 @@ from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
 from pincette.core.messages.arms import ArmCommand, ArmTelemetry
-from pincette_controller.config import ControllerConfig
+from pincette_controller.config import ArmConfig
 from pincette_controller.control_laws import Wanted
 from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
@@ -89,12 +89,13 @@ def telemetry_of(
     player: Player,
     wanted: Wanted,
     arms: tuple[ArmTelemetry, ...],
+    place_um: float,
     acted: tuple[Acted, ...],
     correction_um: float,
 ) -> Telemetry:
     """Telemetry of sample k: its references are those that the tick before set for it."""
     seen, line, touch = player.slip.confirmed, player.entry.line, player.touch
-    output = wanted.output
+    output, alone = wanted.output, player.felt is None
     return Telemetry(
         epoch=estimate.epoch,
         seq=estimate.seq,
@@ -110,13 +111,15 @@ def telemetry_of(
         perturbation_error_mN=output.perturbation_error_mN,
         residual_um=output.residual_um,
         outcome=player.outcome,
-        contact_x_um=None if line is None else line.x_e_um,
+        contact_x_um=player.entry.held_at_um if line is None else line.x_e_um,
         contact_stiffness_mN_per_um=None if line is None else line.K_e_mN_per_um,
         held=player.held,
         acted=acted,
         paused=player.pause.active,
         touch_x_um=touch and touch.x_um,
         touch_mN=touch and touch.force_mN,
+        place_um=None if alone else place_um,
+        place_r_um=None if alone else before.ref.x_um,
         correction_um=correction_um,
         slips=player.slip.slips,
         step_um=seen and seen.step_um,
@@ -139,7 +142,7 @@ def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
 
 
 def check_command(
-    configs: tuple[ControllerConfig, ...],
+    configs: tuple[ArmConfig, ...],
     watches: tuple[Watches, ...],
     command: Command,
     estimate: Estimate,

@@ -12,11 +12,14 @@ from msgspec.structs import replace
 
 from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning import conditioning
+from pincette.control.planning.pair_plan import CARRIED
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Entry, Move, Reference, Seek, Track
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages.arms import ArmEstimate
-from pincette_controller.guarding import guard, is_uncertain, with_planned_line
+from pincette_controller.felt import Arms, Felt, place_um
+from pincette_controller.force_bounds import is_uncertain
+from pincette_controller.guarding import guard, with_planned_line
 from pincette_controller.player_state import (
     Began,
     Foreseen,
@@ -35,28 +38,42 @@ CARRY = "move"
 """Phase in which two arms carry a held part."""
 
 
-def begin(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
-    """Return a player at the first segment, with the arm where it is and the force read there."""
-    x_um, applied_V = estimate.x_um, estimate.applied_V
+def begin(program: Program, arms: Arms, period_s: float) -> Player:
+    """Return a player at the first segment, with the arms where they are and the force there."""
+    first, held, x_um = program.segments[0], program.begins_held, place_um(arms)
     if program.takes_force_over:
-        return take_over(program, estimate, period_s)
-    ref = Reference(x_um, voltages_V=(applied_V,))
+        return take_over(program, arms[0], period_s)
+    tips_um = tuple([arm.x_um for arm in arms])
+    voltages_V = tuple([arm.applied_V for arm in arms])
+    forces_mN = [arm.force_mN for arm in arms]
+    began = Began(tips_um, voltages_V, max(forces_mN) if held else 0.0)
+    ref = Reference(x_um, voltages_V=voltages_V)
+    if len(arms) == 1:
+        return Player(0, first, 0, Entry(ref, period_s), ref, began, voltages_V, held=held)
+    # What is held already is pressed on with as much as is read of it, which may have no zero.
+    presses = held and first.presses
+    one_um, two_um = tips_um
+    ref = ref._replace(
+        force_mN=0.5 * sum(forces_mN) if presses else 0.0, opening_um=one_um + two_um
+    )
     return Player(
         0,
-        program.segments[0],
+        first,
         0,
-        Entry(ref, period_s),
+        Entry(ref, period_s, found_um=(None, None), held_at_um=x_um if presses else None),
         ref,
-        Began((x_um,), (applied_V,), estimate.force_mN if program.begins_held else 0.0),
-        (applied_V,),
-        held=program.begins_held,
+        began,
+        voltages_V,
+        held=held,
+        ends_after=CARRIED if presses else "",
+        felt=Felt((one_um, two_um)),
     )
 
 
 def advance(
     program: Program,
     player: Player,
-    estimate: ArmEstimate,
+    arms: Arms,
     period_s: float,
     foreseen: Foreseen | None = None,
     limits: StepLimits | None = None,
@@ -67,43 +84,33 @@ def advance(
     waits for its confirmation, references and time rest.
     """
     known = foreseen.player if foreseen is not None and foreseen.of is player else None
-    led = player = replace(player, zero=False, bump=False, applied_V=(estimate.applied_V,))
+    felt, x_um, applied_V = player.felt, arms[0].x_um, (arms[0].applied_V,)
+    if felt is not None:
+        felt = felt.follow(arms, period_s, 0.5 * program.guards.contact_force_mN)
+        x_um, applied_V = place_um(arms), (arms[0].applied_V, arms[1].applied_V)
+    led = player = replace(player, zero=False, bump=False, applied_V=applied_V, felt=felt)
     if player.ended:
         return player
-    player = guard(program, player, estimate, period_s, limits)
+    player = guard(program, player, arms, x_um, period_s, limits)
     if player.slip.suspect is not None:
         return player
-    player = move_on(program, player, estimate.x_um, period_s, estimate)
+    player = _move_on(program, player, arms, x_um, period_s)
     if player.ended or player.pause.active:
         return player
     if known is not None and player is led:
         moved = replace(player, ticks=known.ticks, ref=known.ref)
     else:
         moved = at_tick(player, player.ticks + 1)
-    return within_plan(program, moved, estimate.x_um) if moved.held else moved
+    return within_plan(program, moved, x_um) if moved.held and felt is None else moved
 
 
-def move_on(
-    program: Program,
-    player: Player,
-    x_um: float,
-    period_s: float,
-    estimate: ArmEstimate | None = None,
-) -> Player:
-    """Leave the segments that have run their time, and begin a pause at a safe point.
-
-    Parameters
-    ----------
-    x_um
-        Measured position of the arm, or place of a part between two arms.
-    estimate
-        Newest sample of one arm, whose contact line is settled after a load; None: of two arms.
-    """
+def _move_on(program: Program, player: Player, arms: Arms, x_um: float, period_s: float) -> Player:
+    """Leave the segments that have run their time, and begin a pause at a safe point."""
     if player.pause.over:
         player = replace(player, pause=replace(player.pause, over=False))
     player = _pause_at_rest(player, period_s)
     while not player.ended and not player.pause.active and is_over(player, period_s):
-        player = _pause_at_rest(_next(program, player, x_um, estimate), period_s)
+        player = _pause_at_rest(_next(program, player, arms, x_um), period_s)
     return player
 
 
@@ -136,7 +143,7 @@ def _at_rest(player: Player, period_s: float) -> bool:
         return False
     if is_over(player, period_s):
         return True
-    alone = player.pair is None
+    alone = player.felt is None
     if alone and player.ticks == 0:
         begins_moving = isinstance(segment, Move) and entry.ref.speed_um_per_s != 0.0
         if begins_moving or entry.ref.force_rate_mN_per_s != 0.0:
@@ -155,7 +162,7 @@ def _at_rest(player: Player, period_s: float) -> bool:
     )
 
 
-def _next(program: Program, player: Player, x_um: float, estimate: ArmEstimate | None) -> Player:
+def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
     """Leave a segment that has run its time."""
     segment = player.segment
     if segment.zeroes:
@@ -167,8 +174,8 @@ def _next(program: Program, player: Player, x_um: float, estimate: ArmEstimate |
     settles = segment.phase == Phase.LOAD and program.contact_line == "identified"
     if settles and program.begins_held:
         player = settle_held(program, player)
-    elif settles and estimate is not None:
-        player = _settle_contact(program, player, estimate)
+    elif settles and player.felt is None:
+        player = _settle_contact(program, player, arms[0])
         if player.outcome:
             return jump(program, player, Phase.UNLOAD, x_um)
     if not player.outcome:

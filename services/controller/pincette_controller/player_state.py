@@ -11,7 +11,7 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Entry, Move, Reference, Segment
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Outcome, Phase
-from pincette_controller.pair_stand import PairStand
+from pincette_controller.felt import Felt
 
 
 class SeenStep(FrozenRecord, frozen=True):
@@ -130,7 +130,7 @@ class Player(FrozenRecord, frozen=True):
     pause: Pause = NO_PAUSE
     touch: Touch | None = None
     """Touch on the way through free space; None: there was none."""
-    pair: PairStand | None = None
+    felt: Felt | None = None
     """Forces and tips that two arms have felt since the segment began; None with one arm."""
     outcome: Outcome = Outcome.NONE
     ended: bool = False
@@ -171,7 +171,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
     return replace(
         player,
         index=index,
-        segment=_not_forward(segment, ref, player.pair),
+        segment=_not_forward(segment, ref, player.felt),
         ticks=0,
         # A zero that is not answered belongs to the rest that is left.
         watch=replace(player.watch, count=0, zeroing=False),
@@ -179,7 +179,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         ref=ref,
         # A step that was suspected in the segment before must not freeze this one.
         slip=replace(player.slip, suspect=None),
-        pair=None if player.pair is None else player.pair.entered(),
+        felt=None if player.felt is None else player.felt.entered(),
     )
 
 
@@ -193,11 +193,11 @@ def with_slip(player: Player, **changes: Any) -> Player:
     return replace(player, slip=replace(player.slip, **changes))
 
 
-def _not_forward(segment: Segment, ref: Reference, pair: PairStand | None) -> Segment:
+def _not_forward(segment: Segment, ref: Reference, felt: Felt | None) -> Segment:
     """Return a retreat whose goals are no further than where each arm is; others unchanged."""
     if segment.phase != Phase.RETREAT or not isinstance(segment, Move):
         return segment
-    tips_um = (ref.x_um,) if pair is None else pair.tips_um
+    tips_um = (ref.x_um,) if felt is None else felt.tips_um
     goals_um = tuple(
         None if goal_um is None else min(goal_um, tip_um)
         for goal_um, tip_um in zip(segment.to_um, tips_um, strict=True)
@@ -248,7 +248,7 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
     if not player.segment.presses or following.presses:
         return player
     ref = opened(player)._replace(force_mN=0.0, speed_um_per_s=0.0)
-    if player.pair is not None:
+    if player.felt is not None:
         # The reference of the place stays; the opening begins where both arms are.
         return replace(player, held=False, ref=ref)
     return replace(player, held=False, bump=True, ref=ref._replace(x_um=x_um))
@@ -256,6 +256,6 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
 
 def opened(player: Player) -> Reference:
     """Return the references, with two arms with the opening as it is measured."""
-    if player.pair is None:
+    if player.felt is None:
         return player.ref
-    return player.ref._replace(opening_um=sum(player.pair.tips_um), opening_speed_um_per_s=0.0)
+    return player.ref._replace(opening_um=sum(player.felt.tips_um), opening_speed_um_per_s=0.0)

@@ -2,12 +2,13 @@
 
 from msgspec.structs import replace
 
+from pincette.control.safety.monitors import UNSEEN
 from pincette.core.faults import FaultCode
 from pincette.core.messages import Ack, Action, Arm, Lease, Load, Message
 from pincette.core.service import RefusedError
 from pincette_controller.actions import RunningLease, action_objection, lease_objection
 from pincette_controller.config import ControllerConfig, check_program
-from pincette_controller.state import SecondState, State
+from pincette_controller.state import State
 
 
 def handle(
@@ -27,9 +28,10 @@ def handle(
             laws = config.laws(state.loaded)
         except ValueError as error:
             raise RefusedError(f"a law of the program: {error}") from error
+        models = zip(state.memories, config.arms, strict=True)
         fresh = State(
-            state.arm.armed(config.response),
-            second=_armed_second(config, state),
+            tuple(memory.armed(arm.response) for memory, arm in models),
+            (UNSEEN,) * len(config.arms),
             epoch=request.epoch,
             owner=request.owner,
             loaded=state.loaded,
@@ -44,13 +46,6 @@ def handle(
     if isinstance(request, Lease):
         return _lease(state, request, now)
     raise RefusedError(f"the controller does not answer {type(request).__name__}")
-
-
-def _armed_second(config: ControllerConfig, state: State) -> SecondState | None:
-    """Return what a rig of two arms has beside, at the begin of an epoch."""
-    if config.second is None or state.second is None:
-        return None
-    return SecondState(state.second.arm.armed(config.second.response))
 
 
 def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tuple[Message, ...]]:

@@ -105,7 +105,7 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate) -> bool:
     forces shows what one arm alone cannot.
     """
     segment = player.segment
-    if not player.held or segment.phase in UNWATCHED or player.pair is not None:
+    if not player.held or segment.phase in UNWATCHED or player.felt is not None:
         return False
     on_path = bool(paths_of(segment))
     return not on_path or estimate.force_mN >= program.guards.contact_force_mN

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from pincette.control.planning.program import Program
 from pincette.control.record import FrozenRecord
-from pincette.control.safety.monitors import UNSEEN, Watches
+from pincette.control.safety.monitors import Watches
 from pincette.core.faults import Fault
 from pincette.core.messages import Action, Command, Estimate, Telemetry
 from pincette_controller.actions import RunningLease
@@ -23,19 +23,13 @@ class Inputs(NamedTuple):
     estimate: Estimate | None
 
 
-class SecondState(FrozenRecord, frozen=True):
-    """State of the second arm of a rig of two arms."""
-
-    arm: ArmMemory
-    watches: Watches = UNSEEN
-    """State of the check of the second arm's hard limits."""
-
-
 class State(FrozenRecord, frozen=True):
-    """The program, where it stands, and the memory of law and arm."""
+    """The program, where it stands, and the memories of law and arms."""
 
-    arm: ArmMemory
-    """It outlives an arming, as the arm's own does."""
+    memories: tuple[ArmMemory, ...]
+    """Memory of each arm; it outlives an arming, as the arm's own does."""
+    watches: tuple[Watches, ...]
+    """State of the check of each arm's hard limits."""
     epoch: int = 0
     owner: int = 0
     seq: int = -1
@@ -55,15 +49,11 @@ class State(FrozenRecord, frozen=True):
     pending: tuple[Action, ...] = ()
     lease: RunningLease | None = None
     """Without one the program plays to its end, with or without a supervisor."""
-    watches: Watches = UNSEEN
-    """What the check of the hard limits has seen."""
     silenced: Fault | None = None
     """Why it commands no more, though no action has ended the program."""
     refused: int = 0
     found: Fault | None = None
     """Why it has stopped, or stops, without an action that asks for it."""
-    second: SecondState | None = None
-    """State of the second arm; None on a rig of one arm."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

@@ -3,7 +3,8 @@
 from msgspec.structs import replace
 
 from pincette.config import RigFile
-from pincette.control.planning.program import Program
+from pincette.control.planning.program import PlannedRange, Program
+from pincette.control.safety.monitors import UNSEEN
 from pincette.control.safety.voltage import limited
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
@@ -32,7 +33,9 @@ from pincette_controller.actions import (
 )
 from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.config import ControllerConfig, configure
+from pincette_controller.control_laws import ArmView, Wanted
 from pincette_controller.driving import arm_view, at_measured, drive
+from pincette_controller.felt import place_um
 from pincette_controller.learning import begin_learning, correct, learn
 from pincette_controller.outputs import (
     check_command,
@@ -41,20 +44,18 @@ from pincette_controller.outputs import (
     no_command,
     telemetry_of,
 )
-from pincette_controller.pair_step import followed_second, play_pair
 from pincette_controller.player import advance, begin, foresee
 from pincette_controller.player_state import Player
 from pincette_controller.requests import handle
-from pincette_controller.state import Inputs, SecondState, State, ended_tick
+from pincette_controller.state import Inputs, State, ended_tick
 
 TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 
 def start(config: ControllerConfig) -> State:
     """Nothing is loaded."""
-    second = config.second
-    other = None if second is None else SecondState(ArmMemory(second.response, second.response))
-    return State(ArmMemory(config.response, config.response), second=other)
+    memories = tuple(ArmMemory(arm.response, arm.response) for arm in config.arms)
+    return State(memories, (UNSEEN,) * len(memories))
 
 
 def step(
@@ -77,14 +78,13 @@ def _answer(
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     if estimate is None:
         return state, ()
-    if estimate.epoch != state.epoch or len(estimate.arms) != (1 if config.second is None else 2):
+    if estimate.epoch != state.epoch or len(estimate.arms) != len(config.arms):
         return replace(state, refused=state.refused + 1), ()
-    state = replace(state, arm=state.arm.follow(estimate, 0, config.period_s))
-    if state.second is not None:
-        state = replace(state, second=followed_second(state.second, estimate, config.period_s))
+    memories: tuple[ArmMemory, ...] = ()
+    for memory in state.memories:
+        memories += (memory.follow(estimate, len(memories), config.period_s),)
+    state = replace(state, memories=memories)
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
-        if config.second is not None and state.second is not None:
-            return play_pair(config, config.second, state, state.second, estimate)
         return _play(config, state, state.program, estimate)
     state = replace(state, seq=estimate.seq)
     if estimate.tripped and state.playing:
@@ -97,21 +97,13 @@ def ahead(config: ControllerConfig, state: State, told: Message) -> State:
     the references to the next sample."""
     if not isinstance(told, Command) or not told.valid or told.epoch != state.epoch:
         return state
-    arm = _led_ahead(config, state.arm, told.arms[0].voltage_V, told.seq)
-    second, player = state.second, state.player
-    if second is None:
-        coming = None if player is None else foresee(player)
-        return replace(state, arm=arm, foreseen=coming)
-    if config.second is not None:
-        other = _led_ahead(config.second, second.arm, told.arms[1].voltage_V, told.seq)
-        second = replace(second, arm=other)
-    return replace(state, arm=arm, second=second)
-
-
-def _led_ahead(config: ControllerConfig, arm: ArmMemory, voltage_V: float, seq: int) -> ArmMemory:
-    """Expect what the actuator makes of a voltage in time: its range, its slew, its step."""
-    put_out_V, _ = limited(config.voltage, arm.response.voltage_V, voltage_V)
-    return arm.expecting(put_out_V, seq + 1, config.period_s)
+    memories: tuple[ArmMemory, ...] = ()
+    for arm, memory, wanted in zip(config.arms, state.memories, told.arms, strict=True):
+        # What the actuator makes of a voltage in time: its range, its slew, its step.
+        put_out_V, _ = limited(arm.voltage, memory.response.voltage_V, wanted.voltage_V)
+        memories += (memory.expecting(put_out_V, told.seq + 1, config.period_s),)
+    coming = None if state.player is None else foresee(state.player)
+    return replace(state, memories=memories, foreseen=coming)
 
 
 def _silent(state: State, estimate: Estimate) -> Command:
@@ -122,27 +114,28 @@ def _play(
     config: ControllerConfig, state: State, program: Program, estimate: Estimate
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
     """Play one tick: actions, guards and references, then the law, then the checked command."""
-    measured = estimate.arms[0]
-    before = state.player or begin(program, measured, config.period_s)
-    known = state.learning or begin_learning(program)
-    player, later, effects = act(program, before, state.pending, estimate.seq, measured.x_um)
-    player = advance(program, player, measured, config.period_s, state.foreseen, config.steps)
-    learning = correct(learn(known, before, measured, config.period_s), player, config.period_s)
+    arms, period_s = estimate.arms, config.period_s
+    x_um = arms[0].x_um if len(arms) == 1 else place_um(arms)
+    before = state.player or begin(program, arms, period_s)
+    known = state.learning or begin_learning(program, len(arms))
+    player, later, effects = act(program, before, state.pending, estimate.seq, x_um)
+    player = advance(program, player, arms, period_s, state.foreseen, config.steps)
+    learning = correct(learn(known, before, arms[0], period_s), player, period_s)
     if player.segment.open_loop:
-        player = at_measured(player, measured.x_um, measured.force_mN)
-    arms = (arm_view(measured, state.arm),)
+        player = at_measured(player, arms, x_um)
+    views: tuple[ArmView, ...] = ()
+    for measured, memory in zip(arms, state.memories, strict=True):
+        views += (arm_view(measured, memory),)
     law_state, wanted = drive(
-        state.laws, state.law_state, before, player, arms, learning.correction_um
+        state.laws, state.law_state, before, player, views, learning.correction_um
     )
-    voltage_V = _planned_V(program, player, measured, wanted.voltages_V[0])
-    steered = state.law_state is not None and not player.segment.open_loop
-    x_d_um = wanted.x_d_um if steered and not player.ended else None
-    asked = ArmCommand(voltage_V, known_force_mN(estimate, 0, player), x_d_um)
-    command = command_of(program, player, estimate, state.owner, (asked,))
-    watches, command = check_command((config,), (state.watches,), command, estimate)
+    asked, references = _asked(program, state, before, player, estimate, wanted)
+    command = command_of(program, player, estimate, state.owner, asked)
+    watches, command = check_command(config.arms, state.watches, command, estimate)
     acted = acted_in_tick(effects, before, player)
-    references = (ArmTelemetry(before.ref.x_um, wanted.x_d_um),)
-    view = telemetry_of(estimate, before, player, wanted, references, acted, known.correction_um)
+    view = telemetry_of(
+        estimate, before, player, wanted, references, x_um, acted, known.correction_um
+    )
     return ended_tick(
         state,
         player,
@@ -152,20 +145,61 @@ def _play(
         estimate,
         law_state=law_state,
         learning=learning,
-        watches=watches[0],
+        watches=watches,
     )
 
 
-def _planned_V(program: Program, player: Player, measured: ArmEstimate, wanted_V: float) -> float:
+def _asked(
+    program: Program,
+    state: State,
+    before: Player,
+    player: Player,
+    estimate: Estimate,
+    wanted: Wanted,
+) -> tuple[tuple[ArmCommand, ...], tuple[ArmTelemetry, ...]]:
+    """Return what is asked of each arm, and each arm's references of the newest sample."""
+    alone = player.felt is None
+    # The actuator alone keeps two arms within the range that their plan has stated.
+    planned = program.planned_range if alone else None
+    stated = state.law_state is not None and not player.ended
+    stated = stated and not (alone and player.segment.open_loop)
+    asked: tuple[ArmCommand, ...] = ()
+    references: tuple[ArmTelemetry, ...] = ()
+    aims_um = _aims_um(before, player, wanted)
+    for arm, measured in enumerate(estimate.arms):
+        aim_um = aims_um[arm]
+        voltage_V = _planned_V(planned, player, measured, wanted.voltages_V[arm])
+        force_mN = known_force_mN(estimate, arm, player)
+        asked += (ArmCommand(voltage_V, force_mN, aim_um if stated else None),)
+        references += (ArmTelemetry(before.ref.x_um if alone else aim_um, aim_um),)
+    return asked, references
+
+
+def _aims_um(before: Player, player: Player, wanted: Wanted) -> tuple[float, ...]:
+    """Return where each tip was to be at the newest sample; without a law two are where they are.
+
+    The law of one arm says so. Two arms share the place, and a part that is pressed leaves them as
+    open as they are.
+    """
+    felt, ref = player.felt, before.ref
+    if felt is None:
+        return (wanted.x_d_um,)
+    if before.segment.open_loop:
+        return felt.tips_um
+    half_um = 0.5 * (sum(felt.tips_um) if before.segment.presses else ref.opening_um)
+    return half_um + ref.x_um, half_um - ref.x_um
+
+
+def _planned_V(
+    planned: PlannedRange | None, player: Player, measured: ArmEstimate, wanted_V: float
+) -> float:
     """Return the voltage to command: frozen, or within the range that the plan has stated."""
-    if player.ended:
+    if player.ended or player.slip.suspect is not None:
         return measured.applied_V
-    voltage_V = wanted_V if player.slip.suspect is None else measured.applied_V
-    planned = program.planned_range
     if planned is None:
-        return voltage_V
+        return wanted_V
     low_V, high_V = planned.voltage.from_voltage(measured.applied_V)
-    return min(max(voltage_V, low_V), high_V)
+    return min(max(wanted_V, low_V), high_V)
 
 
 SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
@@ -187,5 +221,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     step=step,
     handle=handle,
     ahead=ahead,
-    state_snapshot=("arm", "second.arm"),
+    state_snapshot=("memories",),
 )

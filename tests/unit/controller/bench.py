@@ -14,7 +14,7 @@ from pincette.control.safety.monitors import MonitorLimits
 from pincette.control.safety.voltage import VoltageLimits
 from pincette.core.messages import Arm, Command, Estimate, Load, Telemetry
 from pincette.core.messages.arms import ArmEstimate
-from pincette_controller.config import ControllerConfig
+from pincette_controller.config import ArmConfig, ControllerConfig
 from pincette_controller.step import Inputs, State, handle, start, step
 from tests.support.arms import with_arm
 from tests.support.laws import LAWS, law_settings
@@ -23,15 +23,20 @@ T, K_E, X_E_UM = 0.02, 2.0, 12.0
 ARM = consistent_arm(2437.8, 0.026, 19.0, 0.46)
 CONFIG = ControllerConfig(
     period_s=T,
-    arm=ARM,
-    response=nominal_response(19.0, FreeSample(0.0, 0.0)),
+    arms=(
+        ArmConfig(
+            ARM,
+            nominal_response(19.0, FreeSample(0.0, 0.0)),
+            MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
+            VoltageLimits(-1.0, 4.0, 0.2, 0.1),
+        ),
+    ),
     law=law_settings(K_P=2.0),
     installed=LAWS,
     force_filter_s=0.03,
     output=PROMPT,
-    monitors=MonitorLimits(T, 50.0, 3, 10.0, 0.1, 5, -29.0, 79.0, 3),
-    voltage=VoltageLimits(-1.0, 4.0, 0.2, 0.1),
     steps=StepLimits(0.03, 0.46, T),
+    part_um_per_mN=0.0,
 )
 GUARDS = Guards(2.0, 3, 40.0, 0.3, 5, 1.5, 2.5, 1.0)
 PBSMIC, DSMIFC = law_settings("pbsmic", K_P=2.0), law_settings("dsmifc", K_P=2.0)
@@ -84,7 +89,7 @@ class Bench:
 
     def __init__(self, plays: Program, config: ControllerConfig = CONFIG) -> None:
         self.config = config
-        self.plant = discretize(config.arm, T)
+        self.plant = discretize(config.arms[0].parameters, T)
         state, _, _ = handle(config, start(config), Load(plays), 0.0)
         self.state: State = handle(config, state, Arm(1, 5, ""), 0.0)[0]
         self.x_um: float = 0.0

@@ -61,7 +61,7 @@ class Arm:
         self.lost = False
         self.uncertainty_mN = BLANK.force_uncertainty_mN
         self.zeroed: float | None = None
-        self.player: Player = begin(program, BLANK, T)
+        self.player: Player = begin(program, (BLANK,), T)
         self.phases: list[str] = []
         self.seq = 0
 
@@ -81,7 +81,7 @@ class Arm:
         )
 
     def tick(self) -> None:
-        self.player = advance(self.program, self.player, self.estimate(), T)
+        self.player = advance(self.program, self.player, (self.estimate(),), T)
         self.seq += 1
         if self.player.zero and not self.refusal:
             self.zeroed = self.seq

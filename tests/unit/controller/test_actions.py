@@ -71,22 +71,22 @@ def test_a_part_is_kept_only_at_rest_and_stays_held() -> None:
     assert not may_keep(arm.player)
     arm.until("hold")
     assert may_keep(arm.player)
-    player = advance(PROGRAM, keep(arm.player), arm.estimate(), T)
+    player = advance(PROGRAM, keep(arm.player), (arm.estimate(),), T)
     assert (player.ended, player.held, player.outcome) == (True, True, "stopped")
 
 
 def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> None:
     at_V = replace(BLANK, applied_V=2.5)
-    player = begin(KEEPS, replace(BLANK, applied_V=2.5), T)
+    player = begin(KEEPS, (replace(BLANK, applied_V=2.5),), T)
     assert not waits(player)
     for _ in range(100):
-        player = advance(KEEPS, player, at_V, T)
+        player = advance(KEEPS, player, (at_V,), T)
         assert (player.ref.voltages_V[0], player.held, player.ended) == (2.5, True, False)
     player = release(KEEPS, player)
     voltages: list[float] = []
     while not player.ended:
         assert player.held
-        player = advance(KEEPS, player, at_V, T)
+        player = advance(KEEPS, player, (at_V,), T)
         voltages.append(player.ref.voltages_V[0])
     assert (player.outcome, player.held) == ("released", False)
     assert voltages[-1] == pytest.approx(0.0)
@@ -94,14 +94,14 @@ def test_what_is_held_from_the_start_stays_at_its_voltage_until_released() -> No
 
 
 def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
-    player = begin(KEEPS, replace(BLANK, applied_V=2.5), T)
+    player = begin(KEEPS, (replace(BLANK, applied_V=2.5),), T)
     player = stop(pause(player))
     for _ in range(50):
-        player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
+        player = advance(KEEPS, player, (replace(BLANK, applied_V=2.5),), T)
     assert (player.ref.voltages_V[0], player.held, player.outcome) == (2.5, True, "stopped")
     player = let_go(KEEPS, player)
     while not player.ended:
-        player = advance(KEEPS, player, replace(BLANK, applied_V=2.5), T)
+        player = advance(KEEPS, player, (replace(BLANK, applied_V=2.5),), T)
     assert (player.outcome, player.held) == ("stopped", False)
     assert player.ref.voltages_V[0] == pytest.approx(0.0)
 
@@ -109,10 +109,10 @@ def test_a_stop_of_such_a_hold_keeps_its_voltage_too() -> None:
 def test_beyond_a_limit_such_a_hold_lets_go_by_its_own_way() -> None:
     program = replace(KEEPS, guards=replace(GUARDS, position_max_um=40.0))
     player = Arm(program=program).player
-    player = advance(program, player, replace(BLANK, x_um=41.0, applied_V=2.5), T)
+    player = advance(program, player, (replace(BLANK, x_um=41.0, applied_V=2.5),), T)
     assert (player.segment.phase, player.outcome) == ("unload", "overtravel")
     while not player.ended:
-        player = advance(program, player, replace(BLANK, x_um=41.0, applied_V=2.5), T)
+        player = advance(program, player, (replace(BLANK, x_um=41.0, applied_V=2.5),), T)
     assert (player.outcome, player.held) == ("overtravel", False)
 
 
@@ -137,7 +137,7 @@ def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: 
     for _ in range(GUARDS.contact_samples):
         met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
         assert arm.player.outcome == ""
-        arm.player = advance(arm.program, arm.player, met, T)
+        arm.player = advance(arm.program, arm.player, (met,), T)
     assert arm.player.touch is not None
     assert (arm.player.outcome, arm.player.touch.x_um) == ("contact", 5.0)
     arm.until()
@@ -149,11 +149,11 @@ def test_a_grip_that_meets_something_on_a_free_way_goes_back_to_its_rest(phase: 
 def test_an_arm_that_is_pressed_before_its_strokes_makes_none(touch_mN: float) -> None:
     strokes = conditioning(-0.8, 10.0, 0.0, 19.0)
     program = replace(PROGRAM, segments=(*strokes, *PROGRAM.segments))
-    player = begin(program, replace(BLANK, applied_V=-0.4), T)
+    player = begin(program, (replace(BLANK, applied_V=-0.4),), T)
     pressed = replace(BLANK, touch_x_um=-8.0, touch_mN=touch_mN, applied_V=-0.4)
     for _ in range(GUARDS.contact_samples):
         assert player.outcome == ""
-        player = advance(program, player, pressed, T)
+        player = advance(program, player, (pressed,), T)
     assert player.outcome == ("contact" if touch_mN >= GUARDS.contact_force_mN else "")
     assert player.ref.voltages_V == (-0.4,)
 
@@ -164,7 +164,7 @@ def test_an_arm_that_goes_back_cannot_meet_the_part_again() -> None:
     arm.tick()
     for _ in range(2 * GUARDS.contact_samples):
         met = replace(arm.estimate(), touch_x_um=5.0, touch_mN=2.5)
-        arm.player = advance(arm.program, arm.player, met, T)
+        arm.player = advance(arm.program, arm.player, (met,), T)
     assert (arm.player.outcome, arm.player.segment.phase) == ("gripped", "retreat")
 
 
@@ -174,10 +174,10 @@ def test_what_holds_the_arm_from_behind_is_let_go() -> None:
     arm.tick()
     held = replace(arm.estimate(), x_um=4.0, touch_x_um=4.0, touch_mN=-2.5)
     for _ in range(GUARDS.contact_samples):
-        arm.player = advance(MOVES, arm.player, held, T)
+        arm.player = advance(MOVES, arm.player, (held,), T)
     assert arm.player.outcome == "contact"
     while not arm.player.ended:
-        arm.player = advance(MOVES, arm.player, held, T)
+        arm.player = advance(MOVES, arm.player, (held,), T)
     assert arm.player.ref.x_um > 4.0
 
 
@@ -186,7 +186,7 @@ def test_a_press_that_still_lasts_as_the_way_back_begins_is_no_touch() -> None:
     arm.until("retreat")
     for _ in range(10):
         pressed = replace(arm.estimate(), touch_x_um=12.0, touch_mN=5.0)
-        arm.player = advance(arm.program, arm.player, pressed, T)
+        arm.player = advance(arm.program, arm.player, (pressed,), T)
     assert arm.player.outcome == "gripped"
 
 
@@ -194,9 +194,9 @@ def test_a_force_that_is_certain_ends_a_program_before_any_zero() -> None:
     arm = Arm(contact_um=99.0)
     arm.tick()
     unsure = replace(arm.estimate(), force_mN=45.0, force_uncertainty_mN=6.0)
-    assert advance(arm.program, arm.player, unsure, T).outcome == ""
+    assert advance(arm.program, arm.player, (unsure,), T).outcome == ""
     sure = replace(unsure, force_uncertainty_mN=4.0)
-    assert advance(arm.program, arm.player, sure, T).outcome == "overforce"
+    assert advance(arm.program, arm.player, (sure,), T).outcome == "overforce"
 
 
 def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> None:
@@ -212,7 +212,7 @@ def test_a_voltage_that_leads_into_something_goes_back_to_where_it_began() -> No
         sample = replace(
             BLANK, touch_mN=touch_mN, zero_age_s=age_s, applied_V=player.ref.voltages_V[0]
         )
-        player = advance(program, player, sample, T)
+        player = advance(program, player, (sample,), T)
         highest_V = max(highest_V, player.ref.voltages_V[0])
         if player.ended:
             break
@@ -226,7 +226,7 @@ def test_a_touch_below_the_contact_force_is_none() -> None:
     arm.until("move")
     for _ in range(10):
         light = replace(arm.estimate(), touch_x_um=3.0, touch_mN=1.9)
-        arm.player = advance(MOVES, arm.player, light, T)
+        arm.player = advance(MOVES, arm.player, (light,), T)
     assert arm.player.outcome != "contact"
 
 
@@ -244,7 +244,7 @@ def test_a_soft_kink_is_a_bend_where_the_guards_admit_bends(
     arm.tick()
     for _ in range(GUARDS.contact_samples + 1):
         met = replace(arm.estimate(), x_um=x_um, touch_x_um=8.0, touch_mN=touch_mN)
-        arm.player = advance(bends, arm.player, met, T)
+        arm.player = advance(bends, arm.player, (met,), T)
     assert arm.player.outcome == outcome
 
 
@@ -255,5 +255,5 @@ def test_no_kink_before_the_place_where_a_program_began_is_a_bend() -> None:
     arm.tick()
     for _ in range(GUARDS.contact_samples + 1):
         met = replace(arm.estimate(), x_um=15.0, touch_x_um=-4.0, touch_mN=6.0)
-        arm.player = advance(bends, arm.player, met, T)
+        arm.player = advance(bends, arm.player, (met,), T)
     assert arm.player.outcome == "contact"

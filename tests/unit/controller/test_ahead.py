@@ -13,7 +13,7 @@ from tests.unit.controller.bench import CONFIG, QUIET
 
 STEP_V = 0.003
 LIMITS = VoltageLimits(-1.0, 4.0, 0.2, 0.1, step_V=STEP_V)
-STEPPED = replaced(CONFIG, voltage=LIMITS)
+STEPPED = replaced(CONFIG, arms=(replaced(CONFIG.arms[0], voltage=LIMITS),))
 COMMAND = Command(
     epoch=0,
     seq=0,
@@ -47,12 +47,12 @@ def sample(applied_V: float) -> Estimate:
 def test_the_memory_is_led_by_what_the_actuator_puts_out(
     commanded_V: float, applied_V: float
 ) -> None:
-    arm = told(commanded_V).arm
+    arm = told(commanded_V).memories[0]
     assert arm.follow(sample(applied_V), 0, CONFIG.period_s) is arm.expected
 
 
 def test_a_voltage_that_was_put_out_otherwise_is_followed_as_if_nothing_had_been_expected() -> None:
-    arm = told(0.1).arm
+    arm = told(0.1).memories[0]
     found = arm.follow(sample(0.006), 0, CONFIG.period_s)
     assert found is not arm.expected
-    assert found == start(STEPPED).arm.follow(sample(0.006), 0, CONFIG.period_s)
+    assert found == start(STEPPED).memories[0].follow(sample(0.006), 0, CONFIG.period_s)

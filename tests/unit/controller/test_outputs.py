@@ -25,7 +25,7 @@ SEEN = with_arm(QUIET, applied_V=0.25)
 
 
 def test_a_command_within_the_limits_leaves_as_it_is() -> None:
-    (watches,), command = check_command((CONFIG,), (UNSEEN,), COMMAND, SEEN)
+    (watches,), command = check_command(CONFIG.arms, (UNSEEN,), COMMAND, SEEN)
     assert command is COMMAND
     assert watches.seq == 0
 
@@ -34,7 +34,7 @@ def test_a_force_beyond_the_hard_limit_leaves_no_command_but_what_is_known() -> 
     watches, command = UNSEEN, COMMAND
     for seq in range(3):
         pressing = with_arm(COMMAND, seq=seq, force_mN=60.0)
-        (watches,), command = check_command((CONFIG,), (watches,), pressing, SEEN)
+        (watches,), command = check_command(CONFIG.arms, (watches,), pressing, SEEN)
         assert command.valid is (seq < 2)
     assert named_text(command.fault).startswith("force: 60.0 mN, limit 50.0 mN")
     assert (command.arms[0].voltage_V, command.arms[0].force_mN, command.arms[0].x_d_um) == (
@@ -50,8 +50,8 @@ def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
     for seq in range(3):
         far = with_arm(SEEN, seq=seq, x_um=80.0)
         here = with_arm(COMMAND, seq=seq, x_d_um=None)
-        (watches,), command = check_command((CONFIG,), (watches,), here, far)
-    found = finding(CONFIG.monitors, watches)
+        (watches,), command = check_command(CONFIG.arms, (watches,), here, far)
+    found = finding(CONFIG.arms[0].monitors, watches)
     assert found is not None
     assert found.cause == Cause.POSITION
     assert not command.valid
@@ -68,7 +68,7 @@ def test_a_position_beyond_the_hard_limits_leaves_no_command() -> None:
 )
 def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], words: str) -> None:
     odd = with_arm(COMMAND, **changes)
-    (watches,), command = check_command((CONFIG,), (UNSEEN,), odd, SEEN)
+    (watches,), command = check_command(CONFIG.arms, (UNSEEN,), odd, SEEN)
     assert watches is UNSEEN
     assert named_text(command.fault).startswith(words)
     assert (command.valid, command.arms[0].voltage_V) == (False, 0.25)

@@ -17,7 +17,7 @@ from pincette.control.planning.pair_plan import (
 )
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program
-from pincette.control.planning.segments import Drive, Move, Stay
+from pincette.control.planning.segments import Drive, Move, Ramp, Stay
 from pincette.core.faults import ActionCode, FaultCode, Outcome
 from pincette.core.messages import Command, Estimate, Load, Telemetry
 from pincette.core.service import RefusedError
@@ -279,6 +279,22 @@ def test_two_arms_of_which_one_is_pressed_before_its_strokes_make_none(arm: int)
     told = [pair.tick()[1] for _ in range(4)]
     assert told[-1].outcome == Outcome.CONTACT
     assert pair.voltages_V == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("arm", [0, 1])
+def test_an_arm_that_meets_something_behind_it_without_a_law_moves_out_of_it(arm: int) -> None:
+    back = Drive("retreat", 1.0, guarded=True, courses=(Ramp(0.0), Ramp(0.0)))
+    pair = IdealPair(replace(grip(), segments=(back,)))
+    pair.part, pair.voltages_V = False, (1.0, 1.0)
+    for _ in range(25):
+        pair.tick()
+    pair.change = lambda estimate: with_arm(estimate, arm, touch_x_um=5.0, touch_mN=-3.0)
+    while pair.tick()[1].outcome != Outcome.CONTACT:
+        pass
+    met_V = pair.voltages_V[arm]
+    pair.play()
+    assert pair.voltages_V[arm] > met_V + 0.03
+    assert pair.voltages_V[1 - arm] == pytest.approx(met_V, abs=0.02)
 
 
 def carry() -> IdealPair:

@@ -125,7 +125,7 @@ def test_too_much_force_ends_the_grip_at_once() -> None:
     arm = Arm()
     arm.until("hold")
     strong = replace(arm.estimate(), force_mN=40.1)
-    player = advance(PROGRAM, arm.player, strong, T)
+    player = advance(PROGRAM, arm.player, (strong,), T)
     assert (player.segment.phase, player.outcome, player.held) == ("retreat", "overforce", False)
 
 
@@ -139,7 +139,7 @@ def test_a_refused_zero_ends_the_program() -> None:
 
 def test_an_arm_that_a_part_pushes_back_is_not_moved_towards_it() -> None:
     arm = Arm(contact_um=-9.0)
-    arm.player = begin(PROGRAM, replace(BLANK, x_um=-4.0), period_s=T)
+    arm.player = begin(PROGRAM, (replace(BLANK, x_um=-4.0),), period_s=T)
     arm.refusal = Fault(FaultCode.ZERO_OFFSET)
     furthest_um = -4.0
     while not arm.player.ended:
@@ -150,9 +150,9 @@ def test_an_arm_that_a_part_pushes_back_is_not_moved_towards_it() -> None:
 
 
 def test_a_zero_that_nobody_confirms_ends_the_program() -> None:
-    player = begin(PROGRAM, BLANK, T)
+    player = begin(PROGRAM, (BLANK,), T)
     for _ in range(200):
-        player = advance(PROGRAM, player, BLANK, T)
+        player = advance(PROGRAM, player, (BLANK,), T)
     assert player.outcome == "zero_refused"
 
 
@@ -165,21 +165,21 @@ def awaiting_zero() -> Arm:
 
 def test_a_zero_that_no_estimate_answers_is_requested_again_until_one_does() -> None:
     arm = awaiting_zero()
-    waiting = advance(PROGRAM, arm.player, replace(arm.estimate(), zero_age_s=None), T)
+    waiting = advance(PROGRAM, arm.player, (replace(arm.estimate(), zero_age_s=None),), T)
     assert (waiting.zero, waiting.segment.phase) == (True, "zero")
     assert waiting.ref == arm.player.ref
-    after = advance(PROGRAM, waiting, arm.estimate(), T)
+    after = advance(PROGRAM, waiting, (arm.estimate(),), T)
     assert (after.zero, after.segment.phase) == (False, "approach")
 
 
 def test_no_zero_is_requested_on_the_way_back_from_too_much_force() -> None:
     arm = awaiting_zero()
-    player = advance(PROGRAM, arm.player, replace(arm.estimate(), force_mN=40.1), T)
+    player = advance(PROGRAM, arm.player, (replace(arm.estimate(), force_mN=40.1),), T)
     phases: set[str] = set()
     while not player.ended:
         assert not player.zero
         phases.add(player.segment.phase)
-        player = advance(PROGRAM, player, BLANK, T)
+        player = advance(PROGRAM, player, (BLANK,), T)
     assert phases == {"retreat"}
     assert player.outcome == "overforce"
 

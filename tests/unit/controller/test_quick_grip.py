@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Move, Press
 from pincette_controller.actions import pause, resume, stop
-from pincette_controller.guarding import load_rate
+from pincette_controller.touching import load_rate
 
 from .bench import ARM, X_E_UM, Bench, program
 from .ideal_arm import K_E, PROGRAM, TRACK, Arm, T, line_of

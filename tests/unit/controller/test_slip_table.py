@@ -60,7 +60,7 @@ class Slipping:
     """Slips that the controller has found."""
 
     def play(self) -> "Slipping":
-        player = begin(self.program, _estimate(0.0, 0.0, 0.0), T)
+        player = begin(self.program, (_estimate(0.0, 0.0, 0.0),), T)
         contact_um, free_um, zeroed, given = CONTACT_UM, 0.0, 0, 0
         kappa = S_P * K_E
         for seq in range(600):
@@ -81,7 +81,7 @@ class Slipping:
             player = advance(
                 self.program,
                 player,
-                _estimate(seen_um, free_um, (seq - zeroed) * T),
+                (_estimate(seen_um, free_um, (seq - zeroed) * T),),
                 T,
                 None,
                 self.limits,

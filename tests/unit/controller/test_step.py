@@ -45,8 +45,8 @@ def test_the_rig_file_says_arm_law_and_low_pass() -> None:
     assert config.force_filter_s == DEMO.model.force_filter_s
     assert config.law == default_settings("pbsmic", "identified")
     assert config.law.gains["K_f"] == 2000.0
-    assert config.response == free_response(DEMO.model)
-    assert config.arm.d / config.arm.k == pytest.approx(19.0)
+    assert config.arms[0].response == free_response(DEMO.model)
+    assert config.arms[0].parameters.d / config.arms[0].parameters.k == pytest.approx(19.0)
 
 
 @pytest.mark.parametrize("law", [2, -1])
@@ -252,7 +252,7 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
     config = configure(DEMO)
     state, _, _ = handle(config, start(config), Load(program()), 0.0)
     state, _, _ = handle(config, state, Arm(1, 5, ""), 0.0)
-    wanted = config.response
+    wanted = config.arms[0].response
     for seq, (voltage_V, degraded) in enumerate(
         [(0.0, False), (0.5, False), (9.0, True), (0.8, False)]
     ):
@@ -260,10 +260,10 @@ def test_the_memory_of_the_response_is_led_by_what_is_applied_and_outlives_an_ar
         state, _ = step(config, state, Inputs(estimate), 0.0)
         if not degraded:
             wanted = wanted.follow(voltage_V, 2 * T if seq == 3 else T)
-    assert state.arm.response == wanted
+    assert state.memories[0].response == wanted
     again, _, _ = handle(config, state, Arm(2, 5, ""), 0.0)
-    assert again.arm.response == wanted
-    assert again.arm.followed_seq == -1
+    assert again.memories[0].response == wanted
+    assert again.memories[0].followed_seq == -1
 
 
 def test_another_model_is_led_through_the_past() -> None:
@@ -279,14 +279,18 @@ def test_another_model_is_led_through_the_past() -> None:
         update={"model": DEMO.model.model_copy(update={"free_response": taught})}
     )
     again, _, _ = handle(configure(other), state, Arm(2, 5, ""), 0.0)
-    assert again.arm.response == state.arm.past.replayed(configure(other).response)
-    assert again.arm.response.voltage_V == pytest.approx(1.0)
-    assert again.arm.response.position_um() != state.arm.response.position_um()
+    assert again.memories[0].response == state.memories[0].past.replayed(
+        configure(other).arms[0].response
+    )
+    assert again.memories[0].response.voltage_V == pytest.approx(1.0)
+    assert again.memories[0].response.position_um() != state.memories[0].response.position_um()
 
 
 def test_a_law_that_needs_a_model_is_made_at_the_arming_that_brings_it() -> None:
     line = free_response(DEMO.model.model_copy(update={"free_response": None}))
-    before = dataclasses.replace(configure(DEMO), response=line)
+    before = configure(DEMO)
+    arm = dataclasses.replace(before.arms[0], response=line)
+    before = dataclasses.replace(before, arms=(arm,))
     named = (LawSpec("pbsmic", set="identified"),)
     loaded = Load(replace(program(), laws=named))
     state, _, _ = handle(before, start(before), loaded, 0.0)

@@ -1,0 +1,74 @@
+"""Place of the arms, and what two arms have felt of a part since a segment began."""
+
+from math import exp
+
+from msgspec.structs import replace
+
+from pincette.control.laws.two_arms import Pair
+from pincette.control.record import FrozenRecord
+from pincette.core.messages.arms import ArmEstimate
+
+FELT_S = 0.03
+"""Time constant over which each side's force and tip are averaged to find a touch."""
+DRIFT_S = 1.0
+"""Time constant of the mean of each free side's force, by which its model errs along the way."""
+
+Arms = tuple[ArmEstimate, ...]
+"""Estimate of each arm at one sample."""
+
+
+def place_um(arms: Arms) -> float:
+    """Return the position of one arm, or the place q of a part between two."""
+    if len(arms) == 1:
+        return arms[0].x_um
+    return 0.5 * (arms[0].x_um - arms[1].x_um)
+
+
+class Felt(FrozenRecord, frozen=True):
+    """Forces and tips of two arms since a segment began."""
+
+    tips_um: Pair
+    """Tips at the newest sample."""
+    mean_mN: Pair = (0.0, 0.0)
+    """Force on each arm, averaged since the segment began."""
+    mean_um: Pair = (0.0, 0.0)
+    """Tip of each arm, averaged since the segment began."""
+    drift_mN: Pair = (0.0, 0.0)
+    """Mean of each force since then, while nothing was touched."""
+    felt_s: float = 0.0
+    """Time since then."""
+    fresh: bool = True
+    """Whether nothing has been felt in this segment."""
+
+    def entered(self) -> "Felt":
+        """Return the state at the begin of a segment, in which nothing has been felt."""
+        return replace(self, fresh=True, drift_mN=(0.0, 0.0), felt_s=0.0)
+
+    def follow(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
+        """Take in the newest sample.
+
+        What rises by more than ``most_drift_mN`` above the drift is a touch, which the drift does
+        not follow; nor does it go further than that from 0.
+        """
+        first, second = arms
+        tips = mean_um = first.x_um, second.x_um
+        forces = mean_mN = first.force_mN, second.force_mN
+        if not self.fresh:
+            share = 1.0 - exp(-period_s / FELT_S)
+            mean_mN = _towards(self.mean_mN, forces, share)
+            mean_um = _towards(self.mean_um, tips, share)
+        # A mean first, then one over DRIFT_S.
+        felt_s = self.felt_s + period_s
+        share = max(period_s / felt_s, 1.0 - exp(-period_s / DRIFT_S))
+        one, two = (
+            old
+            if mN - old > most_drift_mN and not self.fresh
+            else max(-most_drift_mN, min(most_drift_mN, old + share * (mN - old)))
+            for old, mN in zip(self.drift_mN, mean_mN, strict=True)
+        )
+        return Felt(tips, mean_mN, mean_um, (one, two), felt_s, fresh=False)
+
+
+def _towards(before: Pair, now: Pair, share: float) -> Pair:
+    one, two = (old + share * (new - old) for old, new in zip(before, now, strict=True))
+    return one, two
