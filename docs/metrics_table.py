@@ -5,8 +5,7 @@ from collections.abc import Iterable
 from pincette.api.job_kinds import job_kinds
 from pincette.api.states import STATES
 from pincette.control.safety.causes import CAUSES
-from pincette_supervisor.metrics.collector import MOST_RIGS
-from pincette_supervisor.metrics.families import FAMILIES, Family
+from pincette_supervisor.metrics import FAMILIES, MOST_RIGS, Family
 from pincette_supervisor.rigs.counters import BOUNDS_S, FORCE_BOUNDS_MN, OBSERVED
 
 HEAD = """\

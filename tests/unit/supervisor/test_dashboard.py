@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.metrics.families import FAMILIES
+from pincette_supervisor.metrics import FAMILIES
 from tests.support.checkout import ROOT
 
 FILE = ROOT / "deploy/grafana/pincette.json"

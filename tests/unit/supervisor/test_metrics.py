@@ -11,8 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from pincette.config import RigFile
 from pincette_supervisor.journal.store import StoreError
-from pincette_supervisor.metrics.collector import MOST_RIGS
-from pincette_supervisor.metrics.families import FAMILIES
+from pincette_supervisor.metrics import FAMILIES, MOST_RIGS
 from tests.support.histograms import counted
 from tests.support.keys import ScopeKeys
 
@@ -161,7 +160,7 @@ def test_each_rig_has_its_own_and_too_many_are_counted(
         rigs_harness.served("right")
         rigs = {dict(labels).get("rig") for _, labels in series(rigs_harness)}
         assert rigs == {None, "demo", "right"}
-        monkeypatch.setattr("pincette_supervisor.metrics.collector.MOST_RIGS", 1)
+        monkeypatch.setattr("pincette_supervisor.metrics.MOST_RIGS", 1)
         assert MOST_RIGS >= 2
         found = series(rigs_harness)
         assert found["pincette_rigs_left_out", frozenset()] == 1.0

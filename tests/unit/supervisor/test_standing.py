@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.core.faults import Cause, Fault, FaultCode, Mode, fault
 from pincette.core.messages import Applied
-from pincette_supervisor.metrics import collector
+from pincette_supervisor.metrics import RigCollector
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
@@ -147,7 +147,7 @@ def test_a_freeze_with_an_output_that_answers_is_believed_with_the_age_of_its_vo
 
 def test_metrics_tell_it_too(rig: Rig) -> None:
     def served() -> dict[str, list[tuple[dict[str, str], float]]]:
-        found = collector.RigCollector(rig.harness.rigs).collect()
+        found = RigCollector(rig.harness.rigs).collect()
         return {
             metric.name: [(sample.labels, sample.value) for sample in metric.samples]
             for metric in found

@@ -12,7 +12,7 @@ from pincette import __version__
 from pincette.api.checks import Alive, Check, Readiness
 from pincette.asyncapi.document import document
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.metrics.collector import RigCollector
+from pincette_supervisor.metrics import RigCollector
 from pincette_supervisor.rest.dependencies import OBSERVE, AccessState, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.thing_description import THING_TYPE, WELL_KNOWN, thing

@@ -1,1 +1,0 @@
-"""Metrics for Prometheus, from what the programs publish anyway."""
