@@ -236,7 +236,7 @@ wheels: ## fetch what the images are built from, for deploy/offline.yml; needs D
 docs: dev ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate.py
 	@$(BIN)/python docs/generate_cli.py
-	@$(BIN)/python -m pincette_supervisor.rest.openapi deploy/openapi.json
+	@$(BIN)/python -m pincette_supervisor.rest.api deploy/openapi.json
 
 dist: dev ## build wheels and sdist into data/dist, from what git has
 	@rm -rf data/dist

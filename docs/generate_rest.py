@@ -15,7 +15,7 @@ import pincette.api
 import pincette_supervisor.kinds
 from pincette.asyncapi.schemas import notes
 from pincette.core.units import unit_of
-from pincette_supervisor.rest.openapi import document
+from pincette_supervisor.rest.api import openapi_document
 
 DOCS = Path(__file__).resolve().parent
 PAGE = DOCS / "reference" / "rest.md"
@@ -52,7 +52,7 @@ further members.
 
 def rest_page() -> str:
     """The page, as Markdown."""
-    tree: Json = json.loads(document())
+    tree: Json = json.loads(openapi_document())
     errors = _errors(tree)
     parts = [HEAD, words.table(("status", "when"), *_error_rows(errors))]
     tags: dict[str, list[str]] = {}

@@ -4,20 +4,19 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pincette_supervisor.rest.openapi import REGENERATE, document
+from pincette_supervisor.rest.api import openapi_document
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
 
 
 def test_committed_document_is_what_the_supervisor_generates() -> None:
-    assert COMMITTED.read_text(encoding="utf-8") == document(), (
-        "deploy/openapi.json differs from the REST interface; "
-        f"if the change is wanted: {REGENERATE}"
+    assert COMMITTED.read_text(encoding="utf-8") == openapi_document(), (
+        "deploy/openapi.json differs from the REST interface; if the change is wanted: make docs"
     )
 
 
 def test_every_model_has_an_example() -> None:
-    schemas: dict[str, Any] = json.loads(document())["components"]["schemas"]
+    schemas: dict[str, Any] = json.loads(openapi_document())["components"]["schemas"]
     without = [
         name
         for name, schema in schemas.items()
@@ -27,7 +26,7 @@ def test_every_model_has_an_example() -> None:
 
 
 def test_an_operation_has_one_content_type_with_a_schema() -> None:
-    for path, operations in json.loads(document())["paths"].items():
+    for path, operations in json.loads(openapi_document())["paths"].items():
         for method, operation in operations.items():
             for status, answer in operation["responses"].items():
                 content = answer.get("content", {})
@@ -39,7 +38,7 @@ def test_an_operation_has_one_content_type_with_a_schema() -> None:
 
 
 def test_every_reference_leads_somewhere() -> None:
-    text = document()
+    text = openapi_document()
     schemas = json.loads(text)["components"]["schemas"]
     wanted = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
     assert wanted <= schemas.keys()

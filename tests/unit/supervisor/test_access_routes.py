@@ -8,7 +8,7 @@ from fastapi.routing import APIRoute
 from starlette.routing import BaseRoute
 
 from pincette.api.access import SCOPES, Scope, covers
-from pincette_supervisor.rest.session_cookie import NAME as COOKIE
+from pincette_supervisor.rest.dependencies import COOKIE
 from tests.support.api_document import openapi
 from tests.support.keys import ScopeKeys, shown
 

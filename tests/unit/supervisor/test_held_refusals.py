@@ -9,9 +9,9 @@ import httpx
 import pytest
 from starlette.types import Receive, Scope, Send
 
-from pincette_supervisor.rest import held_refusals, server
+from pincette_supervisor.rest import limits, server
 from pincette_supervisor.rest.dependencies import HELD
-from pincette_supervisor.rest.held_refusals import HeldRefusals, Refusals
+from pincette_supervisor.rest.limits import HeldRefusals, Refusals
 from tests.support.served import HOST, served
 
 BURST = 3
@@ -56,7 +56,7 @@ async def ended(call: Coroutine[Any, Any, int]) -> "asyncio.Task[int]":
 def test_refusals_beyond_a_burst_are_held_back(
     monkeypatch: pytest.MonkeyPatch, status: int
 ) -> None:
-    monkeypatch.setattr(held_refusals, "HELD_S", 3600.0)
+    monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)
 
     async def test(call: Call) -> None:
         for _ in range(BURST):
@@ -78,7 +78,7 @@ def test_refusals_beyond_a_burst_are_held_back(
 
 
 def test_a_refusal_that_was_held_back_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(held_refusals, "HELD_S", HOLD_S)
+    monkeypatch.setattr(limits, "REFUSAL_HELD_S", HOLD_S)
 
     async def test(call: Call) -> None:
         assert [await call("GET", "/404") for _ in range(BURST + 1)] == [404] * (BURST + 1)
@@ -89,7 +89,7 @@ def test_a_refusal_that_was_held_back_is_answered(monkeypatch: pytest.MonkeyPatc
 def test_a_held_request_is_marked_so_that_it_makes_room_for_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(held_refusals, "HELD_S", 3600.0)
+    monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)
     scopes: list[Scope] = []
 
     async def app(scope: Scope, _receive: Receive, send: Send) -> None:
@@ -120,7 +120,7 @@ def test_what_is_no_valid_http_is_refused_at_once_or_late(
     monkeypatch: pytest.MonkeyPatch, head: bytes, status: bytes
 ) -> None:
     monkeypatch.setattr(server, "Refusals", lambda: Refusals(per_s=1e-3, burst=1.0))
-    monkeypatch.setattr(held_refusals, "HELD_S", HOLD_S)
+    monkeypatch.setattr(limits, "REFUSAL_HELD_S", HOLD_S)
 
     async def app(_scope: Scope, _receive: Receive, _send: Send) -> None:
         raise AssertionError

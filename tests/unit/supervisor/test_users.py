@@ -26,7 +26,7 @@ from pincette_supervisor.access.passwords import (
 )
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.session_cookie import NAME as COOKIE
+from pincette_supervisor.rest.dependencies import COOKIE
 from tests.support.apps import create_app
 
 from .harness import Harness

@@ -12,11 +12,10 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from pincette_supervisor.rest import held_refusals, server
-from pincette_supervisor.rest.bounded_loop import EVENTS, BoundedSelector
-from pincette_supervisor.rest.held_refusals import Refusals
+from pincette_supervisor.rest import limits, server
+from pincette_supervisor.rest.limits import Refusals
 from pincette_supervisor.rest.server import MOST, server_of
-from pincette_supervisor.rest.work_queue import TASKS, WorkQueue
+from pincette_supervisor.rest.work_queue import EVENTS, TASKS, BoundedSelector, WorkQueue
 
 MANY = 300
 """Connections whose data arrive before those of the stop."""
@@ -223,7 +222,7 @@ def test_a_connection_whose_data_have_arrived_outlives_newer_ones() -> None:
 def test_connections_that_wait_for_their_refusal_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     """Refusals that are held back do not let the number of connections grow."""
     monkeypatch.setattr(server, "Refusals", lambda: Refusals(per_s=1e-3, burst=0.0))
-    monkeypatch.setattr(held_refusals, "HELD_S", 3600.0)
+    monkeypatch.setattr(limits, "REFUSAL_HELD_S", 3600.0)
 
     async def test(lines: Lines) -> None:
         refused = [lines.connect() for _ in range(MOST)]

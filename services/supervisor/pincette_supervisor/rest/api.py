@@ -1,7 +1,13 @@
-"""The REST application of the rigs of one supervisor."""
+"""The REST application of the rigs of one supervisor.
 
+``python -m pincette_supervisor.rest.api FILE`` writes its OpenAPI document.
+"""
+
+import json
+import sys
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 from fastapi import FastAPI
 
@@ -26,12 +32,11 @@ from pincette_supervisor.rest import (
     routes_simulation,
     routes_trajectories,
 )
+from pincette_supervisor.rest.dependencies import cookie_name
 from pincette_supervisor.rest.limits import RateLimit
-from pincette_supervisor.rest.methods import HeadAndOptions
-from pincette_supervisor.rest.middleware import AuditLog, OriginCheck
-from pincette_supervisor.rest.openapi_schema import complete
+from pincette_supervisor.rest.middleware import AuditLog, HeadAndOptions, OriginCheck
+from pincette_supervisor.rest.openapi import complete
 from pincette_supervisor.rest.request_target import NormalTarget
-from pincette_supervisor.rest.session_cookie import cookie_name
 
 BASE = "/api/v1"
 VERSIONED = (
@@ -100,3 +105,13 @@ def _add_middleware(app: FastAPI, access: Access) -> None:
         AuditLog, authenticator=access.authenticator, audit_buffer=access.audit_buffer
     )
     app.add_middleware(NormalTarget)
+
+
+def openapi_document() -> str:
+    """Return the OpenAPI document as text; no route is called, so that no rig is needed."""
+    tree = create_app(cast(Rigs, None)).openapi()
+    return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(openapi_document(), encoding="utf-8")

@@ -1,26 +1,122 @@
-"""The OpenAPI document as a file: ``python -m pincette_supervisor.rest.openapi FILE``."""
+"""What the OpenAPI document says beyond what FastAPI derives from the routes."""
 
-import json
-import sys
-from pathlib import Path
-from typing import cast
+from collections.abc import Iterator
+from typing import Any
 
-from pincette_supervisor.fleet.rigs import Rigs
-from pincette_supervisor.rest.api import create_app
+from pincette.api.job_kinds import job_kinds
+from pincette.api.problems import Problem, responses
+from pincette.api.results import JobResult
+from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES
 
-REGENERATE = "make docs"
+SCHEMAS = "#/components/schemas/"
+NAMES = {
+    401: "NoKey",
+    403: "NotAllowed",
+    408: "BodyTooSlow",
+    413: "BodyTooLarge",
+    415: "UnsupportedMediaType",
+    421: "ForeignHost",
+    422: "InvalidRequest",
+    429: "TooManyRequests",
+    503: "Busy",
+}
+EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 422, 429, 503), (401,), (408, 413, 415)
 
 
-def document() -> str:
-    """The document as text; the routes are looked at, none is called, so no rig is needed."""
-    tree = create_app(cast(Rigs, None)).openapi()
-    return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
+def complete(document: dict[str, Any]) -> None:
+    """Add models and answers that no route names, and remove FastAPI's own error model."""
+    schemas = document["components"]["schemas"]
+    # A job holds the result of any kind, and kinds are registered by plug-ins.
+    results = dict.fromkeys(
+        [*(one for kind in job_kinds().values() for one in kind.results), JobResult]
+    )
+    for model in (Problem, *results):
+        tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
+        schemas.update(tree.pop("$defs", {}))
+        schemas[model.__name__] = tree
+    told = schemas["Job"]["properties"]
+    named = [{"$ref": SCHEMAS + model.__name__} for model in results]
+    told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    for operation in _operations(document):
+        for parameter in operation.get("parameters", ()):
+            parameter["schema"] = _sent(parameter["schema"])
+        if _is_own_error_model(operation["responses"].get("422", {})):
+            del operation["responses"]["422"]
+        if "requestBody" in operation:
+            most_bytes = operation.setdefault(MOST_BYTES, SMALL_BYTES)
+            operation["requestBody"]["description"] = f"JSON of at most {most_bytes} bytes"
+        for content in operation.get("requestBody", {}).get("content", {}).values():
+            operation["responses"].update(
+                {str(status): answer for status, answer in responses(400).items()}
+            )
+            _name_inner_unions(content["schema"], schemas)
+    _add_shared_responses(document)
 
 
-def main() -> None:
-    """Write the document to the file that is named."""
-    Path(sys.argv[1]).write_text(document(), encoding="utf-8")
+def _sent(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a parameter without null, which no query and no header can carry."""
+    kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
+    if len(kinds) != 1:
+        return schema
+    return {name: value for name, value in schema.items() if name != "anyOf"} | kinds[0]
 
 
-if __name__ == "__main__":
-    main()
+def _placed(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    for path, operations in document["paths"].items():
+        for operation in operations.values():
+            yield path, operation
+
+
+def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    return (operation for _, operation in _placed(document))
+
+
+def _is_own_error_model(answer: dict[str, Any]) -> bool:
+    """Whether FastAPI has added an answer by itself."""
+    schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+    return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
+
+
+def _name_inner_unions(schema: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """Give nested unions a name, since a discriminator may map to names of schemas only."""
+    mapping = schema.get("discriminator", {}).get("mapping", {})
+    for value, choice in mapping.items():
+        if isinstance(choice, dict):
+            name = f"{value.title()}JobRequest"
+            inner = {"$ref": SCHEMAS + name}
+            place = schema["oneOf"].index(choice)
+            first = schemas[schema["oneOf"][place]["oneOf"][0]["$ref"].removeprefix(SCHEMAS)]
+            schemas[name] = {**choice, "examples": first["examples"]}
+            schema["oneOf"][place] = inner
+            mapping[value] = inner["$ref"]
+
+
+def _add_shared_responses(document: dict[str, Any]) -> None:
+    """Add to each operation the answers of the middleware before it, by reference."""
+    document["components"]["responses"] = {
+        name: responses(status)[status] for status, name in NAMES.items()
+    }
+    for path, operation in _placed(document):
+        wanted = EVERYWHERE
+        if path.endswith(ESTOP):  # which is refused for no parameter
+            wanted = tuple(status for status in wanted if status != 422)
+        if "security" in operation or operation["operationId"].startswith("sign_in"):
+            wanted += WITH_KEY
+        if "requestBody" in operation:
+            wanted += WITH_BODY
+        for status in wanted:
+            reference = {"$ref": f"#/components/responses/{NAMES[status]}"}
+            operation["responses"].setdefault(str(status), reference)
+
+
+# Contents of responses other than JSON, as the OpenAPI document describes them.
+
+Content = dict[str, dict[str, Any]]
+"""Schema of a body by its media type."""
+_BYTES = {"schema": {"type": "string", "format": "binary"}}
+CSV: Content = {"text/csv; charset=utf-8": {"schema": {"type": "string"}}}
+BINARY: Content = {"application/octet-stream": _BYTES}
+"""Content of Parquet files; generated clients have bytes for this media type."""
+PNG: Content = {"image/png": _BYTES}

@@ -27,10 +27,12 @@ from pincette_supervisor.rest.dependencies import (
     Journal,
     Note,
     SupervisorId,
+    delete_cookies,
+    session_cookies,
+    set_cookie,
 )
 from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES
 from pincette_supervisor.rest.middleware import DRY_RUN, PAGE_CHECK, refusal
-from pincette_supervisor.rest.session_cookie import delete_cookies, session_cookies, set_cookie
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 LARGEST = 2**63 - 1

@@ -8,8 +8,8 @@ from pincette.api.problems import responses
 from pincette.records import csv_export, folder
 from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_index import WRITTEN_S
-from pincette_supervisor.rest.contents import BINARY
 from pincette_supervisor.rest.dependencies import OBSERVE, AllRigs
+from pincette_supervisor.rest.openapi import BINARY
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 CSV = "samples.csv"

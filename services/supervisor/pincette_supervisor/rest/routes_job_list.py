@@ -18,7 +18,6 @@ from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.kinds.bodies import KindName
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.rest.contents import BINARY, CSV, Content
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     OBSERVE,
@@ -29,6 +28,7 @@ from pincette_supervisor.rest.dependencies import (
     etag,
 )
 from pincette_supervisor.rest.limits import LARGE
+from pincette_supervisor.rest.openapi import BINARY, CSV, Content
 from pincette_supervisor.rest.routes_artifacts import WRITTEN
 from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table

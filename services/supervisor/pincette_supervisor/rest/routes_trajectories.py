@@ -33,7 +33,6 @@ from pincette_supervisor.planning.sample_formats import (
     table,
 )
 from pincette_supervisor.plugin import Planned
-from pincette_supervisor.rest import contents
 from pincette_supervisor.rest.dependencies import (
     OBSERVE,
     OPERATE,
@@ -44,13 +43,14 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
+from pincette_supervisor.rest.openapi import BINARY, CSV, PNG, Content
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import take
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
-PNG: dict[int | str, dict[str, Any]] = {
-    200: {"content": contents.PNG, "description": "a picture, 1400 by 1180 pixels"}
+PICTURE: dict[int | str, dict[str, Any]] = {
+    200: {"content": PNG, "description": "a picture, 1400 by 1180 pixels"}
 }
 SAMPLES = "one sample each control period"
 
@@ -116,7 +116,7 @@ def create(
     "/plot",
     openapi_extra=LARGE,
     response_class=Response,
-    responses={**PNG, **responses(404)},
+    responses={**PICTURE, **responses(404)},
     dependencies=[OPERATE],
 )
 def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
@@ -180,22 +180,22 @@ def samples(stored: StoredTrajectory) -> TrajectorySamples:
     "/{digest}/samples.csv",
     dependencies=[OBSERVE],
     response_class=Response,
-    responses={200: {"description": SAMPLES, "content": contents.CSV}, **responses(404, 409)},
+    responses={200: {"description": SAMPLES, "content": CSV}, **responses(404, 409)},
 )
 def samples_csv(stored: StoredTrajectory) -> Response:
     """The samples as CSV, after comments that name the columns with their units."""
-    return _file(stored, as_csv, contents.CSV, "csv")
+    return _file(stored, as_csv, CSV, "csv")
 
 
 @router.get(
     "/{digest}/samples.parquet",
     dependencies=[OBSERVE],
     response_class=Response,
-    responses={200: {"description": SAMPLES, "content": contents.BINARY}, **responses(404, 409)},
+    responses={200: {"description": SAMPLES, "content": BINARY}, **responses(404, 409)},
 )
 def samples_parquet(stored: StoredTrajectory) -> Response:
     """The samples as Parquet, with the units of the columns in its metadata."""
-    return _file(stored, as_parquet, contents.BINARY, "parquet")
+    return _file(stored, as_parquet, BINARY, "parquet")
 
 
 def _played(stored: Stored) -> tuple[Planned, DryRun]:
@@ -206,7 +206,7 @@ def _played(stored: Stored) -> tuple[Planned, DryRun]:
 def _file(
     stored: Stored,
     encode: Callable[[DryRun, dict[str, str]], bytes],
-    content: contents.Content,
+    content: Content,
     suffix: str,
 ) -> Response:
     row, (planned, dry_run) = stored.row, _played(stored)
@@ -227,7 +227,7 @@ def _file(
     "/{digest}/plot",
     dependencies=[OBSERVE],
     response_class=Response,
-    responses={**PNG, **responses(404, 409)},
+    responses={**PICTURE, **responses(404, 409)},
 )
 def plot(stored: StoredTrajectory) -> Response:
     """References, what is predicted, and the limits, as a picture."""
