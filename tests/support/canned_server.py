@@ -17,9 +17,8 @@ from pathlib import Path
 from pincette.engine.realtime.gc_tuning import freeze_gc
 from pincette.security.folder import Folder
 from pincette.security.identity import SUPERVISOR, program
-from pincette_supervisor.access.access import Access, TokenBuckets
+from pincette_supervisor.access.access import Access, KeySync, TokenBuckets
 from pincette_supervisor.access.authentication import digest_of, new_key
-from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.rest.tls import server_context
 from tests.support.apps import create_app

@@ -11,9 +11,8 @@ import pytest
 
 from pincette.api.access import Scope
 from pincette.config import RigFile
-from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.access import Access, KeySync
 from pincette_supervisor.access.key_store import open_keys
-from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.rest.api import create_app
 from tests.support.commands import PINCETTE, pincette
 from tests.support.grips import SHORT, make_ready

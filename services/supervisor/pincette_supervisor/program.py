@@ -24,8 +24,13 @@ from pincette.core.listening import bound
 from pincette.core.messages import Message, Trip
 from pincette.engine.program import Context
 from pincette.security.identity import SUPERVISOR, program
-from pincette_supervisor.access.access import Access, TokenBuckets, authenticator_of, require_key
-from pincette_supervisor.access.key_sync import KeySync
+from pincette_supervisor.access.access import (
+    Access,
+    KeySync,
+    TokenBuckets,
+    authenticator_of,
+    require_key,
+)
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.config import configure
 from pincette_supervisor.fleet.rig_finder import RigFinder
@@ -42,8 +47,8 @@ from pincette_supervisor.rest.api import create_app
 from pincette_supervisor.rest.server import server_of
 from pincette_supervisor.rest.tls import server_context
 from pincette_supervisor.results.archive import picture
+from pincette_supervisor.rigs.observer import SuspendAwareClock
 from pincette_supervisor.rigs.other_rigs import OtherRigs
-from pincette_supervisor.rigs.suspend_aware_clock import SuspendAwareClock
 from pincette_supervisor.unheard import UnheardWatch, can_join, restart
 
 log = logging.getLogger("pincette")

@@ -15,9 +15,8 @@ from pincette.api.access import Scope
 from pincette.api.problems import MEDIA_TYPE, TYPE
 from pincette.core.faults import FaultCode, fault
 from pincette_recorder.counted_time import CountedTime
-from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.access import Access, KeySync
 from pincette_supervisor.access.authentication import UNCONFIRMED_S, Authenticator
-from pincette_supervisor.access.key_sync import KeySync
 from pincette_supervisor.journal.database import KEY_FILE
 from tests.support.apps import create_app
 from tests.support.keys import ScopeKeys, key_of_each_scope

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.access import KEY_CLOCK, Access, KeySync
 from pincette_supervisor.access.authentication import (
     IDLE_H,
     Authenticator,
@@ -15,7 +15,6 @@ from pincette_supervisor.access.authentication import (
     new_key,
 )
 from pincette_supervisor.access.key_store import open_keys
-from pincette_supervisor.access.key_sync import KEY_CLOCK, KeySync
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text

@@ -13,7 +13,7 @@ from threading import Event
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.access import EVERY_S, Access, KeySync
 from pincette_supervisor.access.authentication import (
     UNCONFIRMED_S,
     Authenticator,
@@ -21,7 +21,6 @@ from pincette_supervisor.access.authentication import (
     require_scope,
 )
 from pincette_supervisor.access.key_store import open_keys
-from pincette_supervisor.access.key_sync import EVERY_S, KeySync
 from pincette_supervisor.config import STORE
 from pincette_supervisor.journal import engines
 from pincette_supervisor.journal.database import KEY_FILE

@@ -13,8 +13,13 @@ import pytest
 from pincette.config.notify import Mail, Webhook
 from pincette.security.folder import Folder
 from pincette.security.identity import SUPERVISOR, Credentials, program
-from pincette_supervisor.notify.notices import Notice
-from pincette_supervisor.notify.senders import MailSender, RefusedError, WebhookSender, proxy_of
+from pincette_supervisor.notify.senders import (
+    MailSender,
+    Notice,
+    RefusedError,
+    WebhookSender,
+    proxy_of,
+)
 from tests.support.certificates import DAYS, NOW
 from tests.support.forward_proxy import NAME, ForwardProxy, forward_proxy, objection, over_tls
 from tests.support.receivers import Received, http_receiver, smtp_receiver

@@ -5,8 +5,7 @@ from typing import Any
 import pytest
 
 from pincette.config import RigFile
-from pincette_supervisor.access.access import Access
-from pincette_supervisor.access.origin_check import is_foreign, is_loopback, is_ours
+from pincette_supervisor.access.access import Access, is_foreign, is_loopback, is_ours
 from tests.support.apps import create_app
 
 from .harness import Harness

@@ -9,10 +9,10 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.messages import Position
 from pincette.core.messages.arms import ArmPosition
-from pincette_supervisor.rigs.observer import Observer
-from pincette_supervisor.rigs.suspend_aware_clock import (
+from pincette_supervisor.rigs.observer import (
     SAMPLE_COUNTS_S,
     SAMPLE_S,
+    Observer,
     SuspendAwareClock,
 )
 

@@ -1,13 +1,146 @@
 """Access to the REST interface: authentication, host names, rate limit, and the check at start."""
 
 import logging
-from collections import OrderedDict
-from dataclasses import dataclass, field
+import threading
+from collections import OrderedDict, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from datetime import timedelta
+from http import HTTPStatus
+from ipaddress import ip_address
+from urllib.parse import urlsplit
 
-from pincette_supervisor.access.audit_buffer import AuditBuffer
-from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.access.origin_check import is_loopback
+from pincette.engine.threads import RepeatedAction
+from pincette_supervisor.access.authentication import Authenticator, hours_before
 from pincette_supervisor.config import SupervisorConfig
+from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
+from pincette_supervisor.journal.store import Store
+from pincette_supervisor.journal.tables import utc_now, utc_text
+
+# Names by which a supervisor may be asked, and places from which a page may ask it.
+
+LOOPBACK = "localhost"
+DEFAULT_PORTS = {"http": 80, "https": 443}
+
+
+def is_loopback(host: str) -> bool:
+    """Whether this machine alone reaches an address; a name other than localhost may be any."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == LOOPBACK
+
+
+def name_of(place: str) -> str | None:
+    """The host of a ``Host`` header, without its port; None where it is no place."""
+    try:
+        parts = urlsplit(f"//{place}")
+        _ = parts.port
+    except ValueError:
+        return None
+    if parts.netloc != place or "@" in place:
+        return None
+    return parts.hostname
+
+
+def is_ours(place: str, names: Iterable[str]) -> bool:
+    """Whether a ``Host`` header names this supervisor, by an address or a known name."""
+    # A foreign page may let its own name lead to this address (DNS rebinding), and then reads and
+    # sends as if it came from here. It cannot do so with an address in place of a name.
+    host = name_of(place)
+    if host is None:
+        return False
+    if host.lower() == LOOPBACK or host.lower() in names:
+        return True
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def is_foreign(site: str | None, origin: str | None, host: str) -> bool:
+    """Whether a foreign page sent a request that may change something, as Go 1.25 decides it."""
+    # Browsers send ``Sec-Fetch-Site``, over plain HTTP beyond loopback ``Origin`` alone; a client
+    # that sends neither is no browser. Another port of the same host is foreign too. The rule is
+    # that of ``net/http.CrossOriginProtection``, but a proxy may add the default port to Host.
+    if site is not None:
+        return site not in ("same-origin", "none")
+    if origin is None:
+        return False
+    try:
+        parts = urlsplit(origin)
+        place, default = parts.netloc.lower(), DEFAULT_PORTS.get(parts.scheme)
+    except ValueError:
+        return True
+    return host.lower() not in (place, f"{place}:{default}") or not place
+
+
+# Audit entries that wait in memory for the journal, so that no answer waits for the disk.
+
+ROOM = 10_000
+"""Entries that may wait; beyond, the oldest are dropped and counted."""
+LOST = "audit entries lost: the journal could not be written"
+REFUSED_H = 10.0 / 3600.0
+"""Equal ones of somebody without a key within this time become one entry, so that an insistent
+stranger does not push the entries of others out of the log."""
+ADDRESSES, OTHERS = 100, "others"
+"""Addresses that are kept apart meanwhile, and the name of the rest."""
+
+
+class AuditBuffer:
+    """Audit entries since the journal was last written."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[AuditRow] = deque()
+        self._refused: dict[tuple[str, str, int, str], AuditRow] = {}
+        self._lost = 0
+        self._memory = threading.Lock()
+        """Never held while the disk is waited for."""
+        self._turn = threading.Lock()
+
+    def add(self, row: AuditRow) -> None:
+        """Add a request that was answered."""
+        with self._memory:
+            if len(self._waiting) >= ROOM:
+                self._waiting.popleft()
+                self._lost += 1
+            self._waiting.append(row)
+
+    def add_refused(self, row: AuditRow) -> None:
+        """Add a request of somebody without a key; equal ones are counted."""
+        done = row.action if row.status < HTTPStatus.BAD_REQUEST else ""
+        with self._memory:
+            place = (row.who, row.address, row.status, done)
+            if place not in self._refused and len(self._refused) >= ADDRESSES:
+                row = replace(row, who=OTHERS, address=OTHERS)
+                place = (OTHERS, OTHERS, row.status, done)
+            known = self._refused.get(place)
+            count = 1 if known is None else known.count + 1
+            self._refused[place] = replace(known or row, count=count)
+
+    def flush(self, repository: AuditRepository, *, everything: bool = False) -> None:
+        """Write what waits, refusals if old or ``everything``; it goes on waiting on StoreError."""
+        with self._turn:
+            with self._memory:
+                rows, lost = self._drained(everything=everything), self._lost
+                self._lost = 0
+            dropped = [replace(rows[0], who="supervisor", action=LOST, count=lost)] if lost else []
+            try:
+                repository.add([*dropped, *rows])
+            except Exception:
+                with self._memory:
+                    self._waiting.extendleft(reversed(rows))
+                    self._lost += lost
+                raise
+
+    def _drained(self, *, everything: bool) -> list[AuditRow]:
+        old = hours_before(utc_now(), REFUSED_H)
+        due = [place for place, row in self._refused.items() if everything or row.at < old]
+        rows = [*self._waiting, *(self._refused.pop(place) for place in due)]
+        self._waiting.clear()
+        return sorted(rows, key=lambda row: row.at)
+
 
 log = logging.getLogger("pincette")
 PER_S, BURST = 200.0, 400.0
@@ -97,3 +230,60 @@ def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
             place,
             make,
         )
+
+
+# Reads keys into memory, and writes sessions and audit entries from memory to the journal.
+
+EVERY_S = 0.5
+"""Time within which a key that another program added or revoked takes effect, in s."""
+KEYS = "keys"
+"""Cause of the alarm that is raised while keys cannot be read, or their use not be written."""
+KEY_CLOCK = "key-clock"
+"""Cause of the alarm that is raised while the time of day is behind the latest time seen.
+
+To acknowledge it is to agree to the time of day.
+"""
+HOUR = timedelta(hours=1)
+BEHIND = HOUR
+"""Time by which the time of day may be behind without an alarm: less than an error of a zone."""
+
+
+class KeySync:
+    """Reads changed keys, and writes the audit log and when keys were used, until closed.
+
+    While it fails, the store names the cause, from which the alarm of every rig is raised. The
+    authenticator itself refuses callers once the keys could not be read for too long.
+    """
+
+    def __init__(self, store: Store, access: Access) -> None:
+        self._store = store
+        self._audit = AuditRepository(store)
+        self._authenticator, self._audit_buffer = access.authenticator, access.audit_buffer
+        self._authenticator.refresh(store)
+        self._repeated = RepeatedAction("key-sync", EVERY_S, self._sync, daemon=False)
+        self._repeated.start()
+
+    def _sync(self, *, last: bool = False) -> None:
+        try:
+            self._authenticator.write_sessions()
+            self._authenticator.refresh(self._store)
+            self._audit_buffer.flush(self._audit, everything=last)
+        except Exception as error:
+            # What was done waits: the disk may have room again.
+            self._store.troubles[KEYS] = f"keys and audit log: {error}"
+            raise
+        self._store.troubles.pop(KEYS, None)
+        time = self._authenticator.time
+        if self._authenticator.keys_wanted and time.ahead >= BEHIND:
+            self._store.troubles[KEY_CLOCK] = (
+                f"the time of day is {time.ahead / HOUR:.0f} h behind {utc_text(time.now())}, the "
+                "latest time seen by this supervisor, and the ends of keys are judged by the "
+                "latter: set the clock of this machine, or acknowledge this alarm if it is right"
+            )
+        else:
+            self._store.troubles.pop(KEY_CLOCK, None)
+
+    def close(self) -> None:
+        """Stop the thread and write the changes that are not stored yet."""
+        self._repeated.close()
+        self._repeated.run(lambda: self._sync(last=True))

@@ -9,8 +9,8 @@ from pathlib import Path
 from pincette.api.access import KeyView, Scope
 from pincette.core.files import make_folder
 from pincette.security.latest_time import utc
+from pincette_supervisor.access.access import BEHIND, KEY_CLOCK
 from pincette_supervisor.access.authentication import digest_of, new_key
-from pincette_supervisor.access.key_sync import BEHIND, KEY_CLOCK
 from pincette_supervisor.access.passwords import hashed
 from pincette_supervisor.config import STORE, STORE_URL
 from pincette_supervisor.journal.database import columns

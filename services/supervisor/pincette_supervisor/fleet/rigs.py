@@ -32,10 +32,10 @@ from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.results import archive, job_table
 from pincette_supervisor.results.job_table import Rows
 from pincette_supervisor.rigs.health import Health
+from pincette_supervisor.rigs.latch import LEAST_S, SharedTurns
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
 from pincette_supervisor.rigs.other_rigs import StopOfOthers
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.rigs.shared_turns import LEAST_S, SharedTurns
 
 T = TypeVar("T")
 SETTLED_MAX = 600

@@ -10,8 +10,14 @@ from time import monotonic
 
 from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.notify.notices import Notice, notice_of, topic_of
-from pincette_supervisor.notify.senders import NotWantedError, RefusedError, Sender
+from pincette_supervisor.notify.senders import (
+    Notice,
+    NotWantedError,
+    RefusedError,
+    Sender,
+    notice_of,
+    topic_of,
+)
 
 LOOK_S = 1.0
 FIRST_DELAY_S, LONGEST_DELAY_S = 5.0, 300.0

@@ -1,4 +1,4 @@
-"""Sends a notice: by a signed POST (Standard Webhooks 1.0), or by mail over SMTP."""
+"""Notices of events, sent by a signed POST (Standard Webhooks 1.0), or by mail over SMTP."""
 
 import base64
 import binascii
@@ -21,11 +21,73 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
+from pincette.api.events import Event
+from pincette.api.states import STATES
 from pincette.config.notify import Mail, Told, Webhook
 from pincette.config.programs import Supervisor
 from pincette.core.files import EncodingError, decoded
-from pincette_supervisor.access.origin_check import is_loopback
-from pincette_supervisor.notify.notices import Notice
+from pincette_supervisor.access.access import DEFAULT_PORTS, is_loopback
+from pincette_supervisor.journal.tables import JobRow
+
+# What is told of an event of the journal; pure.
+
+ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
+SAID = ("kind", "sample", "batch", "operator", "requested_by", "started_at", "ended_at")
+"""Members of a job that are told with its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """One thing that is told."""
+
+    number: int
+    """Of its event, which is never given twice: by it a receiver knows what came again."""
+    type: Told
+    at: str
+    title: str
+    """One line for people."""
+    data: dict[str, Any]
+
+    @property
+    def body(self) -> dict[str, Any]:
+        """The payload of a webhook."""
+        return {"type": self.type, "timestamp": self.at, "data": {"title": self.title, **self.data}}
+
+
+def topic_of(event: Event) -> Told | None:
+    """What an event is told as; None: it is not."""
+    if event.kind == "state":
+        return "job.ended" if STATES[event.body["state"]].terminal else None
+    if event.kind != "alarm":
+        return None
+    topic = ALARMS.get(str(event.body.get("did")))
+    # What is counted once more while it is open has been told.
+    again = topic == "alarm.raised" and event.body.get("alarm", {}).get("count", 1) > 1
+    return None if again else topic
+
+
+def notice_of(event: Event, job: JobRow | None) -> Notice | None:
+    """What is told of an event; ``job`` is its job, where it has one that is known."""
+    topic = topic_of(event)
+    if topic is None or event.number is None:
+        return None
+    body = event.body
+    data: dict[str, Any] = {"event": event.number, "rig": event.rig, "job": event.job}
+    if topic == "job.ended":
+        data |= {name: body.get(name) for name in ("state", "ending", "cause")}
+        if job is not None:
+            data |= {name: getattr(job, name) for name in SAID}
+        on = f" on {data['sample']}" if data.get("sample") else ""
+        title = f"{data.get('kind', 'job')} {event.job}{on}: {body['state']}"
+        title += f", {body['cause']}" if body.get("cause") else ""
+    else:
+        alarm = body.get("alarm", {})
+        data |= {name: body.get(name) for name in ("cause", "words")}
+        data |= {"alarm": alarm.get("id"), "severity": alarm.get("severity")}
+        how = "over" if topic == "alarm.cleared" else data["severity"] or "alarm"
+        title = f"{how}: {body.get('words')}"
+    return Notice(event.number, topic, event.at, f"{event.rig}: {title}", data)
+
 
 # Reasons for which a notice has not been accepted.
 
@@ -93,8 +155,6 @@ def _check(folder: Path) -> None:
 # httpx reads the same variables, but takes a network in ``NO_PROXY`` (10.0.0.0/8) for its first
 # address, and refuses every request if one is written as fd00::/8.
 
-DEFAULT_PORTS = {"http": 80, "https": 443}
-
 
 @dataclass(frozen=True, slots=True)
 class Proxy:
@@ -151,7 +211,7 @@ def _covers(entry: str, host: str, port: int) -> bool:
     return bool(suffix) and (host == suffix or host.endswith(f".{suffix}"))
 
 
-# Sends a notice: by a signed POST (Standard Webhooks 1.0), or by mail over SMTP.
+# Notices on their way to a receiver.
 
 PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)

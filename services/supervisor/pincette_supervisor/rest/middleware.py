@@ -12,9 +12,8 @@ from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pincette_supervisor import problems
-from pincette_supervisor.access.audit_buffer import AuditBuffer
+from pincette_supervisor.access.access import AuditBuffer, is_foreign, is_ours
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.access.origin_check import is_foreign, is_ours
 from pincette_supervisor.journal.access_rows import AuditRow
 from pincette_supervisor.journal.tables import utc_now
 from pincette_supervisor.problems import METHODS, ProblemError, allowed_methods

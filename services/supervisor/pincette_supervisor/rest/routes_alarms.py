@@ -10,7 +10,7 @@ from pincette.api.events import Alarm, AlarmAction, AlarmList
 from pincette.api.problems import responses
 from pincette.records.folder import agree_to_clock
 from pincette_supervisor import problems
-from pincette_supervisor.access.key_sync import KEY_CLOCK
+from pincette_supervisor.access.access import KEY_CLOCK
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
