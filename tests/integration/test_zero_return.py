@@ -39,7 +39,7 @@ def test_a_drift_of_the_sensor_in_the_hold_leaves_the_grip_unverified() -> None:
     assert found.force_mN < -2.0
     assert not found.verified
     result = {"outcome": "gripped", "zero_return": found.model_dump()}
-    assert "unverified" in verdict(KIND, result)
+    assert "not verified" in verdict(KIND, result)
 
 
 def test_without_a_measured_error_the_estimators_own_uncertainty_counts() -> None:

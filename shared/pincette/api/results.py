@@ -1,5 +1,6 @@
 """What comes of a job, as it is stored and sent."""
 
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 from pincette.api import Model, example
@@ -370,3 +371,46 @@ class MotionResult(ClosedLoopResult):
     drift_um: float | None
     """Of the position while a part was held, peak to peak."""
     held_at_end: bool
+
+
+ARMS = (("", "arm"), ("second_", "second arm"))
+"""What names of figures begin with, and the arm that they are of."""
+
+
+def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what confirms the figures of a result or makes them doubtful.
+
+    Each is stated in few words, and then with numbers or what to do; that may be empty.
+    """
+    goal = result.get("goal")
+    if goal is not None:
+        met: bool | None = goal["met"]
+        yield {True: "goal met", False: "goal missed", None: "goal not judged"}[met], ""
+    returns = [(arm, result.get(f"{prefix}zero_return")) for prefix, arm in ARMS]
+    known = [(arm, each) for arm, each in returns if each is not None]
+    failed = [(arm, each) for arm, each in known if not each["verified"]]
+    for arm, each in failed:
+        read = f"{each['force_mN']:.2f} ± {each['uncertainty_mN']:.2f} mN"
+        yield (
+            "force not verified by the zero return",
+            f"back at the place of its zero the {arm} read {read}",
+        )
+    if known and not failed:
+        yield "force verified by the zero return", ""
+    if result.get("forces_agree") is False:
+        yield "the forces of both arms differ", ""
+    if result.get("zero_unconfirmed"):
+        yield (
+            "zero not confirmed",
+            "a part that pressed as the force was zeroed would be hidden; see that nothing touches "
+            "the arm, then send zero_confirmed = true",
+        )
+    for prefix, arm in ARMS:
+        change = result.get(f"{prefix}stroke_change_percent")
+        limit = result.get(f"{prefix}stroke_limit_percent")
+        if change is not None and limit is not None and abs(change) > limit:
+            yield (
+                f"the {arm} differs from its model",
+                f"its stroke has changed by {change:+.2f} % since its calibration, explained are "
+                f"±{limit:.2f} %",
+            )

@@ -207,22 +207,10 @@ def show_result(
 
 def verdict_words(result: Tree) -> list[str]:
     """Return the outcome, and what makes its figures certain or doubtful."""
-    words = [str(result.get("outcome", "")).replace("_", " ")]
-    met = _member(result, "goal.met")
-    if met is not None:
-        words.append("goal met" if met else "goal missed")
-    returns = [_member(result, f"{arm}zero_return.verified") for arm in ("", "second_")]
-    if False in returns:
-        words.append("force not verified by the zero return")
-    elif True in returns:
-        words.append("force verified by the zero return")
-    if result.get("forces_agree") is False:
-        words.append("the forces of both arms differ")
-    if result.get("zero_unconfirmed"):
-        words.append("zero not confirmed")
-    if result.get("model_mismatch"):
-        words.append("the arm differs from its model")
-    return [text for text in words if text]
+    from pincette.api.results import confirmations
+
+    outcome = str(result.get("outcome", "")).replace("_", " ")
+    return list(dict.fromkeys(filter(None, [outcome, *(few for few, _ in confirmations(result))])))
 
 
 def brief_lines(result: Tree, kind: str) -> list[tuple[str, str]]:

@@ -39,6 +39,7 @@ RESULT: dict[str, Any] = {
     "rmse_force_mN": 0.715,
     "true_force_held_mN": None,
 }
+UNVERIFIED = {"verified": False, "force_mN": -1.7, "uncertainty_mN": 0.4}
 TRACK: dict[str, Any] = {
     "outcome": "tracked",
     "shape": "sinusoid",
@@ -115,13 +116,16 @@ def test_a_short_result_of_two_arms_has_the_figures_of_both() -> None:
     ("members", "doubt"),
     [
         ({"goal": {"met": False}}, "goal missed"),
-        ({"zero_return": {"verified": False}}, "force not verified by the zero return"),
+        ({"zero_return": UNVERIFIED}, "force not verified by the zero return"),
         (
-            {"zero_return": {"verified": True}, "second_zero_return": {"verified": False}},
+            {"zero_return": {"verified": True}, "second_zero_return": UNVERIFIED},
             "force not verified by the zero return",
         ),
         ({"zero_unconfirmed": True}, "zero not confirmed"),
-        ({"model_mismatch": True}, "the arm differs from its model"),
+        (
+            {"second_stroke_change_percent": -0.9, "second_stroke_limit_percent": 0.4},
+            "the second arm differs from its model",
+        ),
     ],
 )
 def test_a_verdict_says_what_is_doubtful(members: dict[str, Any], doubt: str) -> None:

@@ -81,7 +81,7 @@ def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bo
     percent = None if change is None else pytest.approx(100.0 * change)
     assert result.stroke_change_percent == percent
     told = verdict(job_kinds()["grip"], result.model_dump())
-    assert ("model mismatch" in told) is mismatch
+    assert ("differs from its model" in told) is mismatch
 
 
 def test_phases_follow_each_other_without_gaps() -> None:

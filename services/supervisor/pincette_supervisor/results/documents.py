@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from pincette.api.job_kinds import JobKind, job_kinds
 from pincette.api.live import LoopTiming
+from pincette.api.results import confirmations
 from pincette.api.states import OUTCOMES
 from pincette.core.files import make_folder
 from pincette.core.messages import Recorded
@@ -55,8 +56,6 @@ th { font-weight: 600; } td.number { font-variant-numeric: tabular-nums; }
 @media print { body { margin: 0; max-width: none; } h2 { break-after: avoid; } }
 @media (max-width: 40rem) { .columns { columns: 1; } }
 """
-
-GOALS: Mapping[bool | None, str] = {True: "met", False: "missed", None: "not judged"}
 
 
 def report(
@@ -128,29 +127,7 @@ def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
             digits = figure.digits
             more = f" ± {spread:.{digits}f}" if isinstance(spread, float) else ""
             told.append(f"{figure.label} {value:.{digits}f}{more} {figure.unit}".rstrip())
-    for name, arm in (("zero_return", "the free arm"), ("second_zero_return", "the second arm")):
-        returned = result.get(name)
-        if returned is not None and not returned["verified"]:
-            told.append(
-                f"unverified: back at the place of its zero {arm} read "
-                f"{returned['force_mN']:.2f} ± {returned['uncertainty_mN']:.2f} mN"
-            )
-    if result.get("zero_unconfirmed"):
-        told.append(
-            "zero unconfirmed: a part that pressed as the force was zeroed would be hidden; see "
-            "that nothing touches the arm, then send zero_confirmed = true"
-        )
-    for prefix, arm in (("", "arm"), ("second_", "second arm")):
-        change = result.get(f"{prefix}stroke_change_percent")
-        limit = result.get(f"{prefix}stroke_limit_percent")
-        if change is not None and limit is not None and abs(change) > limit:
-            told.append(
-                f"model mismatch: the stroke of the {arm} has changed by {change:+.2f} % since its "
-                f"calibration, explained are ±{limit:.2f} %"
-            )
-    goal = result.get("goal")
-    if goal is not None:
-        told.append(f"goal {GOALS[goal['met']]}")
+    told += [": ".join(filter(None, found)) for found in confirmations(result)]
     return "; ".join(told)
 
 
