@@ -1,4 +1,4 @@
-"""What goes over REST: requests, plans, results, problems, and the life of a job as data."""
+"""Data types of the REST interface: requests, plans, results, problems and states of a job."""
 
 from typing import Any
 
@@ -8,13 +8,13 @@ CONFIG = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=Tru
 
 
 class Model(BaseModel):
-    """Refuses unknown fields, numbers that are not finite, and values of another type."""
+    """Base of all models; it refuses unknown fields, wrong types, NaN and infinity."""
 
     model_config = CONFIG
 
 
 def example(**values: Any) -> ConfigDict:
-    """An example for the OpenAPI document."""
+    """Return an example for the OpenAPI document."""
     return ConfigDict(json_schema_extra={"examples": [values]})
 
 
@@ -23,4 +23,5 @@ def _whole(value: object) -> object:
 
 
 WHOLE = BeforeValidator(_whole)
-"""Of an integer as JSON has them: 5.0 is 5, and 5.5 is refused; stands after its limits."""
+"""Validator of integers as JSON writes them: accepts 5.0 as 5 and refuses 5.5. Stands after the
+limits."""

@@ -1,4 +1,4 @@
-"""Who may do what over REST, who does it, and what was done."""
+"""Access over REST: scopes, sessions, keys, and the audit log."""
 
 from typing import Annotated, Literal
 
@@ -8,38 +8,41 @@ from pincette.api import Model, example
 
 Scope = Literal["observe", "operate", "admin"]
 SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
-"""Each holds those before it: see and stop at once; move the rig; change it for everybody."""
+"""Scopes in ascending order, each including those before it: read and stop; move the rig; change it
+for everybody."""
 MEANINGS: dict[Scope, str] = {
     "observe": "see everything",
     "operate": "also plan, run and act on jobs, keep recipes, order the queue, reset",
     "admin": "also decide which model is in use, and read the audit log",
 }
 KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"
-"""Of a key: without blanks and brackets, so that nothing written beside it passes for it."""
+"""Pattern of a key's name. Blanks and brackets are excluded, so that no text beside the name can
+pass for it."""
 
 
 def covers(has: Scope, needed: Scope) -> bool:
-    """Whether a scope holds another one."""
+    """Return whether a scope includes another one."""
     return SCOPES.index(has) >= SCOPES.index(needed)
 
 
 class Session(Model):
-    """Who asks, as the supervisor knows it."""
+    """The caller of a request, as the supervisor identified it."""
 
     model_config = example(keys=True, name="cell-7", scope="operate", signed_in=False)
 
     keys: bool
-    """Whether a key is wanted; without any, whoever reaches the supervisor may do everything."""
+    """Whether the supervisor requires a key. Without keys, everybody who reaches the supervisor may
+    do everything."""
     name: str | None
-    """Of the key or the user; null of a caller without one."""
+    """Name of the key or the user; null if the caller has none."""
     scope: Scope | None
-    """What the caller may do; null: nothing."""
+    """Scope of the caller; null: none."""
     signed_in: bool
-    """Whether the key came as the cookie of a page."""
+    """Whether the key was sent as the session cookie of a page."""
 
 
 class SignIn(Model):
-    """A person who signs in without a key."""
+    """Sign-in by name and password, without a key."""
 
     model_config = example(user="ann", password="correct horse battery")
 
@@ -48,7 +51,7 @@ class SignIn(Model):
 
 
 class Verdict(Model):
-    """Whether a request would be accepted, and if not why."""
+    """Whether a request would be accepted, and if not, why."""
 
     model_config = example(accepted=True, code=None, detail="", remedy="")
 
@@ -60,7 +63,7 @@ class Verdict(Model):
 
 
 class PageCheck(Model):
-    """What a page may do where it was loaded from, and how its requests reach the supervisor."""
+    """Where a page was loaded from, how its requests reach the supervisor, and what it may do."""
 
     model_config = example(
         rig="demo",
@@ -88,7 +91,7 @@ class PageCheck(Model):
 
 
 class AuditEntry(Model):
-    """One request that was to change something, or was refused for whose it was."""
+    """One request that asked for a change, or that was refused because of its caller."""
 
     model_config = example(
         number=12,
@@ -104,29 +107,30 @@ class AuditEntry(Model):
     number: int
     at: str
     who: str
-    """Name of the key, with the caller's own label in brackets; without a key label or address."""
+    """Name of the key, with the caller's own label in brackets; without a key, the label or the
+    address."""
     address: str
     action: str
     detail: str
-    """What the body asked for, and what came of it, in a word or two."""
+    """What the body asked for and what happened, in a word or two."""
     status: int
-    """Of the answer."""
+    """HTTP status of the answer."""
     count: int
-    """How many alike were refused within moments."""
+    """Number of equal requests that were refused within a short time."""
 
 
 class AuditList(Model):
-    """The audit log, the newest first."""
+    """The audit log, newest entry first."""
 
     model_config = example(entries=[], next=None)
 
     entries: list[AuditEntry]
     next: int | None = None
-    """What ``before`` must be for the entries that follow; null where there are no more."""
+    """Value of ``before`` for the next page; null at the end."""
 
 
 class AuditChain(Model):
-    """Whether each entry of the audit log follows from the one before it."""
+    """Result of checking that each entry of the audit log follows from the one before it."""
 
     model_config = example(entries=0, first=None, newest=None, link=None, broken=None, found=None)
 
@@ -135,11 +139,12 @@ class AuditChain(Model):
     """Number of the oldest entry that is kept; null where there is none."""
     newest: int | None
     link: str | None
-    """Of the newest entry, a SHA-256; whoever notes it elsewhere can ask for it later."""
+    """SHA-256 of the newest entry. If it is noted elsewhere, it can be looked for later."""
     broken: int | None
-    """Number of the first entry that was changed, or before which one is missing; null: none."""
+    """Number of the first entry that was changed, or before which one is missing; null if there is
+    none."""
     found: bool | None
-    """Whether the link that was asked for is one of the log's; null: none was asked for."""
+    """Whether the link that was asked for is in the log; null if none was asked for."""
 
 
 class KeyView(Model):
@@ -161,12 +166,12 @@ class KeyView(Model):
     expires_at: str | None
     revoked_at: str | None
     used_at: str | None
-    """To the minute; null: never."""
+    """Time of the last use, to the minute; null: never used."""
     usable: bool
 
 
 class Claim(Model):
-    """A client's claim on a rig: others begin nothing there until it ends; everybody may stop."""
+    """A client's claim on a rig: until it ends nobody else can start a job there; all can stop."""
 
     model_config = example(
         by="cell-7",
@@ -177,19 +182,19 @@ class Claim(Model):
     )
 
     by: str
-    """Who holds it, as ``by`` of a job."""
+    """Name of the client that holds the claim, as ``by`` of a job."""
     note: str
     since: str
     expires_at: str
     left_s: float
-    """Until it ends by itself."""
+    """Time until the claim ends by itself."""
 
 
 class ClaimRequest(Model):
-    """For how long a rig is claimed, and what for; sent again it is a longer lease."""
+    """Request to claim a rig for a time; sent again, it renews the claim."""
 
     model_config = example(lease_s=60.0, note="night run")
 
     lease_s: Annotated[float, Field(ge=1.0, le=3600.0)] = 60.0
-    """After which it ends unless it is renewed."""
+    """Time after which the claim ends unless it is renewed."""
     note: str = Field(default="", max_length=200)

@@ -8,7 +8,7 @@ from pincette.api.results import JobResult
 
 
 class Assumption(Model):
-    """A quantity that a calibration takes for granted."""
+    """A quantity that a calibration assumes."""
 
     model_config = example(
         quantity="model.compliance_um_per_mN", value=0.46, unit="µm/mN", source="assumed"
@@ -18,11 +18,11 @@ class Assumption(Model):
     value: Any
     unit: str
     source: str
-    """``assumed``, or the calibration it comes from."""
+    """``assumed``, or the calibration that found the value."""
 
 
 class CalibrationPlan(JobPlan):
-    """What a calibration would do, and whether it may; voltages are predicted by d_p alone."""
+    """What a calibration would do, and whether it may start; voltages follow from d_p alone."""
 
     model_config = example(
         kind="calibrate",
@@ -41,16 +41,16 @@ class CalibrationPlan(JobPlan):
 
     calibration: str
     waits: int
-    """How often it waits for a person."""
+    """Number of times that the calibration waits for a person."""
     voltage_min_V: float
     voltage_max_V: float
     assumptions: list[Assumption]
     law: Law | None
-    """Where one leads the arm to the part."""
+    """Law that moves the arm to the part; null if there is none."""
 
 
 class Identified(Model):
-    """A value that a calibration has found for a quantity of the rig file."""
+    """Value that a calibration has found for a quantity of the rig file."""
 
     model_config = example(
         quantity="model.compliance_um_per_mN", value=0.4583, unit="µm/mN", uncertainty=0.0011
@@ -61,11 +61,11 @@ class Identified(Model):
     """A number, or a table of numbers."""
     unit: str
     uncertainty: float | None
-    """Standard, one sigma; null where none can be stated in one number."""
+    """Standard uncertainty (one sigma); null if it cannot be stated as one number."""
 
 
 class Figure(Model):
-    """Something else that the measurement says; it changes nothing."""
+    """Another result of the measurement. It changes no value in use."""
 
     model_config = example(
         name="loop", value=18.4, unit="%", meaning="largest width, of the stroke"
@@ -78,7 +78,7 @@ class Figure(Model):
 
 
 class Residuals(Model):
-    """What the fit has left."""
+    """Residuals of the fit."""
 
     model_config = example(of="position", unit="µm", rms=0.018, maximum=0.031, count=7)
 
@@ -86,12 +86,12 @@ class Residuals(Model):
     unit: str
     rms: float
     maximum: float
-    """Of the magnitude."""
+    """Largest magnitude."""
     count: int
 
 
 class CalibrationResult(JobResult):
-    """What came of a calibration; without values where it did not come that far."""
+    """Result of a calibration; without values if it ended too early."""
 
     model_config = example(
         outcome="moved",
@@ -116,7 +116,7 @@ class CalibrationResult(JobResult):
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """How sure the values are, in words; or why there are none."""
+    """How certain the values are, in words; or why there are none."""
     warnings: list[str]
     assumptions: list[Assumption]
 
@@ -125,7 +125,7 @@ ProposalState = Literal["proposed", "accepted", "discarded", "superseded"]
 
 
 class ProposedValue(Identified):
-    """A value beside the one in use; of one decided about, the one in use until then."""
+    """Proposed value and the value in use; after the decision, the one that was in use before."""
 
     model_config = example(
         quantity="model.compliance_um_per_mN",
@@ -140,14 +140,14 @@ class ProposedValue(Identified):
 
     in_use: Any
     source_in_use: str
-    """``assumed``, or the calibration it comes from."""
+    """``assumed``, or the calibration that found the value in use."""
     difference: float | None
-    """Proposed less in use; null of what is no number."""
+    """Proposed value less the value in use; null if it is not a number."""
     difference_percent: float | None
 
 
 class Proposal(Model):
-    """What a calibration proposes; nothing changes until it is accepted."""
+    """Values that a calibration proposes. Nothing changes until they are accepted."""
 
     model_config = example(
         id="20260301-120000-1f0c",
@@ -170,20 +170,20 @@ class Proposal(Model):
     )
 
     id: str
-    """That of its job."""
+    """Identifier of the calibration's job."""
     calibration: str
     rig: str
     state: ProposalState
-    """superseded: another proposal of its kind was accepted since."""
+    """State of the proposal; superseded: another proposal of the same kind was accepted since."""
     made_at: str
     decided_at: str | None
     model_version: int | None
-    """Version that it was accepted as."""
+    """Version of the model that was made when it was accepted."""
     values: list[ProposedValue]
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """How sure the values are, in words."""
+    """How certain the values are, in words."""
     warnings: list[str]
     assumptions: list[Assumption]
     made_with: dict[str, Any]
@@ -194,17 +194,17 @@ class Proposal(Model):
 
 
 class ProposalList(Model):
-    """Proposals, the newest first."""
+    """Proposals, newest first."""
 
     model_config = example(calibrations=[], next=None)
 
     calibrations: list[Proposal]
     next: str | None = None
-    """Value of ``before`` for the proposals that follow; null where there are no more."""
+    """Value of ``before`` for the next page; null at the end."""
 
 
 class ProposalAction(Model):
-    """What shall become of a proposal."""
+    """Accept or discard a proposal."""
 
     model_config = example(type="accept")
 

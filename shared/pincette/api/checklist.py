@@ -1,4 +1,4 @@
-"""The calibrations as a checklist over REST: their order, what each needs, what it has found."""
+"""Checklist of the calibrations over REST: their order, what each needs, and what it has found."""
 
 from typing import Any, Literal
 
@@ -20,7 +20,7 @@ ReasonCode = Literal[
 
 
 class BenchNeed(Model):
-    """What a person does at the bench: before the calibration, or when its job asks for it."""
+    """What a person must do at the rig, before the calibration or when its job asks for it."""
 
     model_config = example(
         code="part_removed", text="take the part away; nothing may touch the arm", when="before"
@@ -29,11 +29,12 @@ class BenchNeed(Model):
     code: NeedCode
     text: str
     when: Literal["before", "during"]
-    """during: the job waits, says what to do in ``progress``, and goes on by ``continue``."""
+    """``during``: the job waits, shows the instruction in ``progress``, and continues by the action
+    ``continue``."""
 
 
 class StepReason(Model):
-    """Why a calibration is not done, or is to be made again."""
+    """Why a calibration is due, or due again."""
 
     model_config = example(code="not_calibrated", text="not calibrated yet")
 
@@ -63,21 +64,23 @@ class ChecklistStep(Model):
     label: str
     summary: str
     state: StepState
-    """optional: this rig works without it; unsupported: its instruments are too slow for it."""
+    """optional: this rig works without it; unsupported: the instruments of this rig are too slow
+    for it."""
     request: dict[str, Any]
-    """Body for ``POST /api/v1/jobs``, as it is."""
+    """Body for ``POST /api/v1/jobs``."""
     needs: list[BenchNeed]
     reasons: list[StepReason]
-    """Empty where it is done."""
+    """Reasons why the calibration is due; empty if it is done."""
     proposal: str | None
-    """What it has proposed since; accept or discard it before it is made again."""
+    """Proposal that still waits for a decision: accept or discard it before the calibration runs
+    again."""
     accepted: str | None
-    """The calibration that is in use."""
+    """Accepted calibration that is in use."""
     accepted_at: str | None
     gained: list[ProposedValue]
-    """Values in use beside those before; of the calibration that is in use."""
+    """Values of the calibration in use beside the earlier ones."""
     statement: str
-    """How sure those values are, in words."""
+    """How certain those values are, in words."""
 
 
 class Checklist(Model):
@@ -87,5 +90,5 @@ class Checklist(Model):
 
     rig: str
     next: str | None
-    """The calibration to make now, or whose proposal to decide about; null: none is left."""
+    """Calibration to run now, or whose proposal needs a decision; null if none is left."""
     steps: list[ChecklistStep]

@@ -1,4 +1,4 @@
-"""Faults and checks of a rig, and the probes of a supervisor, over REST."""
+"""Faults and checks of a rig, and the health probes of a supervisor."""
 
 from typing import Literal
 
@@ -7,7 +7,7 @@ from pincette.control.vocabulary import FaultCode
 
 
 class FaultView(Model):
-    """What is wrong: go by ``code`` and ``values``, and show ``text``."""
+    """A fault: programs use ``code`` and ``values``, people read ``text``."""
 
     model_config = example(
         code="no_command",
@@ -17,12 +17,12 @@ class FaultView(Model):
 
     code: FaultCode
     values: dict[str, float | None]
-    """By name, which ends in the unit; null where the number is not finite."""
+    """Numbers of the fault by name, which ends in the unit; null if the number is not finite."""
     text: str
 
 
 class Check(Model):
-    """Something that was looked at."""
+    """One check of a rig or a supervisor, with its result."""
 
     model_config = example(
         name="sensor.age",
@@ -38,18 +38,18 @@ class Check(Model):
     name: str
     ok: bool
     needed: bool
-    """Whether a rig without it is not ready; the others are for a person to see to."""
+    """Whether the rig is ready only if this check passes. The others are hints for people."""
     value: float | str | None
     limit: float | str | None
     unit: str
     age_s: float | None
-    """How long ago it was looked at; null where that is not known."""
+    """Time since the check was made; null if it is not known."""
     words: str
-    """What is found, in words."""
+    """Result of the check, in words."""
 
 
 class Alive(Model):
-    """Whether the supervisor itself is at work."""
+    """Whether the supervisor itself works."""
 
     model_config = example(status="alive", checks=[])
 
@@ -58,13 +58,13 @@ class Alive(Model):
 
 
 class Readiness(Model):
-    """Whether the supervisor can serve a rig: its own checks, and those of each rig."""
+    """Whether the supervisor can serve its rigs: its own checks and those of each rig."""
 
     model_config = example(status="not ready", reasons=["demo: sensor: …"], checks=[], rigs={})
 
     status: Literal["ready", "not ready"]
     reasons: list[str]
-    """Of what is needed and missing, each with its rig."""
+    """Reasons why a rig is not ready, each with the name of the rig."""
     checks: list[Check]
-    """Of the supervisor itself."""
+    """Checks of the supervisor itself."""
     rigs: dict[str, list[Check]]

@@ -1,4 +1,4 @@
-"""Why a job has ended, as a code with its numbers; the words beside it are for people."""
+"""Why a job has ended: a code with numbers for programs, words for people."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -53,7 +53,7 @@ ENDINGS: Mapping[EndingCode, str] = {
 
 
 class Ending(Model):
-    """Why a job has ended: go by the codes and numbers; ``cause`` of the job has the words."""
+    """Why a job has ended: programs use the codes and numbers, people read ``cause`` of the job."""
 
     model_config = example(
         code="tripped",
@@ -71,10 +71,10 @@ class Ending(Model):
 
     code: EndingCode
     trip: str = ""
-    """Code of the actuator's cause, where it has tripped."""
+    """Code of the actuator's cause, if it has tripped."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
-    """What the actuator has found."""
+    """Faults that the actuator has found."""
     values: dict[str, float] = Field(default_factory=dict[str, float])
     """Numbers by name, which ends in the unit, such as ``spent_s`` and ``limit_s``."""
     problem: str = ""
-    """Code of the problem that a request of this kind would be refused with."""
+    """Code of the problem document that a request with this fault would get."""

@@ -17,9 +17,9 @@ EventKind = Literal[
     "edit",
     "claim",
 ]
-"""What is kept and numbered, so that nobody misses it."""
+"""Kinds of event that are stored and numbered, so that no client misses one."""
 PassingKind = Literal["progress", "dropped"]
-"""What is told to those who listen just then: how far a job is, and what they have missed."""
+"""Kinds of event that only present listeners get: progress, and counts of missed events."""
 
 
 class Event(Model):
@@ -35,31 +35,35 @@ class Event(Model):
     )
 
     number: int | None
-    """Rises with every event of every rig; null of what is told in passing."""
+    """Number of the event, ascending over all rigs; null for events that are not stored."""
     at: str
     rig: str
     job: str | None
-    """Null of what concerns the rig alone."""
+    """Identifier of the job; null for events of the rig alone."""
     kind: EventKind | PassingKind
     body: dict[str, Any]
-    """What the kind has to say. Of ``dropped``: ``progress``, how many progress events a slow
-    listener has missed; ``numbered``, how many numbered ones are kept no more, at most."""
+    """Content of the event, by its kind. For ``dropped``: ``progress`` is the number of progress
+    events that a slow listener has missed, ``numbered`` the largest possible number of stored
+    events that have been deleted since."""
 
 
 class EventList(Model):
-    """Numbered events, the oldest first."""
+    """Numbered events, oldest first."""
 
     model_config = example(events=[], newest=318, oldest=1)
 
     events: list[Event]
     newest: int
-    """Number of the newest event of all; 0 where there is none."""
+    """Number of the newest event; 0 if there is none."""
     oldest: int
-    """Number of the oldest event that is kept; what lies before it is gone."""
+    """Number of the oldest event that is still stored."""
 
 
 class Alarm(Model):
-    """Something an operator must learn. It is open until it has been acknowledged and is over."""
+    """Alarm for the operator.
+
+    It stays open until its condition has ended and somebody has acknowledged it.
+    """
 
     model_config = example(
         id=17,
@@ -81,42 +85,42 @@ class Alarm(Model):
     id: int
     rig: str
     job: str | None
-    """The job that had the rig; null without one."""
+    """Job that used the rig; null if there was none."""
     severity: Literal["alarm", "warning"]
-    """``warning``: nothing has stopped."""
+    """``warning``: nothing was stopped."""
     cause: str
-    """A code, which does not change; ``words`` are for people."""
+    """Stable code of the cause; ``words`` are for people."""
     words: str
     clears: Literal["reset", "condition", "acknowledge"]
-    """What ends it: a reset of the rig, the condition itself, or, where it is over at once, the
-    acknowledgement."""
+    """What ends the alarm: a reset of the rig, the end of the condition, or, if the condition is
+    over at once, the acknowledgement."""
     count: int
-    """How often it has come while it was open."""
+    """Number of times that the condition occurred while the alarm was open."""
     raised_at: str
     last_at: str
     acknowledged_at: str | None
     acknowledged_by: str | None
     cleared_at: str | None
-    """When it was seen to be over."""
+    """Time at which the condition was found to be over."""
     open: bool
 
 
 class AlarmList(Model):
-    """Alarms, the newest first."""
+    """Alarms, newest first."""
 
     model_config = example(alarms=[], next=None, open=0)
 
     alarms: list[Alarm]
     next: int | None
-    """For ``before``, to read on; null at the end."""
+    """Value of ``before`` for the next page; null at the end."""
     open: int
-    """How many are open in all, of the rig that was asked for or of every one."""
+    """Number of open alarms, of the requested rig or of all rigs."""
 
 
 class AlarmAction(Model):
-    """What shall become of an alarm."""
+    """Action on an alarm."""
 
     model_config = example(type="acknowledge")
 
     type: Literal["acknowledge"]
-    """A person has seen it. It moves nothing, and resets nothing."""
+    """A person has seen the alarm. Nothing moves and nothing is reset."""

@@ -1,4 +1,4 @@
-"""The course of a rig over hours, as its records have it."""
+"""History of a rig over hours, read from its records."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ JOB: dict[str, Any] = {
 
 
 class HistoryJob(Model):
-    """A job that has run in the time that was asked for."""
+    """A job that ran in the requested time."""
 
     model_config = example(**JOB)
 
@@ -28,16 +28,17 @@ class HistoryJob(Model):
     state: JobState
     from_s: float
     to_s: float | None
-    """Null while it runs."""
+    """End of the job; null while it runs."""
     recorded: bool
-    """Whether its samples are among the points; those of a job that runs come with its end."""
+    """Whether the samples of the job are among the points. Those of a running job are added when it
+    ends."""
 
 
 class History(Model):
-    """Smallest and largest values of each stretch of time, in columns of one length.
+    """Smallest and largest values in each interval of time, as columns of equal length.
 
-    Times are seconds since 1970, UTC. Where no record is, there is no point; a column holds null
-    where the record has no value. ``…_error_…`` is the measured or estimated value less its
+    Times are seconds since 1970, UTC. There is no point where there is no record; a column holds
+    null where the record has no value. ``…_error_…`` is the measured or estimated value less its
     reference.
     """
 
@@ -57,12 +58,12 @@ class History(Model):
     from_s: float
     to_s: float
     step_s: float
-    """Length of a stretch."""
+    """Length of an interval."""
     at_s: list[float]
-    """Middle of each stretch that has samples."""
+    """Middle of each interval that has samples."""
     low: dict[str, Column]
     high: dict[str, Column]
     jobs: list[HistoryJob] = Field(default_factory=list[HistoryJob])
-    """The oldest first."""
+    """Jobs, oldest first."""
     left_out: int
-    """Older jobs of that time that are too many to be read."""
+    """Number of older jobs of that time that were left out because there were too many."""

@@ -1,8 +1,8 @@
-"""Kinds of job: what one is called, asks for, returns and shows; a plug-in registers each of them.
+"""Kinds of job: name, request, result and views. A plug-in registers each kind.
 
 A kind is one object ``KIND = JobKind(...)`` in the entry-point group ``pincette.job_kinds``. It
-imports nothing heavy: what plans, evaluates and draws is named by ``functions`` and imported by
-the supervisor when it is needed.
+imports nothing heavy: ``functions`` names the code that plans, evaluates and draws, and the
+supervisor imports it when it is needed.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,12 +21,12 @@ from pincette.core import plugins
 from pincette.core.units import unit_of
 
 LAST = 1000
-"""Place in lists of what names none."""
+"""Place in lists of kinds that state none."""
 Widget = Literal["number", "choice", "check", "list", "pairs", "text", "recipe"]
 
 
 class Choice(Model):
-    """One choice of a field; an empty value is not sent."""
+    """One choice of a field. An empty value is not sent."""
 
     model_config = example(value="sinusoid", label="sinusoid")
 
@@ -35,46 +35,46 @@ class Choice(Model):
 
 
 class FieldSpec(Model):
-    """A field of a form; what is left out follows from the request's schema."""
+    """A field of a form. The request's schema gives what is not stated here."""
 
     model_config = example(name="force_mN", label="Force")
 
     name: str
-    """Member of the request."""
+    """Member of the request that the field fills."""
     label: str
     widget: Widget | None = None
     choices: tuple[Choice, ...] | None = None
     placeholder: str | None = None
     """Shown while it is empty."""
     limit: str = ""
-    """Limit of the rig that bounds it from above; empty: none does."""
+    """Limit of the rig that is the upper bound; empty: none."""
     when: dict[str, tuple[str, ...]] = Field(default_factory=dict[str, tuple[str, ...]])
-    """Shown, and sent, only while another field has one of these values."""
+    """The field is shown and sent only while another field has one of these values."""
     excludes: str = ""
-    """Field that is switched off while this one is on."""
+    """Field that is disabled while this one is on."""
     advanced: bool = False
-    """Stands below *More*."""
+    """Whether the field stands under *More*."""
     planned: str = ""
-    """Phase and member of the plan of an empty request that this field is filled with."""
+    """Phase and member of the plan of an empty request whose value fills this field."""
     required: bool = False
     names: bool = False
-    """Not sent itself: its value is the name of the member that another field is sent as."""
+    """Whether the value of this field is only the name under which another field is sent."""
     named_by: str = ""
-    """Field whose value is the name of the member that this one is sent as."""
+    """Field whose value is the name under which this one is sent."""
     sent_as: str = ""
-    """Name of the member that it is sent as; empty: its own name."""
+    """Name under which the field is sent; empty: its own name."""
     within: str = ""
-    """Member of the request that it is sent in, such as ``gains``; empty: the request itself."""
+    """Member of the request that contains it, such as ``gains``; empty: the request itself."""
     own_unit: str = ""
-    """Unit where the name does not end with one."""
+    """Unit, if the name does not end with one."""
     meaning: str = ""
-    """Shown with the label."""
+    """Explanation beside the label."""
     arms: tuple[int, ...] = (1, 2)
-    """Numbers of driven arms of the rigs that it is offered for."""
+    """Numbers of driven arms of the rigs for which the field is offered."""
 
 
 class ResultField(Model):
-    """A figure of a result as it is shown."""
+    """A result value as it is shown."""
 
     model_config = example(
         name="force_held_mN",
@@ -89,35 +89,35 @@ class ResultField(Model):
     )
 
     name: str
-    """Member of the result; a dot leads to a member of a member."""
+    """Member of the result; a dot separates the name of a nested member."""
     label: str
     unit: str = ""
     digits: int = 2
     uncertainty: str = ""
-    """Member that states its uncertainty."""
+    """Member that has its uncertainty."""
     assumed: str = ""
-    """Member that names what its uncertainty is worked out from, but nobody has calibrated."""
+    """Member that lists the assumed quantities on which its uncertainty is based."""
     optional: bool = False
-    """Left out while it is null."""
+    """Whether it is left out while it is null."""
     main: bool = False
-    """Shown in lists of jobs."""
+    """Whether lists of jobs show it."""
     arms: tuple[int, ...] = (1, 2)
-    """Numbers of driven arms of the results that it is shown of."""
+    """Numbers of driven arms of the rigs whose results show it."""
 
 
 def number(name: str, label: str, unit: str | None = None, **more: Any) -> ResultField:
-    """A figure of a result; its unit follows from its name."""
+    """Return a result value whose unit follows from its name."""
     return ResultField(name=name, label=label, unit=unit_of(name) if unit is None else unit, **more)
 
 
 def choices(*pairs: tuple[str, str]) -> tuple[Choice, ...]:
-    """Choices by value and label."""
+    """Return choices from values and labels."""
     return tuple(Choice(value=value, label=label) for value, label in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
-    """One of several requests of a kind, as a calibration is one of ``calibrate``."""
+    """One of several requests of a kind, such as one calibration of ``calibrate``."""
 
     name: str
     label: str
@@ -134,9 +134,9 @@ class RecipeRules:
     """How a recipe completes a request."""
 
     exclusive: tuple[tuple[str, str], ...] = ()
-    """Members of which a request that has one does not take the other from a recipe."""
+    """Pairs of members: a request that states one does not get the other from a recipe."""
     dependent: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
-    """Members that are taken only from a recipe with the same value of another member."""
+    """Members that are taken from a recipe only if it has the same value of another member."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,78 +144,79 @@ class JobKind:
     """A kind of job."""
 
     name: str
-    """As requests have it in ``kind``."""
+    """Name of the kind in the member ``kind`` of requests."""
     label: str
-    """As the page offers it."""
+    """Label on the page."""
     summary: str
-    """What it does, in one sentence; for the command line and the page."""
+    """What the job does, in one sentence, for the command line and the page."""
     request: type[JobRequest]
     plan: type[JobPlan]
     result: type[JobResult]
     functions: str
-    """``module:attribute`` of what plans, evaluates and draws; imported when it is needed."""
+    """``module:attribute`` of the functions that plan, evaluate and draw; imported when needed."""
     form: tuple[FieldSpec, ...] = ()
-    """Fields of the page's form, in order."""
+    """Fields of the page's form, in order of appearance."""
     figures: tuple[ResultField, ...] = ()
-    """Figures of the result that are shown, in order."""
+    """Result values that are shown, in order of appearance."""
     brief: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Short labels of the figures that a short result shows, by member, in order; empty: all."""
+    """Short labels of the values in a short result, by member, in order; empty: all."""
     variant_field: str = ""
     """Member of the request that chooses a variant; empty where there are none."""
     variants: Mapping[str, Variant] = field(default_factory=dict[str, Variant])
     begins_held: bool = False
-    """It is for a part that is held already."""
+    """Whether the job begins with a part that is already held."""
     from_present: bool = False
-    """Its plan begins where the arm stands, not at rest at the safe voltage."""
+    """Whether its plan begins at the present position of the arm, not at rest at the safe voltage.
+    """
     predicted: bool = False
-    """Its course is predicted before it starts, and can be kept as a trajectory."""
+    """Whether its course is predicted before it starts and can be stored as a trajectory."""
     jogs: bool = False
-    """The page offers steps of the arm and taught poses beside its form."""
+    """Whether the page offers steps of the arm and taught poses beside its form."""
     proposes: bool = False
-    """Its result proposes values for the model in use."""
+    """Whether its result proposes values for the model in use."""
     waits: bool = False
-    """It may wait for a person."""
+    """Whether it may wait for a person."""
     relative: tuple[str, ...] = ()
-    """Members that count from where the arm stands; a trajectory cannot keep them."""
+    """Members that are relative to the present position; a trajectory cannot store them."""
     goal_phase: str = ""
-    """Phase in which a goal is to be met; empty: its request has no tolerances."""
+    """Phase in which the tolerances must be met; empty: its request has no tolerances."""
     recipe: RecipeRules | None = None
     """How a recipe completes its request; None: no recipe does."""
     picture: str = ""
-    """File of its plot in the record; left out, its name with ``.png``."""
+    """File name of its plot in the record; default: its name with ``.png``."""
     place: int = LAST
-    """Place in lists."""
+    """Place in lists of kinds."""
     arms: tuple[int, ...] = (1,)
-    """Numbers of driven arms of the rigs that it is offered for."""
+    """Numbers of driven arms of the rigs for which it is offered."""
     only: Mapping[int, frozenset[str]] = field(default_factory=dict[int, frozenset[str]])
-    """Members of its request that rigs with this number of driven arms alone accept."""
+    """Members of its request that only rigs with this number of driven arms accept."""
     pair_plan: type[JobPlan] | None = None
-    """Its plan on a rig with two driven arms; None: ``plan``."""
+    """Type of its plan on a rig with two driven arms; None: ``plan``."""
     pair_result: type[JobResult] | None = None
-    """Its result on a rig with two driven arms; None: ``result``."""
+    """Type of its result on a rig with two driven arms; None: ``result``."""
     on_stop: OnStop = "hold"
-    """What a stop does with a part where the request cannot say it, and what the end of the
-    supervisor does."""
+    """What a stop does with a part if the request cannot say it, and what the end of the supervisor
+    does."""
     lease_factor: float = 1.0
-    """Ratio of the time for which the program plays on without its supervisor to ``lease_s``."""
+    """Ratio of the time for which the program continues without its supervisor to ``lease_s``."""
     needs_every_sample: bool = False
-    """A job is stopped once a phase lacks too many samples."""
+    """Whether a job is stopped if a phase lacks too many samples."""
     figures_in_prediction: bool = False
-    """A prediction for two arms contains the result of the predicted samples."""
+    """Whether a prediction for two arms contains the result of the predicted samples."""
 
     @property
     def holds_part(self) -> bool:
-        """Whether it holds a part, so that a stop and an abort may let go of it."""
+        """Return whether the job holds a part, so that a stop or an abort may release it."""
         return issubclass(self.request, PolicyRequest)
 
     @property
     def plans(self) -> tuple[type[JobPlan], ...]:
-        """Models of its plans, for every number of driven arms."""
+        """Return the models of its plans, for every number of driven arms."""
         return (self.plan,) if self.pair_plan is None else (self.plan, self.pair_plan)
 
     @property
     def results(self) -> tuple[type[JobResult], ...]:
-        """Models of its results, for every number of driven arms."""
+        """Return the models of its results, for every number of driven arms."""
         return (self.result,) if self.pair_result is None else (self.result, self.pair_result)
 
     def foreign(self, arms: int) -> frozenset[str]:
@@ -224,12 +225,12 @@ class JobKind:
         return frozenset[str]().union(*others)
 
     def figures_of(self, result: Mapping[str, Any]) -> list[ResultField]:
-        """Return the figures that are shown of a result."""
+        """Return the values of a result that are shown."""
         arms = result.get("arms", 1)
         return [figure for figure in self.figures if arms in figure.arms]
 
     def brief_figures_of(self, result: Mapping[str, Any]) -> list[ResultField]:
-        """Return the figures of a short result, with their short labels and without assumptions."""
+        """Return the values of a short result, with their short labels and without assumptions."""
         figures = {figure.name: figure for figure in self.figures_of(result)}
         return [
             figures[name].model_copy(update={"label": label, "assumed": "", "optional": True})
@@ -239,19 +240,19 @@ class JobKind:
 
     @property
     def plot(self) -> str:
-        """File of its plot in the record."""
+        """Return the file name of its plot in the record."""
         return self.picture or f"{self.name}.png"
 
     @property
     def actions(self) -> tuple[ActionType, ...]:
-        """Actions that a job of this kind may be asked for."""
+        """Return the actions that can be requested of a job of this kind."""
         held: tuple[ActionType, ...] = ("release",) if self.holds_part or self.begins_held else ()
         waiting: tuple[ActionType, ...] = ("continue",) if self.waits else ()
         return ("start", "pause", "resume", "stop", "abort", *held, *waiting)
 
     @property
     def body(self) -> Any:
-        """Its request as a type, which is a discriminated union where it has variants."""
+        """Return its request as a type: a discriminated union if it has variants."""
         if not self.variant_field:
             return self.request
         requests = [variant.request for variant in self.variants.values()]
@@ -262,7 +263,7 @@ class JobKind:
         return request.on_stop if isinstance(request, PolicyRequest) else self.on_stop
 
     def request_of(self, variant: str = "") -> type[JobRequest]:
-        """Request of a variant, or of the kind that has none."""
+        """Return the request type of a variant, or of a kind without variants."""
         return self.variants[variant].request if variant else self.request
 
 
@@ -270,7 +271,7 @@ K = TypeVar("K", JobKind, Variant)
 
 
 def union(types: Iterable[Any]) -> Any:
-    """The union of some types."""
+    """Return the union of some types."""
     first, *others = types
     for other in others:
         first = first | other
@@ -278,14 +279,14 @@ def union(types: Iterable[Any]) -> Any:
 
 
 def discriminated(types: list[Any], member: str) -> Any:
-    """The union of some models, of which a member tells which one a request is."""
+    """Return the union of some models, discriminated by one member."""
     if len(types) == 1:
         return types[0]
     return Annotated[union(types), Field(discriminator=member)]
 
 
 def registered(group: str, of: type[K]) -> Mapping[str, K]:
-    """Everything registered in a group, in the order of its places.
+    """Return everything that is registered in a group, ordered by place.
 
     Raises
     ------
@@ -306,5 +307,5 @@ def registered(group: str, of: type[K]) -> Mapping[str, K]:
 
 @cache
 def job_kinds() -> Mapping[str, JobKind]:
-    """Every kind of job that is installed."""
+    """Return every kind of job that is installed."""
     return registered(plugins.JOB_KINDS, JobKind)

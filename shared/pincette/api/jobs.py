@@ -1,4 +1,4 @@
-"""What a job looks like over REST; units are in the names, unknown fields are refused."""
+"""Jobs over REST: actions, edits, progress and the job itself."""
 
 from typing import Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ ArtifactState = Literal["none", "being_written", "ready", "deleted"]
 
 
 class ActionRequest(Model):
-    """What a job shall do."""
+    """An action on a job."""
 
     model_config = example(type="stop")
 
@@ -21,16 +21,16 @@ class ActionRequest(Model):
 
 
 class StopRequest(Model):
-    """Which request shall come to nothing, whether or not it has its job yet."""
+    """A request to create a job that shall be cancelled, whether or not its job exists yet."""
 
     model_config = example(idempotency_key="cell 4, part 17")
 
     idempotency_key: Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[ -~]+$")]
-    """What it was sent with, or will be."""
+    """Idempotency key of that request."""
 
 
 class Action(Model):
-    """An action that was asked for, kept with its job."""
+    """A requested action, stored with its job."""
 
     model_config = example(
         type="release",
@@ -43,15 +43,18 @@ class Action(Model):
     type: ActionType
     requested_at: str
     by: str
-    """Who asked, as ``by`` of a job."""
+    """Who requested it, as ``by`` of a job."""
     applied_at: str | None = None
-    """When the supervisor learned that it has taken effect."""
+    """Time at which the supervisor learned that the action took effect."""
     seq: int | None = None
-    """Sample at which it took effect, once it has."""
+    """Sample at which it took effect; null before."""
 
 
 class JobEdit(Model):
-    """What is said of a job, also after its end; what is left out stays as it is."""
+    """Changes of a job's notes, labels and pin, possible also after its end.
+
+    Members that are left out do not change.
+    """
 
     model_config = example(sample="B7", notes="bead with a chip", pinned=True)
 
@@ -60,13 +63,13 @@ class JobEdit(Model):
     operator: Annotated[str, Field(max_length=80)] | None = None
     notes: Notes | None = None
     labels: Labels | None = None
-    """In place of all that there are."""
+    """Labels that replace all present ones."""
     pinned: bool | None = None
-    """Keep the record, whatever the rig file says of the age and the size of records."""
+    """Keep the record, whatever age and size limits the rig file sets."""
 
 
 class Progress(Model):
-    """Where a running job is, by its newest samples."""
+    """Progress of a running job, from its newest samples."""
 
     model_config = example(
         phase="hold",
@@ -96,12 +99,12 @@ class Progress(Model):
     seq: int
     elapsed_s: float
     planned_s: float | None
-    """Without pauses; None where the hold has no end."""
+    """Planned duration without pauses; null if the hold has no end."""
     paused: bool = False
     percent: float | None = None
-    """Of the planned time that was played; None where the hold has no end."""
+    """Played share of the planned duration; null if the hold has no end."""
     remaining_s: float | None = None
-    """Of the planned time; a pause leaves it as it is."""
+    """Remaining planned time; a pause does not change it."""
     x_r_um: float | None = None
     """Reference of the position."""
     x_um: float | None
@@ -115,22 +118,22 @@ class Progress(Model):
     hold_in_s: float | None = None
     """When the hold begins, as planned; 0 while it lasts, null where none comes."""
     force_held_mN: float | None = None
-    """Mean of the force in the hold, of both arms where there are two, without its first half
-    second; null until then."""
+    """Mean force in the hold without its first half second, of both arms if there are two; null
+    before."""
     target: float | None = None
-    """What the phase is about, as it should be: the force while a part is held, else x."""
+    """Set value of the phase: the force while a part is held, otherwise x."""
     current: float | None = None
-    """The same as it is."""
+    """Actual value of the same quantity."""
     unit: str = ""
-    """Of ``target`` and ``current``: mN or µm."""
+    """Unit of ``target`` and ``current``: mN or µm."""
     instruction: str = ""
-    """What a person is to do before the action ``continue``; empty where nothing is waited for."""
+    """What a person must do before the action ``continue``; empty if the job does not wait."""
     weight_mN: float | None = None
-    """The weight to be hung by then."""
+    """Weight that is to be hung on the arm then."""
 
 
 class Job(Model):
-    """A job: what was asked, how far it is, what came of it."""
+    """A job: its request, its progress, and its result."""
 
     model_config = example(
         id="20260301-120000-1f0c",
@@ -168,31 +171,32 @@ class Job(Model):
     rig: str
     state: JobState
     revision: int = 0
-    """Rises with every change but progress; the ETag is made of it."""
+    """Revision, which increases with every change except progress; the ETag is made of it."""
     position: int | None = None
-    """Place in the queue of a job that waits for another one: 1 is the next."""
+    """Place in the queue, 1 for the next job; null if it does not wait for another job."""
     cause: str
-    """Why a job did not succeed, in words."""
+    """Why the job did not succeed, in words."""
     ending: Ending | None = None
-    """Why it has ended, as a code with numbers; null until then."""
+    """Why the job has ended, as a code with numbers; null before."""
     request: dict[str, Any]
-    """As it was sent."""
+    """The request as it was sent."""
     values: dict[str, Any]
-    """What the job works with: the request completed by the rig file; hold_s null has no end."""
+    """Values with which the job works: the request completed from the rig file. A null ``hold_s``
+    has no end."""
     sample: str = ""
     batch: str = ""
     operator: str = ""
     notes: str = ""
     labels: dict[str, str]
     pinned: bool = False
-    """Whether its record stays, whatever the rig file says of the age and the size of records."""
+    """Whether the record is kept whatever age and size limits the rig file sets."""
     by: str | None = None
-    """Who asked for it: the name of a key with the caller's label in brackets; without keys the
-    header ``X-Operator``, or the address it came from."""
+    """Who requested it: the name of a key with the caller's label in brackets; without keys, the
+    header ``X-Operator`` or the client's address."""
     progress: Progress | None
     result: dict[str, Any] | None
-    """Of a job that has moved, by its kind; of one that was interrupted, as far as its record
-    tells: the members that every result has."""
+    """Result of a job that has moved, by its kind. For an interrupted job it has the members common
+    to all results, as far as the record allows."""
     actions: list[Action]
     allowed_actions: list[ActionType]
     created_at: str
@@ -204,31 +208,33 @@ class Job(Model):
     record: str | None
     """Folder of the record on the supervisor's machine."""
     artifacts: ArtifactState = "none"
-    """Files of the record: written from the end on, while the rig is free for another job."""
+    """State of the record's files. They are written after the end, while the rig can run another
+    job."""
     record_complete: bool | None = None
-    """Whether the record has every sample of the job; None where it is not closed, or not made."""
+    """Whether the record has every sample of the job; null while it is open, or if there is none.
+    """
     record_detail: str = ""
-    """Why it is not complete."""
+    """Why the record is not complete."""
 
 
 class StoppedRequest(Model):
-    """What has become of a request that was stopped."""
+    """Result of stopping a request by its idempotency key."""
 
     model_config = example(job=None)
 
     job: Job | None
-    """The job that it had created, which has been stopped if it had not ended; null where there was
-    none, and none will come."""
+    """Job that the request had created; it has been stopped unless it had ended. Null if there was
+    none; none will be created."""
 
 
 class JobList(Model):
-    """Jobs, the newest first."""
+    """Jobs, newest first."""
 
     model_config = example(jobs=[], next=None)
 
     jobs: list[Job]
     next: str | None = None
-    """What ``before`` must be for the jobs that follow; None where there are no more."""
+    """Value of ``before`` for the next page; null at the end."""
 
 
 class Artifact(Model):

@@ -1,4 +1,4 @@
-"""Kinds of job over REST: what a form, a command line and a result's view are built from."""
+"""Kinds of job over REST: what forms, command lines and views of results are built from."""
 
 from typing import Any, cast
 
@@ -15,7 +15,7 @@ Schema = dict[str, Any]
 
 
 class FormField(FieldSpec):
-    """A field of a form, complete."""
+    """A field of a form with all its properties."""
 
     model_config = example(
         name="force_mN",
@@ -48,11 +48,11 @@ class FormField(FieldSpec):
     minimum: float | None
     maximum: float | None
     whole: bool
-    """Whole numbers alone."""
+    """Whether only whole numbers are allowed."""
     ticked: bool
-    """Whether a box is ticked where nothing is said."""
+    """Whether the box is ticked by default."""
     columns: tuple[str, ...]
-    """Members of each pair of numbers."""
+    """Names of both numbers of each pair."""
 
 
 class KindVariant(Model):
@@ -64,7 +64,7 @@ class KindVariant(Model):
     label: str
     summary: str
     request: dict[str, Any]
-    """JSON schema of the request, with ``unit`` beside each member that has one."""
+    """JSON schema of the request, with ``unit`` for each member that has one."""
 
 
 class Kind(Model):
@@ -92,38 +92,38 @@ class Kind(Model):
     )
 
     name: str
-    """As requests have it in ``kind``."""
+    """Name of the kind in the member ``kind`` of requests."""
     label: str
     summary: str
     request: dict[str, Any]
-    """JSON schema of the request, with ``unit`` beside each member that has one; where there are
-    variants, of what they have in common."""
+    """JSON schema of the request, with ``unit`` for each member that has one; if there are
+    variants, of their common members."""
     variant_field: str
     """Member of the request that chooses a variant; empty where there are none."""
     variants: list[KindVariant]
     form: list[FormField]
-    """Fields of a form, in order."""
+    """Fields of a form, in order of appearance."""
     figures: list[ResultField]
-    """Figures of the result that are shown, in order."""
+    """Result values that are shown, in order of appearance."""
     actions: list[ActionType]
-    """Actions that such a job may be asked for; its own ``allowed_actions`` say when."""
+    """Actions that can be requested of such a job; ``allowed_actions`` of the job says when."""
     plot: str
-    """File of its plot in the record."""
+    """File name of its plot in the record."""
     begins_held: bool
-    """It is for a part that is held already."""
+    """Whether the job begins with a part that is already held."""
     holds_part: bool
-    """A stop and an abort of it may keep a part or let go of it."""
+    """Whether a stop or an abort may keep or release a part."""
     predicted: bool
-    """Its course is predicted before it starts, and can be kept as a trajectory."""
+    """Whether its course is predicted before it starts and can be stored as a trajectory."""
     takes_recipe: bool
     jogs: bool
-    """A page offers steps of the arm and taught poses beside its form."""
+    """Whether a page offers steps of the arm and taught poses beside its form."""
     proposes: bool
-    """Its result proposes values for the model in use."""
+    """Whether its result proposes values for the model in use."""
     arms: list[int]
-    """Numbers of driven arms of the rigs that it is offered for."""
+    """Numbers of driven arms of the rigs for which it is offered."""
     on_stop: OnStop
-    """What a stop does with a part where a request cannot say it."""
+    """What a stop does with a part if the request cannot say it."""
 
 
 class KindList(Model):
@@ -135,7 +135,7 @@ class KindList(Model):
 
 
 def described(kind: JobKind) -> Kind:
-    """A kind as it is sent."""
+    """Return a kind as it is sent."""
     variants = [
         KindVariant(
             name=one.name, label=one.label, summary=one.summary, request=schema_of(one.request)
@@ -165,7 +165,7 @@ def described(kind: JobKind) -> Kind:
 
 
 def schema_of(request: type[BaseModel]) -> dict[str, Any]:
-    """JSON schema of a request, with units."""
+    """Return the JSON schema of a request, with units."""
     schema = request.model_json_schema()
     parts = [schema, *schema.get("$defs", {}).values()]
     for name, member in ((n, m) for part in parts for n, m in part.get("properties", {}).items()):
@@ -199,7 +199,7 @@ def _form(kind: JobKind) -> list[FormField]:
 
 
 def _both(first: FormField, second: FormField, variant_field: str) -> FormField:
-    """One field of two variants, as wide as both together."""
+    """Return one field that accepts the values of both variants."""
     bounds = {
         name: None
         if None in (found := [getattr(one, name) for one in (first, second)])
@@ -213,7 +213,7 @@ def _both(first: FormField, second: FormField, variant_field: str) -> FormField:
 
 
 def complete(spec: FieldSpec, schema: Schema) -> FormField:
-    """A field with what follows from the JSON schema of its request."""
+    """Return a field completed from the JSON schema of its request."""
     member, default, nullable = _member(spec.name, schema)
     widget = spec.widget or _widget(member)
     found = spec.choices
@@ -239,7 +239,7 @@ def complete(spec: FieldSpec, schema: Schema) -> FormField:
 
 
 def _member(name: str, schema: Schema) -> tuple[Schema, Any, bool]:
-    """Schema of a member, its default, and whether it may be left out as null."""
+    """Return the schema of a member, its default, and whether it may be null."""
     member = cast("Schema", schema.get("properties", {}).get(name, {}))
     default = member.get("default")
     options = [_resolved(one, schema) for one in member.get("anyOf", [member])]

@@ -1,4 +1,4 @@
-"""What programs have learned across their cycles, over REST."""
+"""Corrections that motion programs have learned across their cycles, over REST."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from pincette.api import Model, example
 
 
 class LearnedProgram(Model):
-    """Corrections that one program has learned; every job of the same program begins with them."""
+    """Corrections learned by one motion program; every job of the same program begins with them."""
 
     model_config = example(
         program="5f0c1e2a9b7d4c3e",
@@ -22,36 +22,36 @@ class LearnedProgram(Model):
     )
 
     program: str
-    """Names the program, with its law and the free response behind it."""
+    """Digest of the program, its law and the free response."""
     job: str
-    """That learned last."""
+    """Job that learned last."""
     learned_at: str
-    """UTC."""
+    """Time of the last learning, in UTC."""
     motion: dict[str, Any]
-    """What the program does."""
+    """Description of the program's motion."""
     cycles: int
-    """That were learned from."""
+    """Number of cycles that were used."""
     over: bool
-    """Whether no more is learned."""
+    """Whether learning has ended."""
     values_um: list[float]
-    """What is added to x_r, tick by tick of a cycle."""
+    """Correction added to x_r at each tick of a cycle."""
     errors_um: list[float]
-    """R.m.s. of x less x_r of each cycle that was learned from, in order."""
+    """Root mean square of x less x_r for each of these cycles, in order."""
 
 
 class LearnedList(Model):
-    """What the programs of a rig have learned, the newest first."""
+    """Learned programs of a rig, newest first."""
 
     model_config = example(rig="demo", programs=[])
 
     rig: str
     programs: list[LearnedProgram]
     next: str | None = None
-    """Program to pass as ``before`` for the following page; null at the end."""
+    """Value of ``before`` for the next page; null at the end."""
 
 
 class Erased(Model):
-    """How many programs have forgotten what they had learned."""
+    """Number of programs whose corrections were deleted."""
 
     model_config = example(rig="demo", erased=1)
 

@@ -1,4 +1,4 @@
-"""Samples of a rig as they come, and how punctual its programs have been."""
+"""Samples of a rig as they arrive, and the timing of its programs."""
 
 from pydantic import Field
 
@@ -9,7 +9,7 @@ Column = list[float | None]
 
 
 class SecondColumns(Model):
-    """Columns of the second arm, and of the part that both hold."""
+    """Columns of the second arm and of the part between both arms."""
 
     model_config = example(
         x_um=[29.4, 29.4],
@@ -27,11 +27,11 @@ class SecondColumns(Model):
 
 
 class LiveBatch(Model):
-    """Samples joined by their number, in columns of one length, all of one epoch and one phase.
+    """Samples joined by their number, as columns of equal length, all of one epoch and one phase.
 
-    A column holds null where nothing is known: references while no program plays, the force before
-    it was zeroed, the position where the sensor refused to read it, the voltage while the output
-    has not confirmed it.
+    A column holds null where a value is unknown: references while no program plays, the force
+    before it was zeroed, the position if the sensor could not measure it, the voltage while the
+    output has not confirmed it.
     """
 
     model_config = example(
@@ -57,22 +57,23 @@ class LiveBatch(Model):
 
     rig: str
     epoch: int
-    """Of the arming; a random number that says only which samples belong together."""
+    """Random number of the arming; samples with the same number belong together."""
     playing: bool
-    """Whether a program plays; else the rig is idle, and has position and voltage alone."""
+    """Whether a program plays. An idle rig has position and voltage alone."""
     phase: str
-    """Empty while no program plays."""
+    """Name of the phase; empty while no program plays."""
     now_s: float
-    """The supervisor's clock as this is sent; its zero means nothing."""
+    """The supervisor's clock at the time of sending; its zero is arbitrary."""
     dropped: int
-    """Samples that were gone before this listener came to read them, since the last event."""
+    """Number of samples since the last event that were gone before this listener read them."""
     seq: list[int]
     at_s: list[float]
-    """When the position came, by the clock of ``now_s``: it goes on from one epoch to the next."""
+    """Arrival time of each position by the clock of ``now_s``, which does not restart with an
+    epoch."""
     t_s: list[float]
-    """Since the arming, by the sensor's grid."""
+    """Time since the arming, by the sensor's grid."""
     after_gap: list[bool]
-    """Whether samples are missing before this one; one that came late follows on."""
+    """Whether samples are missing before this one. A late sample is not missing."""
     x_um: Column
     x_r_um: Column
     force_mN: Column
@@ -81,9 +82,9 @@ class LiveBatch(Model):
     voltage_V: Column
     sliding_um: Column
     second: SecondColumns | None = None
-    """Of a rig of two arms."""
+    """Columns of the second arm; null on a rig with one arm."""
     standing: Standing | None = None
-    """How the actuator and the part stand as this is sent."""
+    """State of the actuator and the part at the time of sending."""
 
 
 SPREAD = {"count": 1000, "p50_s": 9.4e-05, "p99_s": 3.1e-4, "p999_s": 5.5e-4, "max_s": 7.2e-4}
@@ -99,7 +100,7 @@ TIMED = {
 
 
 class LiveList(Model):
-    """Samples for a client that asks for them in turn and holds no stream."""
+    """Samples for a client that polls instead of holding a stream."""
 
     model_config = example(batches=[], next=1834)
 
@@ -109,42 +110,43 @@ class LiveList(Model):
 
 
 class Spread(Model):
-    """How long something took; a quantile is up to 1/32 too long, and never too short."""
+    """Distribution of a duration. Quantiles are rounded up by at most 1/32."""
 
     model_config = example(**SPREAD)
 
     count: int
     p50_s: float | None
-    """None where nothing was counted."""
+    """Median; null if nothing was counted."""
     p99_s: float | None
     p999_s: float | None
     max_s: float | None
 
 
 class ProgramTiming(Model):
-    """How punctual a program of the loop has been since its epoch began."""
+    """Timing of a program of the loop since its epoch began."""
 
     model_config = example(**TIMED)
 
     program: str
     epoch: int
     seq: int
-    """The newest sample that is counted."""
+    """Number of the newest sample that is counted."""
     missed: int
-    """Samples and points of the grid that were skipped."""
+    """Number of samples and grid points that were skipped."""
     lateness: Spread
-    """Of its wake-ups against its own grid, or else of its samples' arrival against theirs."""
+    """Lateness of wake-ups against the program's own grid, or of its samples' arrival against
+    theirs."""
     age: Spread
-    """From the first arrival of a sample's number to the step with what it acts on."""
+    """Time from the first arrival of a sample's number to the step that uses it."""
     execution: Spread
-    """Of its steps, until all was told; instruments included."""
+    """Duration of steps until all outputs were published, instruments included."""
 
 
 class LoopTiming(Model):
-    """How punctual the programs of a loop have been; in lockstep nobody counts."""
+    """Timing of all programs of a loop; it is not counted in lockstep."""
 
     model_config = example(programs=[TIMED], silent={})
 
     programs: list[ProgramTiming]
     silent: dict[str, str] = Field(default_factory=dict[str, str])
-    """Programs that have not said, each with why."""
+    """Programs that did not answer, each with the reason."""

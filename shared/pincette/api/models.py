@@ -24,23 +24,23 @@ class ModelQuantity(Model):
 
     quantity: str
     value: Any
-    """Null where the rig file has none."""
+    """Value; null if the rig file has none."""
     unit: str
     source: str
-    """``assumed``, or the calibration it comes from."""
+    """``assumed``, or the calibration that found the value."""
     uncertainty: float | None
-    """Standard; null of what is assumed."""
+    """Standard uncertainty; null for assumed values."""
     accepted_at: str | None
-    """Null of what is assumed."""
+    """Time of acceptance; null for assumed values."""
     due_at: str | None
-    """When it is to be measured again; null: never by itself."""
+    """Time at which it should be measured again; null if it has no such time."""
     overdue: bool
     serial_numbers: dict[str, str]
-    """Of the instruments it was measured with, by table of the rig file; those that are known."""
+    """Known serial numbers of the instruments that measured it, by table of the rig file."""
 
 
 class ModelVersion(Model):
-    """A version that was accepted."""
+    """An accepted version of the model."""
 
     model_config = example(
         version=1,
@@ -56,13 +56,13 @@ class ModelVersion(Model):
     made_at: str
     quantities: list[str]
     previous: str
-    """Digest of the model that was in use before; empty: that of the rig file."""
+    """Digest of the model that was in use before; empty: the rig file's."""
     trouble: str
-    """Why it is not used without a person's word; empty where it can be."""
+    """Why the version needs a person's confirmation before it is used; empty if it does not."""
 
 
 class ModelChange(Model):
-    """A key of the rig file with another value than when the model was chosen."""
+    """A key of the rig file whose value has changed since the model was chosen."""
 
     model_config = example(key="sensor.driver", before="keyence_lkg", now="nidaqmx")
 
@@ -72,7 +72,7 @@ class ModelChange(Model):
 
 
 class ModelView(Model):
-    """The model in use, and the versions there are."""
+    """The model in use and all versions."""
 
     model_config = example(
         rig="demo",
@@ -92,17 +92,18 @@ class ModelView(Model):
     digest: str
     rig_file_digest: str
     trouble: str
-    """Why the model of before a restart is not in use; empty where nothing is the matter."""
+    """Why the model from before a restart is not in use; empty if it is."""
     changed: list[ModelChange]
-    """What the model was measured with and is different now, so that it is not in use."""
+    """Values under which the model was measured and which have changed since, so that it is not in
+    use."""
     set_aside: list[ModelChange]
-    """Values changed in the rig file since, which are used in place of the calibrated ones."""
+    """Values that were changed in the rig file since and replace calibrated ones."""
     quantities: list[ModelQuantity]
     versions: list[ModelVersion]
 
 
 class ModelAction(Model):
-    """Use a version, or with 0 the rig file alone."""
+    """Use a version of the model; 0 is the rig file alone."""
 
     model_config = example(type="use", version=1)
 

@@ -22,7 +22,7 @@ COURSE = {
 
 
 def _named_gains(value: object) -> object:
-    """Return gains given by their names; raises ValueError for a parameter set."""
+    """Return gains by name; raises ValueError for a parameter set."""
     if isinstance(value, dict):
         return Gains.model_validate(value)
     if value is None or isinstance(value, Gains):
@@ -31,45 +31,50 @@ def _named_gains(value: object) -> object:
 
 
 class PairJobRequest(PolicyRequest, frozen=True):
-    """Members of every request for two arms; the rig file gives what is left out."""
+    """Members of every request for two arms. The rig file gives those that are left out."""
 
     load_s: Duration | None = None
-    """Time to load."""
+    """Duration of the load."""
     approach_um_per_s: Speed | None = None
     """Peak speed of each free arm on its way to the part, and of a part that is carried."""
     seek_um_per_s: Speed | None = None
-    """Speed of one arm that looks for the part, and of the sum of both that close on it."""
+    """Speed of one arm that searches for the part, and of the sum of both arms that close on it."""
     contact_force_mN: Positive | None = None
     """Force of each arm that counts as a contact."""
     gains: Annotated[Gains | None, BeforeValidator(_named_gains)] = None
-    """What differs from the defaults of the law of two arms, which is under ``/laws``."""
+    """Gains that differ from the defaults of the law of two arms, which are listed under ``/laws``.
+    """
 
 
 class PairCurves(Curves):
-    """Predicted course of both arms, thinned out; ``x_r_um`` and ``voltage_V`` are the first's."""
+    """Predicted course of both arms with fewer samples.
+
+    ``x_r_um`` and ``voltage_V`` are those of the first.
+    """
 
     model_config = example(**COURSE)
 
     place_r_um: list[float]
-    """q = (x_1 - x_2)/2."""
+    """Reference of the place, q = (x_1 - x_2)/2."""
     second_x_r_um: list[float]
     second_voltage_V: list[float]
 
 
 class PairErrors(Model):
-    """Errors of place or force over the hold or the path, in the unit of the name above."""
+    """Errors of place or force over the hold or the path; the unit is that of the member's name."""
 
     model_config = example(rmse=0.014, rmse_percent=0.16, maximum=0.05)
 
     rmse: float
     rmse_percent: float | None
-    """Of the reference, peak to peak; null where the reference rests."""
+    """Root mean square error relative to the reference's peak-to-peak range; null if the reference
+    rests."""
     maximum: float
-    """Of the magnitude."""
+    """Largest magnitude."""
 
 
 class PairResult(JobResult):
-    """Figures of a job of both arms; a figure is null where the job did not come that far."""
+    """Result of a job of both arms. A value is null if the job did not reach that phase."""
 
     model_config = example(
         outcome="tracked",
@@ -97,31 +102,31 @@ class PairResult(JobResult):
     )
 
     arms: Literal[2] = 2
-    """Number of driven arms; results of one arm do not have it."""
+    """Number of driven arms; results of one arm lack this member."""
     met_place_um: float | None
-    """q where both arms had touched."""
+    """Place q at which both arms had touched."""
     held_place_um: float | None
     """Mean q over the hold, the path or the rest."""
     force_held_mN: float | None
-    """Mean of both estimates over the same time."""
+    """Mean force of both estimates over the same time."""
     force_uncertainty_mN: float | None
-    """Of that mean of both, by what each states of single samples."""
+    """Expanded uncertainty of that mean, from what both estimators state for single samples."""
     place_um: PairErrors | None
-    """q as measured less its reference, over the hold or the path."""
+    """Measured q less its reference, over the hold or the path."""
     force_mN: PairErrors | None
-    """The mean of both estimates less F_r; null where no zero was taken."""
+    """Mean of both estimated forces less F_r; null if no zero was taken."""
     true_place_um: PairErrors | None
-    """The same of the true tips; known to a simulated rig alone."""
+    """The same from the true positions of the tips, which only a simulated rig knows."""
     true_force_mN: PairErrors | None
     difference_mN: float | None
-    """Mean of F̂_1 - F̂_2 over the same time: of one part that nothing else holds it is 0."""
+    """Mean of F̂_1 - F̂_2 over the same time: 0 if nothing else holds the part."""
     difference_uncertainty_mN: float | None
-    """What both estimators state of it."""
+    """Expanded uncertainty of that difference, from both estimators."""
     forces_agree: bool | None
-    """Whether the difference is within that: beyond, a model is wrong, or something else holds the
-    part. Null where nothing was held."""
+    """Whether the difference is within its uncertainty. If it is not, a model is wrong or something
+    else holds the part. Null if nothing was held."""
     peak_force_mN: float | None
-    """Largest estimate of either arm since the zero."""
+    """Largest estimate of either arm after the zero."""
     held_at_end: bool
     stroke_change_percent: float | None = None
     """Change of the first arm's stroke since its calibration, from the way that began with
@@ -138,13 +143,13 @@ class PairResult(JobResult):
     """True where nothing but the zero itself shows that no part pressed on an arm as it was
     taken: its forces may lack what it hides."""
     zero_return: ZeroReturn | None = None
-    """Of the first arm; null where it did not come back free to the place of its zero."""
+    """Zero return of the first arm; null if it did not come back free to the place of its zero."""
     second_zero_return: ZeroReturn | None = None
-    """The same of the second arm."""
+    """Zero return of the second arm, likewise."""
 
 
 class PredictedPairCurves(PredictedCurves):
-    """What is predicted of both arms; what has no other name is the first one's."""
+    """Predicted course of both arms; columns without a further name are those of the first."""
 
     model_config = example(
         t_s=[0.0, 8.9],
@@ -166,25 +171,25 @@ class PredictedPairCurves(PredictedCurves):
     second_force_mN: list[float]
     second_voltage_V: list[float]
     place_um: list[float]
-    """q = (x_1 - x_2)/2."""
+    """Place of the part, q = (x_1 - x_2)/2."""
     place_r_um: list[float]
 
 
 class PairPrediction(Prediction):
-    """A plan of both arms played on the model in use: without noise, the part where it is expected.
+    """Plan of both arms played on the model in use: no noise, the part at its expected place.
 
-    Until both have touched it the ground holds it; from then on nothing but both arms does.
+    The ground holds the part until both arms have touched it; afterwards only the arms do.
     """
 
     curves: PredictedPairCurves  # pyright: ignore[reportIncompatibleVariableOverride]
     second_peaks: Peaks
-    """Those of the second arm."""
+    """Peaks of the second arm."""
     figures: PairResult | None
-    """As a job would have them, uncertainties included; null where none was to be had."""
+    """Result as a job would give it, uncertainties included; null if there is none."""
 
 
 class PairPlan(JobPlan):
-    """What a job of both arms would do, and whether it may."""
+    """What a job of both arms would do, and whether it may start."""
 
     model_config = example(
         kind="grip",
@@ -201,6 +206,6 @@ class PairPlan(JobPlan):
     curves: PairCurves
     law: Law
     prediction: PairPrediction | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
-    """What playing it on the model in use predicts; null where that was not asked for."""
+    """Prediction from playing the plan on the model in use; null if it was not requested."""
     warnings: list[str] = Field(default_factory=list[str])
     """What a person should know before it starts."""

@@ -13,7 +13,7 @@ GainsFrom = Literal["rig", "paper", "default", "request", "tuned"]
 
 
 class PlannedPhase(Model):
-    """A phase as planned; position, force and voltage at its end, null where none are planned."""
+    """A planned phase; position, force and voltage are those at its end, null if not planned."""
 
     model_config = example(
         phase="load", start_s=6.85, duration_s=2.0, x_um=39.22, force_mN=20.0, voltage_V=2.55
@@ -22,19 +22,19 @@ class PlannedPhase(Model):
     phase: str
     start_s: float
     duration_s: float | None
-    """Null where it waits for a person."""
+    """Planned duration; null if the phase waits for a person."""
     x_um: float | None
     force_mN: float | None
     voltage_V: float
     instruction: str = ""
-    """What a person is to do."""
+    """What a person must do in this phase."""
 
 
 class Curves(Model):
-    """Predicted course, thinned out; lists of one length.
+    """Predicted course with fewer samples, as columns of equal length.
 
-    Where plan and rig agree, position and force are those of the references. The voltage is by
-    the rig file's free response, hysteresis and creep included, where it has one.
+    Where plan and rig agree, position and force are those of the references. The voltage follows
+    from the rig file's free response, hysteresis and creep included, if it has one.
     """
 
     model_config = example(
@@ -48,10 +48,10 @@ class Curves(Model):
 
 
 class SteadyErrors(Model):
-    """Ranges of the steady errors (51) and (52), the part within its tolerances.
+    """Ranges of the steady errors (51) and (52) over the tolerances of the part.
 
-    They are those of the plan as it stands. The contact line that is identified during the load
-    takes its place from there on, and leaves of them what it errs itself.
+    They hold for the plan as it stands. Once a contact line has been identified during the load,
+    only its own errors remain of them.
     """
 
     model_config = example(
@@ -96,52 +96,55 @@ class Law(Model):
     """One of those under ``/laws``."""
     set: ParameterSet
     gains_from: GainsFrom
-    """Where they come from; what a request left out is the rig file's, or of no rig file: the
-    paper's (printed) or the defaults (consistent)."""
+    """Source of the gains. Gains that a request leaves out are those of the rig file; without any
+    there, the paper's (printed) or the defaults (consistent)."""
     gains: dict[str, float]
-    """By name; units and meanings are under ``/laws``."""
+    """Gains by name; units and meanings are listed under ``/laws``."""
     force_age: ForceAge
     spectral_radius: float
-    """Of the loop at the worst that the rig file admits; 1 and more is unstable."""
+    """Spectral radius of the loop in the worst case that the rig file admits; 1 and more is
+    unstable."""
     spectral_radius_limit: float
-    """Beyond it a job is refused before anything moves; that of a time constant, by the period."""
+    """Largest spectral radius with which a job may start. It is that of a time constant, for the
+    period."""
     sensitivity_peak: float | None = None
-    """M_s of the loop at its worst; None: the loop is unstable."""
+    """Sensitivity peak M_s of the loop in its worst case; null: the loop is unstable."""
     sensitivity_peak_limit: float | None = None
-    """Likewise; None at periods that are long against the mode, where the radius decides alone."""
+    """Largest sensitivity peak with which a job may start; null if periods are long against the
+    mode, where the radius alone decides."""
 
 
 class JobPlan(Model):
-    """What every plan says: what a job would do, and whether it may."""
+    """Members of every plan: what a job would do, and whether it may start."""
 
     kind: str
     rig: str
     feasible: bool
     duration_s: float
-    """As planned; a hold without end counts little, waiting for a person not at all."""
+    """Planned duration. A hold without an end counts briefly, waiting for a person not at all."""
     phases: list[PlannedPhase]
     violations: list[Violation]
     prediction: Prediction | None = None
-    """What playing it on the model in use predicts; null where that was not asked for."""
+    """Prediction from playing the plan on the model in use; null if it was not requested."""
 
 
 class PlannedGoal(Model):
-    """Whether the result will state that the goal was met, by what is planned."""
+    """Whether the result can state that the goal was met, according to the plan."""
 
     model_config = example(judged=True, phase="hold", lasts_s=4.0, settling_s=0.5)
 
     judged: bool
-    """False where the phase is not longer than the settling time: ``goal.met`` will be null."""
+    """False if the phase is not longer than the settling time: ``goal.met`` will be null."""
     phase: str
     """Phase over which the errors are compared with the tolerances."""
     lasts_s: float | None
     """Planned duration of that phase; null where an action ends it."""
     settling_s: float
-    """Time in which the errors must have settled, from the begin of the phase."""
+    """Time, from the beginning of the phase, by which the errors must have settled."""
 
 
 class Plan(JobPlan):
-    """What a job that meets a part would do, and whether it may."""
+    """What a job that meets a part would do, and whether it may start."""
 
     model_config = example(
         kind="grip",
@@ -171,7 +174,7 @@ class Plan(JobPlan):
 
 
 class Pose(Model):
-    """Where the arm stands; a figure is null where nobody has told it."""
+    """Position, force and voltage of the arm; a value is null if it is unknown."""
 
     model_config = example(x_um=12.48, voltage_V=0.66)
 
@@ -180,10 +183,10 @@ class Pose(Model):
 
 
 class MotionPlan(JobPlan):
-    """What a move, a hold or a release would do, and whether it may.
+    """What a move, a hold or a release would do, and whether it may start.
 
-    Of a part that is held nothing is known but that it is there: where the arm goes as it lets
-    go is a line from where it stands to where it rests.
+    Nothing is known of a held part but that it is there: the way of the arm during the release is
+    planned as a line from its present position to its rest.
     """
 
     model_config = example(
@@ -203,15 +206,15 @@ class MotionPlan(JobPlan):
     begins_at: Pose
     curves: Curves
     law: Law | None
-    """Null where none leads the arm."""
+    """Law that controls the arm; null if none does."""
     warnings: list[str]
-    """What the plan takes for granted, and a person should know."""
+    """Assumptions of the plan that a person should know."""
     goal: PlannedGoal | None = None
     """Null where no tolerance is requested."""
 
 
 class LawGain(Model):
-    """A gain that a law takes."""
+    """A gain of a law."""
 
     model_config = example(
         name="K_S", unit="mN", meaning="gain of the switching term", default=0.0, positive=False
@@ -226,36 +229,36 @@ class LawGain(Model):
 
 
 class DescribedLaw(Protocol):
-    """What a ``LawDefinition`` says of itself; a client has none of them."""
+    """Description of a law by its ``LawDefinition``; a client has no definitions."""
 
     @property
     def name(self) -> str:
-        """What a request names it by."""
+        """Name of the law in requests."""
         ...
 
     @property
     def title(self) -> str:
-        """As people call it."""
+        """Name of the law for people."""
         ...
 
     @property
     def summary(self) -> str:
-        """What distinguishes it."""
+        """What distinguishes the law."""
         ...
 
     @property
     def parameters(self) -> Sequence[object]:
-        """Its gains, each with the members of ``LawGain``."""
+        """Gains of the law, each with the members of ``LawGain``."""
         ...
 
     @property
     def search(self) -> Sequence[object]:
-        """Gains that a search varies; empty: no search."""
+        """Gains that a search varies; empty: there is no search."""
         ...
 
     @property
     def arms(self) -> int:
-        """Arms that it drives."""
+        """Number of arms that the law drives."""
         ...
 
 
@@ -272,18 +275,18 @@ class InstalledLaw(Model):
     )
 
     scheme: str
-    """What a request names it by."""
+    """Name of the law in requests."""
     title: str
     summary: str
     gains: list[LawGain]
     tunable: bool
     """Whether ``"gains": "tuned"`` is offered."""
     arms: int = 1
-    """Driven arms of the rigs that it is offered for."""
+    """Number of driven arms of the rigs for which it is offered."""
 
     @classmethod
     def of(cls, law: DescribedLaw) -> "InstalledLaw":
-        """Describe a law."""
+        """Return the description of a law."""
         return cls(
             scheme=law.name,
             title=law.title,

@@ -1,4 +1,4 @@
-"""What a dry run of a plan on the model in use predicts, and the limits that it breaks."""
+"""Prediction of a dry run on the model in use, and the limits that the plan violates."""
 
 from typing import Literal
 
@@ -10,7 +10,7 @@ Side = Literal["above", "below"]
 
 
 class Violation(Model):
-    """A limit that is broken, where and when: go by the codes and numbers, and show the message."""
+    """A violated limit: programs use the codes and numbers, people read the message."""
 
     model_config = example(
         pointer="/force_mN",
@@ -24,10 +24,10 @@ class Violation(Model):
     )
 
     pointer: str
-    """JSON pointer into the request; empty where no member of it can be named."""
+    """JSON pointer to the member of the request; empty if none can be named."""
     quantity: Quantity
     side: Side
-    """Of the limit on which the value lies."""
+    """Side of the limit on which the value lies."""
     value: float
     limit: float
     unit: str
@@ -36,7 +36,7 @@ class Violation(Model):
 
 
 class PredictedCurves(Model):
-    """What is predicted, thinned out to 400 samples at most; lists of one length."""
+    """Predicted course, reduced to at most 400 samples, as columns of equal length."""
 
     model_config = example(
         t_s=[0.0, 8.9],
@@ -53,17 +53,17 @@ class PredictedCurves(Model):
     phase: list[str]
     x_um: list[float]
     force_mN: list[float]
-    """Of the contact; compressive and positive."""
+    """Contact force; compressive forces are positive."""
     voltage_V: list[float]
-    """As the actuator applies it."""
+    """Voltage that the actuator applies."""
     x_r_um: list[float]
     force_r_mN: list[float]
     sliding_um: list[float]
-    """s; where s is a force, s over K̄."""
+    """Sliding variable s; if s is a force, s over K̄."""
 
 
 class PredictedPhase(Model):
-    """A phase as it would go."""
+    """A phase as predicted."""
 
     model_config = example(phase="hold", start_s=6.6, duration_s=4.0)
 
@@ -73,7 +73,7 @@ class PredictedPhase(Model):
 
 
 class Margin(Model):
-    """How near a quantity comes to a limit, and where."""
+    """Smallest distance of a quantity to its limit, and where it occurs."""
 
     model_config = example(
         quantity="force",
@@ -86,21 +86,21 @@ class Margin(Model):
     )
 
     quantity: str
-    """force, position, voltage, slew, sliding, or duration."""
+    """Quantity: force, position, voltage, slew, sliding, or duration."""
     limit: float
     nearest: float
-    """The value that comes nearest to the limit, or goes furthest beyond it."""
+    """Value closest to the limit, or furthest beyond it."""
     distance: float
-    """What is left to the limit; negative beyond it."""
+    """Distance to the limit; negative beyond it."""
     unit: str
     at_s: float
     phase: str
     arm: int = 1
-    """Of two driven arms, the one that comes so near."""
+    """Arm with the smallest distance, of two driven arms."""
 
 
 class Peaks(Model):
-    """Extremes of what is predicted."""
+    """Extremes of the prediction."""
 
     model_config = example(
         force_max_mN=20.16,
@@ -117,14 +117,14 @@ class Peaks(Model):
     voltage_min_V: float
     voltage_max_V: float
     slew_max_V_per_s: float
-    """Of the magnitude."""
+    """Largest magnitude of the slew rate."""
 
 
 class Prediction(Model):
     """A plan played by the services of the loop on the model in use, at full speed.
 
-    What the model does not have is not predicted: noise, a part elsewhere or softer than expected,
-    an arm that remembers voltages of before.
+    What the model does not contain is not predicted: noise, a part at another place or softer than
+    expected, and the arm's memory of earlier voltages.
     """
 
     model_config = example(
@@ -158,20 +158,20 @@ class Prediction(Model):
     )
 
     outcome: str
-    """How the program would end, in the codes of results."""
+    """How the program would end, as an outcome code of results."""
     succeeds: bool
-    """Whether that is as planned."""
+    """Whether it would end as planned."""
     duration_s: float
-    """What was played of it."""
+    """Duration of the part that was played."""
     complete: bool
-    """Whether all of it was played."""
+    """Whether the whole plan was played."""
     cut: str
-    """Why no more of it was; empty where all of it was."""
+    """Why only a part was played; empty if all of it was."""
     curves: PredictedCurves
     phases: list[PredictedPhase]
     peaks: Peaks
     margins: list[Margin]
     violations: list[Violation]
-    """Limits that are broken; they make the plan infeasible."""
+    """Limits that are violated; they make the plan infeasible."""
     assumptions: list[str]
-    """What it takes for granted, in words."""
+    """Assumptions of the prediction, in words."""

@@ -93,11 +93,11 @@ REMEDIES: Mapping[str, str] = {
     "busy": "ask again in a moment",
     "internal-error": "look into the supervisor's log for the instance, and report it",
 }
-"""What to do about each problem, by its code."""
+"""Remedy for each problem, by its code."""
 
 
 def remedy_of(code: str) -> str:
-    """What to do about a problem."""
+    """Return the remedy for a problem."""
     return REMEDIES.get(code, "see the detail")
 
 
@@ -137,13 +137,13 @@ class Problem(Model):
     status: int
     detail: str
     remedy: str
-    """What to do."""
+    """What can be done about the problem."""
     instance: str
-    """Names this very answer; the supervisor's log has it, too."""
+    """Identifier of this answer, which is also in the supervisor's log."""
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Problem documents a route may answer with."""
+    """Return the problem documents that a route may answer with."""
     reference = {"$ref": "#/components/schemas/Problem"}
     return {
         status: {

@@ -1,4 +1,4 @@
-"""What requests for a job have in common, and the recipes that complete them."""
+"""Members that requests for jobs share, and the recipes that complete them."""
 
 from typing import Annotated, Any, Literal
 
@@ -25,7 +25,7 @@ OnAbort = Literal["freeze", "ramp"]
 
 
 def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
-    """Raise ValueError where a hold has an end and none at once."""
+    """Raise ValueError if a request gives a hold both an end and none."""
     if until_released and hold_s is not None:
         raise ValueError(
             f"hold_s = {hold_s} s and until_released = true exclude each other: leave one out"
@@ -33,71 +33,76 @@ def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
 
 
 class JobRequest(BaseModel, frozen=True):
-    """What every job may say."""
+    """Members of every job request."""
 
     # Descriptions of members are told over REST, and on the command line.
     model_config = {**CONFIG, "use_attribute_docstrings": True}
 
     kind: str
     autostart: bool = False
-    """Begin as soon as the job is ready, without the action ``start``."""
+    """Whether the job begins as soon as it is ready, without the action ``start``."""
     dry_run: bool = False
-    """Plan and predict only; no job is made."""
+    """Whether to plan and predict only, without creating a job."""
     rig: str | None = Field(default=None, max_length=40)
-    """Name of the rig; may be left out where there is one."""
+    """Name of the rig; may be left out if there is only one."""
     sample: Label = ""
-    """What is gripped, such as B7."""
+    """Name of the part that is gripped, such as B7."""
     batch: Label = ""
     """Batch that the sample belongs to."""
     operator: Annotated[str, Field(max_length=80)] = ""
-    """Who works at the bench."""
+    """Name of the person who works at the rig."""
     notes: Notes = ""
-    """Whatever should be known of the job later."""
+    """Anything that should be known about the job later."""
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
-    """Wait for the rig while another job has it, instead of being refused."""
+    """Whether to wait while another job has the rig, instead of being refused."""
     priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
-    """Of jobs that wait in the queue those with more come first."""
+    """Priority in the queue; higher numbers come first."""
     recipe: RecipeName | None = None
-    """Name of a recipe, or name@version, which completes what the request leaves out."""
+    """Name of a recipe, or name@version, that completes what the request leaves out."""
 
     @property
     def plays(self) -> str | None:
-        """Job whose recorded motion it plays again; empty: the newest; None: it plays none."""
+        """Return the job whose recorded motion is played again.
+
+        Empty: the newest; None: there is none.
+        """
         return None
 
 
 class ZeroingRequest(JobRequest, frozen=True):
-    """What every job that zeroes the force may say of the arm."""
+    """Members of every request for a job that zeroes the force."""
 
     zero_confirmed: bool = False
     """A person has seen that nothing touches the arm. Needed after a job that touched something
-    before its zero, and where the arm stands where a part may push it back: a zero taken there
-    would hide the force of that part."""
+    before its zero, and if the arm stands where a part could press on it: a zero taken there would
+    hide that force."""
 
 
 class PolicyRequest(JobRequest, frozen=True):
-    """What every job that holds a part may say of its end."""
+    """Members of every request for a job that holds a part, about its end."""
 
     on_stop: OnStop = "hold"
-    """What a stop does with a held part: keep it, let it go, or let it go and retreat."""
+    """What a stop does with a held part: keep it, release it, or release it and retreat."""
     on_abort: OnAbort = "freeze"
-    """What an abort does with a held part: keep it for the rig file's time, or ramp at once."""
+    """What an abort does with a held part: keep it for the time in the rig file, or ramp down at
+    once."""
 
 
 class GoalRequest(JobRequest, frozen=True):
-    """How near to its references a job must come for its goal to be met.
+    """Tolerances within which a job must keep to its references for its goal to be met.
 
-    A goal that is missed stops nothing: the result says so. The rig file's guards stop a job.
+    A missed goal does not stop the job; the result states it. The guards of the rig file stop a
+    job.
     """
 
     position_tolerance_um: Positive | None = None
-    """How far the position may be off its reference once it has settled."""
+    """Largest settled position error."""
     force_tolerance_mN: Positive | None = None
-    """How far the force may be off its reference once it has settled."""
+    """Largest settled force error."""
     settling_s: NotNegative | None = None
-    """Time from the begin of hold, path or rest in which both must have settled; 0.5 s if not
-    given."""
+    """Time, from the beginning of hold, path or rest, by which both must have settled; default: 0.5
+    s."""
 
     @model_validator(mode="after")
     def _tolerance_given(self) -> "GoalRequest":
@@ -114,7 +119,7 @@ Gain = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class Gains(Model):
-    """Gains by name that replace those of the rig file; names and units are under ``/laws``."""
+    """Gains by name that replace the rig file's; names and units are listed under ``/laws``."""
 
     model_config = example(K_P=0.5, K_f=4000.0) | ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Gain] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -123,12 +128,12 @@ class Gains(Model):
 
     @property
     def by_name(self) -> dict[str, float]:
-        """Gains that are stated."""
+        """Return the gains that are stated."""
         return dict(self.__pydantic_extra__)
 
 
 def _apart(value: object) -> object:
-    """Gains by themselves, so that a fault of theirs is not told as a fault of ``tuned`` too."""
+    """Validate gains separately, so that their errors are not repeated as errors of ``tuned``."""
     if isinstance(value, dict):
         return Gains.model_validate(value)
     if value is None or value == "tuned" or isinstance(value, Gains):
@@ -137,30 +142,35 @@ def _apart(value: object) -> object:
 
 
 class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True):
-    """What every job that meets a part may say; what is left out comes from the rig file."""
+    """Members of every request for a job that meets a part.
+
+    The rig file gives those that are left out.
+    """
 
     load_s: Duration | None = None
-    """Time to load."""
+    """Duration of the load."""
     approach_um_per_s: Speed | None = None
     """Speed of the free arm on its way to the part."""
     seek_um_per_s: Speed | None = None
-    """Speed near the part, until the contact is found."""
+    """Speed near the part until contact is found."""
     contact_force_mN: Positive | None = None
     """Force that counts as a contact."""
     retries: Annotated[int, Field(ge=0, le=3), WHOLE] = 0
-    """Number of times that a load goes on after the part has given way; then, or with 0, the part
-    is let go as ``slipped``. A sensor that jumps towards the part in a load is taken for a slip:
-    each retry may then press harder by the jump over the compliance of the arm."""
+    """Number of times that a load continues after the part has slipped. After that, or with 0, the
+    part is released and the job ends as ``slipped``. A sensor that jumps towards the part in a load
+    is taken for a slip: each retry may then press harder by the jump over the compliance of the
+    arm."""
     condition: Literal["auto", "always", "never"] | None = None
-    """Whether conditioning strokes come before the approach. ``auto``: wherever the model in use
-    allows them. ``always``: the plan is refused where it does not. None: as the rig file says."""
+    """Whether conditioning strokes come before the approach. ``auto``: if the model in use allows
+    them. ``always``: the plan is refused if it does not. None: as in the rig file."""
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None
-    """What the law works with: m, b, k, d of the rig (consistent) or of the paper (printed), or the
-    rig's with its identified free response (identified, the default where there is one)."""
+    """Parameter set of the law: m, b, k, d of the rig (consistent) or of the paper (printed), or
+    the rig's with its identified free response (identified, the default if there is one)."""
     gains: Annotated[Gains | Literal["tuned"] | None, BeforeValidator(_apart)] = None
-    """What differs from the rig file's gains, or the balanced ones of a search on its model."""
+    """Gains that differ from those of the rig file, or ``tuned`` for the balanced ones that a
+    search on its model finds."""
 
 
 RecipeTitle = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,40}$")]
@@ -168,7 +178,10 @@ VALUES = {"force_mN": 8.0, "hold_s": 2.0, "part": {"stiffness_mN_per_um": 2.1}}
 
 
 class PartExpectation(Model):
-    """What is expected of the object, in place of the rig file's part; what is left out is its."""
+    """Expected properties of the object, in place of the rig file's part.
+
+    The rig file gives those that are left out.
+    """
 
     model_config = example(contact_um=28.5, stiffness_mN_per_um=2.1)
 
@@ -180,13 +193,13 @@ class PartExpectation(Model):
 
 
 class RecipeRequest(Model):
-    """A recipe, or its next version."""
+    """A recipe, or its next version, to be stored."""
 
     model_config = example(name="bead-1mm", values=VALUES, note="glass, measured on the bench")
 
     name: RecipeTitle
     values: dict[str, Any] = Field(min_length=1)
-    """Members of a grip or a track request, and ``part``: what is expected of the object."""
+    """Members of a grip or a track request, and ``part``: the expected properties of the object."""
     note: str = Field(default="", max_length=1000)
 
 
@@ -205,14 +218,14 @@ class Recipe(Model):
     name: str
     version: int
     digest: str
-    """Of the values."""
+    """Digest of the values."""
     values: dict[str, Any]
     note: str
     created_at: str
 
 
 class RecipeHistory(Model):
-    """The newest version of a recipe, and all there are."""
+    """The newest version of a recipe, and all versions."""
 
     model_config = example(
         newest={
@@ -228,7 +241,7 @@ class RecipeHistory(Model):
 
     newest: Recipe
     versions: list[Recipe]
-    """The newest first."""
+    """Versions, newest first."""
 
 
 class RecipeList(Model):
@@ -238,4 +251,4 @@ class RecipeList(Model):
 
     recipes: list[Recipe]
     next: str | None = None
-    """Name to pass as ``before`` for the following page; null at the end."""
+    """Value of ``before`` for the next page; null at the end."""

@@ -1,4 +1,4 @@
-"""What comes of a job, as it is stored and sent."""
+"""Results of jobs, as they are stored and sent."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
@@ -9,7 +9,7 @@ from pincette.api.states import ActionType
 
 
 class Phase(Model):
-    """A phase as it went."""
+    """A phase as it was played."""
 
     model_config = example(phase="hold", start_s=8.9, duration_s=4.0)
 
@@ -29,7 +29,7 @@ class Percentiles(Model):
 
 
 class LimitActed(Model):
-    """A limit of the actuator that acted."""
+    """A limit of the actuator that was active."""
 
     model_config = example(limit="slew_up", first_seq=344, samples=3)
 
@@ -60,32 +60,33 @@ CAUSES: dict[str, Any] = {
 
 
 class ErrorCauses(Model):
-    """An error by its causes, each an r.m.s. in the unit of the name above.
+    """An error divided by cause, each as a root mean square in the unit of the parent's name.
 
-    Their squares can be added up; where two causes cancel in part the whole is less.
+    The squares can be added; where two causes cancel in part, the total is smaller.
     """
 
     model_config = example(**CAUSES)
 
     total: float
-    """Of the position as measured; of the true force as it is to be expected."""
+    """Total error: of the measured position; of the true force as expected."""
     noise: float
-    """What comes back in no cycle; of the force what the arm moves by it."""
+    """Part that repeats in no cycle; for the force, what the resulting motion of the arm
+    contributes."""
     response: float
-    """What the model of the free arm misses; of the force as the estimator states it."""
+    """Error of the model of the free arm; for the force, as the estimator states it."""
     contact_line: float
-    """Estimate and position are off the contact line of the references."""
+    """Deviation of estimate and position from the contact line of the references."""
     lag: float
-    """What goes with speed and acceleration of the reference."""
+    """Part that is proportional to speed and acceleration of the reference."""
     limits: float
-    """Samples at which a limit of the voltage acted, and those just after."""
+    """Part from samples at which a limit of the voltage was active, and just after."""
     largest: Literal["noise", "response", "contact_line", "lag", "limits"]
     to_do: str
-    """What helps against the largest."""
+    """What would reduce the largest part."""
 
 
 class ErrorSources(Model):
-    """Where the errors of a hold or a path come from."""
+    """Causes of the errors in a hold or on a path."""
 
     model_config = example(position_um=CAUSES, force_mN=CAUSES)
 
@@ -94,7 +95,7 @@ class ErrorSources(Model):
 
 
 class Goal(Model):
-    """Whether a job came as near to its references as it was to, and when."""
+    """Whether and when the errors of a job were within their tolerances."""
 
     model_config = example(
         met=True,
@@ -107,39 +108,39 @@ class Goal(Model):
     )
 
     met: bool | None
-    """Whether the errors stayed within their tolerances; null where the phase was not longer than
-    the settling time, so that it is not judged."""
+    """Whether the errors stayed within their tolerances; null if the phase was not longer than the
+    settling time, so that the goal is not judged."""
     settling_s: float
-    """Time in which it was to settle, from the begin of hold, path or rest."""
+    """Time, from the beginning of hold, path or rest, by which it should have settled."""
     settled_s: float | None
-    """Time from which on every error stays within its tolerance, from the same begin; null: none,
-    or the job did not come that far."""
+    """Time from which every error stays within its tolerance, from the same beginning; null if
+    there is none or the job did not reach that phase."""
     position_tolerance_um: float | None
     position_error_um: float | None
-    """Largest magnitude of x less x_r after the settling time; null where there is none."""
+    """Largest magnitude of x less x_r after the settling time; null if there is none."""
     force_tolerance_mN: float | None
     force_error_mN: float | None
     """Largest magnitude of the estimate less F_r after the settling time."""
 
 
 class ZeroReturn(Model):
-    """What the force reads as the arm, free again, comes back to the place of its zero.
+    """Estimated force when the arm, free again, returns to the place of its zero.
 
-    It is 0 but for the error of the free response. Drift or a jump of the sensor, a slip that was
-    not noticed, or a large change of a gain shows in it.
+    It is 0 except for the error of the free response. Drift or a jump of the sensor, an unnoticed
+    slip, or a large change of a gain shows in it.
     """
 
     model_config = example(force_mN=-0.11, uncertainty_mN=0.42, x_um=26.0, verified=True)
 
     force_mN: float
-    """Mean of the estimate over the samples about the place of the zero, on the way back."""
+    """Mean estimate over the samples around the place of the zero, on the way back."""
     uncertainty_mN: float
-    """Expanded uncertainty: by the ways back of rehearsed grips, or as the estimator states it
-    where the model has none."""
+    """Expanded uncertainty, from the ways back of rehearsed grips, or from the estimator if the
+    model has none."""
     x_um: float
     """Place of the zero."""
     verified: bool
-    """False where the force is beyond its uncertainty: no force since that zero is verified."""
+    """False if the force exceeds its uncertainty: then no force since that zero is verified."""
 
 
 StepCause = Literal["slip", "sensor", "unknown"]
@@ -168,24 +169,25 @@ class PositionStep(Model):
     """``slip`` of the part; ``sensor``, or a push; ``unknown`` where neither the direction of the
     step nor the force that the free arm reads afterwards decides."""
     at_s: float
-    """Time at which it was confirmed."""
+    """Time at which the step was confirmed."""
     x_um: float
-    """Position just before it."""
+    """Position just before the step."""
     step_um: float
     """Step of the position, positive towards the part; of several, their sum."""
     slip_um: float | None
-    """Way by which the part gave way, where a slip can be the cause and its stiffness is known."""
+    """Distance by which the part slipped, if a slip is possible and its stiffness is known."""
     slips: int
-    """Number of times that the part gave way in a load."""
+    """Number of slips of the part in a load."""
     force_mN: float
-    """Estimated force just before it."""
+    """Estimated force just before the step."""
     force_if_slip_mN: float | None
-    """Force just after it, if the part slipped; null where a slip cannot be the cause."""
+    """Force just after the step, if the part slipped; null if a slip is impossible."""
     force_if_sensor_mN: float | None
-    """Force just after it, if the sensor jumped; null where the part slipped for certain."""
+    """Force just after the step, if the sensor jumped; null if the part certainly slipped."""
     rang: bool | None = None
-    """Hint: whether the pressed arm rang after the step, as it does after a slip; no sensor rings.
-    False proves nothing, since friction may damp a slip. Null where the voltage moved then."""
+    """Hint: whether the pressed arm rang after the step, as it does after a slip but not after a
+    sensor jump. False proves nothing, since friction may damp a slip. Null if the voltage moved at
+    that time."""
 
 
 OutcomeCode = Literal[
@@ -211,7 +213,7 @@ OutcomeCode = Literal[
 
 
 class JobResult(Model):
-    """What every result has."""
+    """Members of every result."""
 
     model_config = example(
         outcome="unfinished",
@@ -227,29 +229,30 @@ class JobResult(Model):
     )
 
     outcome: OutcomeCode
-    """How the program ended, by the controller; ``tripped`` by the actuator, ``unfinished`` where
-    nobody said."""
+    """How the program ended according to the controller; ``tripped`` according to the actuator;
+    ``unfinished`` if neither reported an end."""
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]
     samples: int
     missed_ticks: int
-    """Samples that were never taken or never came here."""
+    """Number of samples that were never taken or never arrived."""
     unanswered_ticks: int
-    """Ticks for which the actuator took no command."""
+    """Number of ticks for which the actuator took no command."""
     dropped_messages: int
     touch_x_um: float | None = None
-    """Where the arm met something on its way through free space."""
+    """Position at which the arm met something on its way through free space."""
     touch_force_mN: float | None = None
-    """With which force, as it turned back: by the free response, or by the slope of its way."""
+    """Force at that touch when the arm turned back, from the free response or from the slope of its
+    way."""
     position_step: PositionStep | None = None
-    """Null where every step of the position was explained by the voltage."""
+    """Step of the position that the voltage does not explain; null if there was none."""
     goal: Goal | None = None
-    """Null where no tolerance was asked for."""
+    """Whether the tolerances were met; null if the request has none."""
 
 
 class LoadForces(Model):
-    """Lowest and highest estimated force of a load."""
+    """Smallest and largest estimated force of a load."""
 
     model_config = example(lowest_mN=2.1, highest_mN=20.1)
 
@@ -258,57 +261,61 @@ class LoadForces(Model):
 
 
 class ClosedLoopResult(JobResult):
-    """Figures of a job under a law; a figure is null where the job did not come that far."""
+    """Result of a job under a control law. A value is null if the job did not reach that phase."""
 
     contact_load: LoadForces | None = None
-    """Forces over which stiffness and place of the contact are means: a round face is softer below
-    and harder above, and is touched a little before that place. Null without a load."""
+    """Forces over which stiffness and place of the contact are means; null without a load. A round
+    face is softer at smaller and stiffer at larger forces, and is touched slightly before that
+    place."""
     contact_x_um: float | None
     contact_x_error_um: float | None
-    """Its standard error, by what the load leaves of a straight line and by the force's own."""
+    """Standard error of the place, from the load's deviation from a straight line and the force's
+    own error."""
     contact_stiffness_mN_per_um: float | None
     contact_stiffness_error_mN_per_um: float | None
-    """Its standard error, by what the load leaves of a straight line."""
+    """Standard error of the stiffness, from the load's deviation from a straight line."""
     force_uncertainty_mN: float | None
-    """Of the mean force that a grip has held, in which noise is averaged; else that of single
-    samples, as a mean over the path."""
+    """Uncertainty of the mean force of a grip's hold, in which noise is averaged; otherwise of
+    single samples, as a mean over the path."""
     force_assumed: list[str]
-    """Quantities that it is worked out from and no calibration has found."""
+    """Quantities behind the uncertainty that no calibration has found."""
     zero_age_s: float | None
-    """At the end of the hold or the path."""
+    """Age of the zero at the end of the hold or the path."""
     stroke_change_percent: float | None = None
     """Change of the arm's stroke since its calibration, from the way that began with conditioning
-    strokes; null where the arm was never conditioned since the estimator's start."""
+    strokes; null if the arm has not been conditioned since the estimator started."""
     stroke_limit_percent: float | None = None
     """Change up to which noise and repetition explain it; the force is corrected beyond it."""
     model_mismatch: bool = False
     """True where noise and repetition do not explain the change of the stroke."""
     zero_unconfirmed: bool = False
-    """True where nothing but the zero itself shows that no part pressed as it was taken: all forces
-    may lack what it hides. A part found at its planned place shows it, or ``zero_confirmed``."""
+    """True if only the zero itself shows that no part pressed when it was taken: all forces may
+    then be too small by the hidden one. A part found at its planned place, or ``zero_confirmed``,
+    also shows it."""
     peak_force_mN: float | None
     final_force_mN: float | None
     zero_return: ZeroReturn | None = None
-    """Null where the arm did not come back free to the place of a zero of this job."""
+    """Zero return; null if the arm did not come back free to the place of a zero of this job."""
     contact_rmse_position_um: float | None
-    """From the load to the unload."""
+    """Root mean square position error from the load to the unload."""
     contact_rmse_force_mN: float | None
-    """From the load to the unload."""
+    """Root mean square force error from the load to the unload."""
     sliding_um: Percentiles | None
-    """Of |s|, over all samples as the figures down to ``true_perturbation_error_mN`` are. Where
-    K_S = 0 nothing brings s back: it goes with the perturbation, and moves no voltage."""
+    """Percentiles of |s| over all samples, as for the members down to
+    ``true_perturbation_error_mN``. With K_S = 0 nothing returns s: it follows the perturbation and
+    moves no voltage."""
     sliding_in_band: float | None
-    """Share of the samples with |s| within its band, outside which |s| cannot have grown."""
+    """Share of samples with |s| within its band, outside of which |s| cannot have grown."""
     residual_um: Percentiles | None
-    """Of the magnitude of x less its prediction (17), by the law's own force."""
+    """Magnitude of x less its prediction (17), with the law's own force."""
     law_perturbation_mN: Percentiles | None
-    """Of |p̂| (6), by the law's own force and its parameter set."""
+    """Magnitude of p̂ (6), with the law's own force and parameter set."""
     perturbation_error_mN: Percentiles | None
-    """Of |p̃| (8), likewise: what K_S would have to exceed. Where the force is estimated from the
-    same position and voltage, model is held against model."""
+    """Magnitude of p̃ (8), likewise, which K_S would have to exceed. If the force is estimated from
+    the same position and voltage, two models are compared."""
     true_perturbation_error_mN: Percentiles | None
-    """Of |p̃| (8) from position as measured, voltage as applied and the true force, by the law's
-    parameter set; known to a simulated rig alone, null on a real one."""
+    """Magnitude of p̃ (8) from the measured position, the applied voltage and the true force, with
+    the law's parameter set; known only on a simulated rig, null on a real one."""
 
 
 COMMON: dict[str, Any] = {
@@ -344,7 +351,7 @@ COMMON: dict[str, Any] = {
 
 
 class MotionResult(ClosedLoopResult):
-    """Figures of a move, a hold or a release; a figure is null where the job has none."""
+    """Result of a move, a hold or a release. A value is null if the job has none."""
 
     model_config = example(
         outcome="moved",
@@ -360,16 +367,16 @@ class MotionResult(ClosedLoopResult):
     )
 
     begins_at: Pose
-    """At the first sample."""
+    """Pose at the first sample."""
     ends_at: Pose
     """Mean position over the last rest, and the voltage that is kept."""
     teach: str | None
-    """Name that the pose was to be stated under, for a recipe to store."""
+    """Name under which the pose is taught, to be stored in a recipe."""
     target_um: float | None
     target_error_um: float | None
-    """Position less target."""
+    """Position less the target."""
     drift_um: float | None
-    """Of the position while a part was held, peak to peak."""
+    """Peak-to-peak drift of the position while a part was held."""
     held_at_end: bool
 
 

@@ -1,7 +1,7 @@
-"""Tables of what is known of a rig, and of what may begin on it.
+"""Tables of what is known of a rig, and of the jobs that may start on it.
 
 ``RIG_STATES`` lists the states of the actuator, ``PART`` how far its report of a part can be
-trusted, ``OCCUPANTS`` what can have the rig, and ``MOTION`` how the arm moves. The supervisor, the
+trusted, ``OCCUPANTS`` what can use the rig, and ``MOTION`` how the arm moves. The supervisor, the
 page, the command line and the documentation read the same tables.
 """
 
@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 RigState = Literal["unknown", "switched_on", "idle", "armed", "frozen", "ramping", "latched"]
 Certainty = Literal["known", "believed", "unknown"]
-"""Heard just now; heard some time ago, and nothing speaks against it; nothing is known."""
+"""Certainty of a report: recent; older, but not contradicted; unknown."""
 PartState = Literal["none", "held", "unknown"]
 ReportedPart = Literal["none", "held"]
 Occupant = Literal["job", "ended_job", "part", "program", "unknown_part", "nothing"]
@@ -27,17 +27,17 @@ MotionState = Literal[
 
 
 class RigStateEntry(NamedTuple):
-    """What a state of the actuator means for those who work at the rig."""
+    """Meaning of a state of the actuator for people at the rig."""
 
     meaning: str
     may_start: bool
-    """Whether a job can start as far as the actuator goes; a held part, a job or a program that
-    fails may still stand in its way."""
+    """Whether the actuator allows a job to start. A held part, a running job or a failing program
+    may still prevent it."""
     may_move: bool
-    """Whether the stage may move as far as the actuator goes; while it is armed the program
-    decides, which says when it rests."""
+    """Whether the actuator allows the stage to move. While it is armed, the program decides and
+    reports when it rests."""
     remedy: str = ""
-    """What a person does about it; empty where there is nothing to do."""
+    """What a person can do about the state; empty if nothing needs to be done."""
 
 
 RIG_STATES: Mapping[RigState, RigStateEntry] = {
@@ -80,7 +80,7 @@ _UNTOLD: Mapping[ReportedPart, Mapping[Certainty, Certainty]] = {
     reported: dict.fromkeys(("known", "believed", "unknown"), "unknown")
     for reported in ("none", "held")
 }
-"""Nothing is known of a part, whatever the actuator reported last."""
+"""Nothing is known of the part, whatever the actuator reported last."""
 _EMPTY: Mapping[Certainty, Certainty] = {
     "known": "known",
     "believed": "believed",
@@ -92,7 +92,7 @@ _UNCONFIRMED: Mapping[Certainty, Certainty] = {
     "believed": "believed",
     "unknown": "unknown",
 }
-"""No voltage is written that could confirm a held part."""
+"""No voltage is written, so a held part cannot be confirmed."""
 
 PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = {
     "unknown": _UNTOLD,
@@ -106,18 +106,18 @@ PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = 
     "ramping": _UNTOLD,
     "latched": _UNTOLD,
 }
-"""Certainty of the part, by the state that the actuator reported last, by the part that it
-reported, and by the certainty that the age of this report gives."""
+"""Certainty of the part: by the actuator's last state, the part it reported, and the certainty from
+the age of that report."""
 
 
 class OccupantEntry(NamedTuple):
-    """What can have a rig, and which jobs can start then."""
+    """What can use a rig, and which jobs can start then."""
 
     meaning: str
     may_start: bool
-    """True where a job that needs an empty gripper can start."""
+    """Whether a job that needs an empty gripper can start."""
     may_take_over: bool
-    """True where a job that begins with a held part can start."""
+    """Whether a job that begins with a held part can start."""
 
 
 OCCUPANTS: Mapping[Occupant, OccupantEntry] = {

@@ -1,4 +1,4 @@
-"""A rig over REST: its programs, its checks, its limits, its latch."""
+"""A rig over REST: its programs, checks, limits and latch."""
 
 from typing import Annotated, Literal
 
@@ -13,20 +13,20 @@ RigAction = Literal["start_job", "estop", "reset", "resume_queue", "clear_queue"
 
 
 class InstrumentCounts(Model):
-    """Exchanges with a program's instruments that went wrong, since the program started."""
+    """Numbers of failed exchanges with a program's instruments since the program started."""
 
     model_config = example(late=3, lost=1, unexpected=0, reopened=0, retried=0)
 
     late: int
-    """Answers that came after their timeout; each was dropped."""
+    """Number of answers that arrived after their timeout and were dropped."""
     lost: int
-    """Answers that never came."""
+    """Number of answers that never arrived."""
     unexpected: int
-    """Answers more than there were requests, as where a line repeats them."""
+    """Number of answers without a request, such as those that a line repeats."""
     reopened: int
-    """Times that a lost or silent port was opened again."""
+    """Number of times that a lost or silent port was reopened."""
     retried: int
-    """Times that opening an instrument, or reading its voltage back, was tried again."""
+    """Number of times that opening an instrument, or reading back its voltage, was repeated."""
 
 
 class ExchangeTimes(Model):
@@ -48,7 +48,7 @@ class ExchangeTimes(Model):
 
 
 class Program(Model):
-    """A program of the rig, as far as it is known."""
+    """State of a program of the rig, as far as it is known."""
 
     model_config = example(
         name="estimator",
@@ -64,25 +64,25 @@ class Program(Model):
 
     name: str
     alive: bool
-    """Whether its liveliness token is seen."""
+    """Whether the program's liveliness token is visible."""
     version: str | None
     age_s: float | None
-    """Since its newest sample."""
+    """Time since its newest sample."""
     epoch: int | None
     missed: int | None
-    """Samples it had to skip since its start."""
+    """Number of samples that it skipped since its start."""
     refused: int | None
-    """Messages it refused since its start."""
+    """Number of messages that it refused since its start."""
     instrument: InstrumentCounts | None = None
-    """Of a program that has an instrument and has stated its status."""
+    """Failed exchanges with its instruments; null if it has none or has not reported a status."""
     exchanges: list[ExchangeTimes] = Field(default_factory=list["ExchangeTimes"])
     """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
     detail: str
-    """How it is, for people."""
+    """State of the program in words, for people."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
-    """The same, for programs."""
+    """The same as codes and numbers, for programs."""
     trouble: str
-    """Why it cannot be relied on; empty where it can."""
+    """Why the program cannot be relied on; empty if it can."""
 
 
 class Latch(Model):
@@ -97,15 +97,15 @@ class Latch(Model):
     )
 
     state: RigState
-    """Of the actuator, as ``standing`` has it; one of a table."""
+    """State of the actuator, as in ``standing``; see the table of rig states."""
     cause: str
-    """Code of the cause; empty where there is none."""
+    """Code of the cause; empty if there is none."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
-    """What was found, with its numbers."""
+    """Faults that were found, with their numbers."""
     words: str = ""
-    """The cause for people, with the program that was silent."""
+    """The cause for people, with the name of the silent program."""
     clear: str
-    """What clears it; empty where there is nothing to clear."""
+    """What clears the latch; empty if there is nothing to clear."""
 
 
 STANDING = {
@@ -119,21 +119,22 @@ STANDING = {
 
 
 class Standing(Model):
-    """How the actuator and the part stand, and how far that can be trusted."""
+    """State of the actuator and the part, and how certain it is."""
 
     model_config = example(**STANDING)
 
     state: RigState
-    """Of the actuator; one of a table."""
+    """State of the actuator; see the table of rig states."""
     state_certainty: Certainty
     state_age_s: float | None
-    """Since the actuator was heard; null where it never was."""
+    """Time since the last message of the actuator; null if there was none."""
     part: PartState
-    """Unknown also where the output may have let it go by its own watchdog."""
+    """Whether a part is held; also unknown if the output's own watchdog may have released it."""
     part_certainty: Certainty
-    """Of a held part at most believed while no voltage is written that could be confirmed."""
+    """Certainty of the part; at most ``believed`` for a held part while no voltage is written that
+    could be confirmed."""
     part_age_s: float | None
-    """Since the output confirmed the voltage of a held part; else as ``state_age_s``."""
+    """Time since the output confirmed the voltage of a held part; otherwise as ``state_age_s``."""
 
 
 class LimitValue(Model):
@@ -147,17 +148,17 @@ class LimitValue(Model):
 
 
 class ModelInUse(Model):
-    """The model that jobs work with."""
+    """Model with which jobs work."""
 
     model_config = example(version=3, digest="9f31c2a4550b7e66")
 
     version: int
-    """0: the rig file alone."""
+    """Version of the model; 0: the rig file alone."""
     digest: str
 
 
 class Newest(Model):
-    """Newest samples."""
+    """Newest samples of the rig."""
 
     model_config = example(
         seq=445,
@@ -173,7 +174,7 @@ class Newest(Model):
     phase: str
     x_um: float | None
     force_mN: float | None
-    """Contact force; null where it is not known, as before the force is zeroed."""
+    """Contact force; null if it is unknown, such as before the force is zeroed."""
     force_uncertainty_mN: float | None
     """Expanded uncertainty of that force."""
     zero_age_s: float | None
@@ -181,19 +182,20 @@ class Newest(Model):
     voltage_V: float | None
     """Applied voltage; null while the output has not confirmed it."""
     second_x_um: float | None = None
-    """Of the second arm, as what follows; null on a rig of one arm. All else is of the first."""
+    """Position of the second arm, as the members that follow; null on a rig with one arm. All
+    others are of the first arm."""
     second_force_mN: float | None = None
     second_voltage_V: float | None = None
 
 
 class Queue(Model):
-    """Jobs that wait for the one that runs."""
+    """Queue of jobs that wait for the running one."""
 
     model_config = example(length=2, halted="job 20260301-120000-1f0c failed: lost", capacity=16)
 
     length: int
     halted: str
-    """Why none of them starts by itself; empty where the next one does. A person resumes it."""
+    """Why the queue is halted; empty if the next job starts by itself. A person resumes it."""
     capacity: int
 
 
@@ -201,32 +203,33 @@ QueueOrder = Literal["resume", "clear", "move"]
 
 
 class QueueRequest(Model):
-    """What shall become of the queue."""
+    """Change of the queue."""
 
     model_config = example(type="move", job="20260301-120000-1f0c", position=1)
 
     type: QueueOrder
-    """Go on with the next job, stop all that wait, or move one of them."""
+    """Resume with the next job, stop all waiting jobs, or move one of them."""
     job: str | None = Field(default=None, max_length=100)
-    """With ``move``: the job that waits."""
+    """With ``move``: the waiting job."""
     position: Annotated[int, Field(ge=1, le=100), WHOLE] = 1
-    """With ``move``: its place then, 1 is the next; beyond the end it is the last."""
+    """With ``move``: new place of the job, 1 for the next; larger numbers than the length mean the
+    last place."""
 
 
 class SafeToMove(Model):
-    """Whether the stage that carries the gripper may move."""
+    """Whether the stage that carries the gripper may be moved."""
 
     model_config = example(value=False, state="moving", reasons=["the arm moves: approach"])
 
     value: bool
     state: MotionState
-    """Motion of the arm; one of a table."""
+    """Motion of the arm; see the table of motions."""
     reasons: list[str]
-    """Why not."""
+    """Reasons why the stage must not be moved."""
 
 
 class Rig(Model):
-    """A rig: its programs, whether it can start, and if not, why."""
+    """A rig: its programs, whether a job can start, and if not, why."""
 
     model_config = example(
         name="demo",
@@ -257,13 +260,13 @@ class Rig(Model):
     time: Literal["real", "lockstep"]
     period_s: float
     arms: int = 1
-    """Driven arms; kinds of job and laws say for how many they are."""
+    """Number of driven arms. Kinds of job and laws state for how many arms they are."""
     digest: str
-    """Of the rig file; all programs must have the same."""
+    """Digest of the rig file; it must be the same in all programs."""
     model: ModelInUse
     programs: list[Program]
     checks: list[Check] = Field(default_factory=list[Check])
-    """Everything that is looked at, each with value and limit."""
+    """All checks, each with value and limit."""
     limits: list[LimitValue]
     latch: Latch
     newest: Newest | None

@@ -1,4 +1,4 @@
-"""The life of a job as data: states, events, deadlines, and what a person may ask for in each.
+"""The life of a job as data: states, events, deadlines and allowed actions.
 
 The program, the documents and the tests read the same table.
 """
@@ -46,25 +46,26 @@ Beyond = Literal["", "program", "letting_go", "freeze"]
 
 
 class TransitionError(Exception):
-    """An event that the state does not know."""
+    """An event that the present state does not allow."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One state: what it means, where each event leads, and when it has taken too long."""
+    """A state: its meaning, where each event leads, and its deadline."""
 
     meaning: str
     events: Mapping[Event, JobState] = field(default_factory=dict[Event, JobState])
     deadline_s: float | None = None
-    """Every state that ends in -ing has one; when it passes, the event is ``overdue``."""
+    """Deadline of the state; every state that ends in -ing has one. When it passes, the event is
+    ``overdue``."""
     beyond: Beyond = ""
     """What the deadline is added to; see ``BEYOND``."""
     actions: tuple[ActionType, ...] = ()
-    """Those that have a need are offered only while it is met; see ``NEEDS``."""
+    """Actions that are offered; one with a need is offered only while it is met, see ``NEEDS``."""
 
     @property
     def terminal(self) -> bool:
-        """Whether nothing follows."""
+        """Return whether no state can follow."""
         return not self.events
 
 
@@ -76,7 +77,7 @@ _MOVING: Mapping[Event, JobState] = {
     "overdue": "aborting",
     "interrupt": "interrupted",
 }
-"""What may befall every job whose program is loaded."""
+"""Events of every job whose program is loaded."""
 
 STATES: Mapping[JobState, State] = {
     "queued": State(
@@ -198,11 +199,10 @@ BEYOND: Mapping[Beyond, str] = {
     "letting_go": "unload and retreat as planned, where on_stop asks for them",
     "freeze": "the actuator's freeze and ramp",
 }
-"""What a deadline is added to, in words."""
+"""Description of what a deadline is added to."""
 
 NEEDS: Mapping[ActionType, Need] = {"release": "held", "continue": "waiting"}
-"""What must be the case for an action to be offered: a part is held, the program waits for a
-person."""
+"""Condition under which an action is offered: a part is held, or the program waits for a person."""
 
 HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "start": ("running",),
@@ -213,7 +213,7 @@ HOLDS: Mapping[ActionType, tuple[JobState, ...]] = {
     "release": (),
     "continue": (),
 }
-"""States in which what an action asks for holds already."""
+"""States in which the purpose of an action is already reached."""
 
 OUTCOMES: Mapping[str, str] = {
     "gripped": "the part was gripped, held and let go as planned",
@@ -238,12 +238,15 @@ OUTCOMES: Mapping[str, str] = {
     "position_step": "the position of a held part stepped forwards without a voltage: slip or "
     "sensor; the voltage was kept until the part was let go, the force is one of two readings",
 }
-"""How a program ends, in the controller's codes."""
+"""Ends of a program, by the controller's code."""
 GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")
 
 
 def next_state(state: JobState, event: Event) -> JobState:
-    """Where an event leads; raises TransitionError where the state does not know it."""
+    """Return the state to which an event leads.
+
+    Raises TransitionError if the state does not allow it.
+    """
     try:
         return STATES[state].events[event]
     except KeyError:
@@ -251,7 +254,7 @@ def next_state(state: JobState, event: Event) -> JobState:
 
 
 def allowed_actions(state: JobState, *, held: bool, waiting: bool = False) -> list[ActionType]:
-    """What may be asked for; an ended job matters only while it holds a part."""
+    """Return the allowed actions. An ended job has some only while it holds a part."""
     if STATES[state].terminal and not held:
         return []
     met: dict[Need | None, bool] = {None: True, "held": held, "waiting": waiting}

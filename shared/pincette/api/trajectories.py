@@ -1,4 +1,4 @@
-"""Trajectories over REST: plans that were checked, predicted and kept by their digest."""
+"""Trajectories over REST: plans that were checked, predicted and stored by their digest."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ REQUEST: dict[str, Any] = {"kind": "grip", "force_mN": 20.0}
 
 
 class TrajectorySummary(Model):
-    """What a trajectory was made of, and whether that still holds."""
+    """Input of a trajectory, and whether it is still valid."""
 
     model_config = example(
         digest="4be9f7a3c2d18e5f6a70",
@@ -26,17 +26,17 @@ class TrajectorySummary(Model):
     )
 
     digest: str
-    """Of the request, the rig file and the model."""
+    """Digest of the request, the rig file and the model."""
     kind: str
     rig: str
     request: dict[str, Any]
     created_at: str
     stale: list[str]
-    """What has changed since, in words; empty where a job can be made of it."""
+    """What has changed since, in words; empty if a job can still be made of it."""
 
 
 class Trajectory(TrajectorySummary):
-    """A plan with what it predicts."""
+    """A stored plan with its prediction."""
 
     model_config = example(
         digest="4be9f7a3c2d18e5f6a70",
@@ -52,38 +52,38 @@ class Trajectory(TrajectorySummary):
     )
 
     values: dict[str, Any]
-    """The request completed by the rig file; empty where ``plan`` is null."""
+    """The request completed from the rig file; empty if ``plan`` is null."""
     period_s: float
-    """From sample to sample."""
+    """Time between two samples."""
     samples: int
     plan: Plan | PairPlan | MotionPlan | None
-    """Null where rig file or model that it was made with are not there any more."""
+    """The plan; null if the rig file or the model that it was made with no longer exists."""
 
 
 class TrajectoryList(Model):
-    """Trajectories, the newest first."""
+    """Trajectories, newest first."""
 
     model_config = example(trajectories=[], next=None)
 
     trajectories: list[TrajectorySummary]
     next: str | None = None
-    """Value of ``before`` for the trajectories that follow; null where there are no more."""
+    """Value of ``before`` for the next page; null at the end."""
 
 
 class TrajectoryStart(Model):
-    """How a job that is made of a trajectory begins and ends."""
+    """How a job made of a trajectory begins and ends."""
 
     model_config = example(autostart=True, labels={"part": "bead 12"})
 
     autostart: bool = False
-    """Begin as soon as the job is ready, without the action ``start``."""
+    """Whether the job begins as soon as it is ready, without the action ``start``."""
     queue: bool = False
-    """Wait for the rig while another job has it, instead of being refused."""
+    """Whether to wait while another job has the rig, instead of being refused."""
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
     on_stop: OnStop | None = None
-    """Of a grip or a track: what a stop does with a held part."""
+    """For a grip or a track: what a stop does with a held part."""
     on_abort: OnAbort | None = None
-    """Of a grip or a track: what an abort does with a held part."""
+    """For a grip or a track: what an abort does with a held part."""
 
 
 class SampleColumn(Model):
@@ -110,7 +110,7 @@ class TrajectorySamples(Model):
     digest: str
     period_s: float
     cut: str
-    """Why they do not go to the end of the plan; empty where they do."""
+    """Why the samples do not reach the end of the plan; empty if they do."""
     columns: list[SampleColumn]
     samples: dict[str, list[float] | list[str]]
-    """By the name of the column; lists of one length."""
+    """Columns of equal length, by name."""

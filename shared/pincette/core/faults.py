@@ -1,4 +1,4 @@
-"""Codes of what programs tell each other; texts for people are made in ``core.wording``."""
+"""Codes that programs exchange; ``core.wording`` makes texts for people."""
 
 from enum import StrEnum
 
@@ -26,10 +26,10 @@ __all__ = [
 
 
 class Outcome(StrEnum):
-    """How a program ends, by the controller."""
+    """How a program ends, according to the controller."""
 
     NONE = ""
-    """Nothing is reached yet."""
+    """No outcome yet."""
     GRIPPED = "gripped"
     TRACKED = "tracked"
     RELEASED = "released"
@@ -49,7 +49,10 @@ class Outcome(StrEnum):
 
 
 class Phase(StrEnum):
-    """Phases that the controller itself knows; a program may have others, as levels of voltage."""
+    """Phases that the controller itself knows.
+
+    A program may have others, such as levels of voltage.
+    """
 
     APPROACH = "approach"
     LOAD = "load"
@@ -68,7 +71,7 @@ KEPT = (Phase.HOLD, Phase.STOPPED)
 
 
 class ActionCode(StrEnum):
-    """What the controller can be asked for; see ``messages.Action``."""
+    """Actions that the controller accepts; see ``messages.Action``."""
 
     STOP = "stop"
     LET_GO = "let_go"
@@ -81,7 +84,7 @@ class ActionCode(StrEnum):
 
 
 class LeaseEnd(StrEnum):
-    """How a program is stopped whose lease has ended; each is an action too."""
+    """How a program is stopped when its lease ends; each is an action too."""
 
     STOP = "stop"
     LET_GO = "let_go"
@@ -89,7 +92,10 @@ class LeaseEnd(StrEnum):
 
 
 class Acted(StrEnum):
-    """What took effect at a sample; every stop is ``stop``, one of the lease after ``lease``."""
+    """Action that took effect at a sample.
+
+    Every stop is ``stop``; one at the end of a lease follows ``lease``.
+    """
 
     LEASE = "lease"
     STOP = "stop"

@@ -17,15 +17,15 @@ MARKS = (
 )
 """Byte order marks of other encodings; those of UTF-32 begin as those of UTF-16 do."""
 LOOKED_AT = 200
-"""Bytes at the begin of a text in which zeros show an encoding without a mark."""
+"""Number of bytes at the beginning of a text in which zeros show an encoding without a mark."""
 
 DRAFT = ".part"
-"""End of the name of a file that is still being written."""
+"""End of the name of a file that is being written."""
 
 
 @contextmanager
 def temporary_folder() -> Generator[Path]:
-    """Make a folder for temporary files, and remove it at the end.
+    """Make a folder for temporary files and remove it at the end.
 
     Raises OSError with the remedy where none can be made.
     """
@@ -46,7 +46,7 @@ class EncodingError(ValueError):
 
 
 def decoded(content: bytes) -> str:
-    """Decode UTF-8, leaving out its byte order mark; raises EncodingError."""
+    """Return decoded UTF-8 without its byte order mark; raises EncodingError."""
     for mark, name in MARKS:
         if content.startswith(mark):
             raise EncodingError(f"it is {name}: {_remedy(name)}")

@@ -1,7 +1,7 @@
-"""How often the sensor samples while nothing plays: seldom, since only people look at it then."""
+"""How often the sensor samples while nothing plays: rarely, as only people read the samples."""
 
 SAMPLE_S = 0.1
-"""Time between two samples of an idle rig, in s, where that is more than a control period."""
+"""Time between two samples of an idle rig, in s, if it is longer than a control period."""
 
 
 def idle_periods(period_s: float) -> int:

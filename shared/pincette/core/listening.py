@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 FIRST_OPEN_PORT = 1024
-"""Ports below need rights that an ordinary account does not have."""
+"""First port that an ordinary account may open."""
 LISTENS = "0A"
 """State of a listening socket in the tables of the kernel."""
 NO_IPV6 = "this machine has no IPv6: use an IPv4 address such as 127.0.0.1, or turn IPv6 on"
@@ -98,7 +98,7 @@ def account_name(uid: int) -> str:
 
 
 def has_ipv6() -> bool:
-    """Return whether a program can listen at the loopback address of IPv6."""
+    """Return whether a program can listen at the IPv6 loopback address."""
     try:
         with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
             probe.bind(("::1", 0))

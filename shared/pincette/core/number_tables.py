@@ -1,8 +1,8 @@
 """Columns of numbers in a text file: CSV as spreadsheets and recorders write it.
 
 The separator is ``;``, a tab, a comma or white space; a decimal comma is read where another sign
-separates. Blank lines and lines that begin with ``#`` are passed over, and one line of names may
-come first. A file that can be read in two ways is refused with the number of its line.
+separates. Blank lines and lines that begin with ``#`` are skipped, and one line of names may come
+first. An ambiguous file is refused with the number of its line.
 """
 
 import csv
@@ -37,15 +37,15 @@ UNITS_ALONE = (
 )
 """Titles that are units and nothing else."""
 Row = tuple[int, list[str]]
-"""Number of a line, and its fields."""
+"""Number of a line and its fields."""
 
 
 class FileError(ValueError):
-    """A file that gives no table, with the place and the remedy."""
+    """A file without a readable table; the text names the place and the remedy."""
 
 
 def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
-    """Read a file with one record a line.
+    """Return the table of a file with one record a line.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Numbers that people type or paste: one number, a whole number, a list, a table of points.
 
-A decimal sign is ``.`` or ``,``. A text that can be read in two ways is refused, so that no other
-number is used than the one that was meant. The page applies the same rule in JavaScript.
+A decimal sign is ``.`` or ``,``. An ambiguous text is refused, so that no other number is used than
+the intended one. The page applies the same rule in JavaScript.
 """
 
 import math
@@ -13,9 +13,9 @@ WHOLE = re.compile(r"[+\-−]?[0-9]+")
 THOUSANDS = re.compile(r"[+\-−]?(?!0+,)[0-9]{1,3},[0-9]{3}")
 """A comma that may be a decimal sign or a thousands separator."""
 GROUPED = re.compile(r"[+\-−]?[0-9]{1,3}(?:\.[0-9]{3})*")
-"""What may stand before a decimal comma, thousands separated by points included."""
+"""Text that may stand before a decimal comma, including thousands separated by points."""
 DECIMALS = re.compile(r"[0-9]+(?:[eE][+\-−]?[0-9]+)?")
-"""What may stand after a decimal comma."""
+"""Text that may stand after a decimal comma."""
 GROUP = re.compile(r"0[0-9]{2}")
 """Three digits that begin with 0, as the groups of 1 000 do."""
 LIST_HINT = "separate the numbers by '; ', such as '5; 10; 2.5'"

@@ -1,4 +1,4 @@
-"""Services, programs and drivers by entry point, imported late."""
+"""Services, programs and drivers registered as entry points, imported when needed."""
 
 import sys
 from functools import cache
@@ -24,7 +24,7 @@ SIMULATED_INSTRUMENTS = "pincette.simulated_instruments"
 COMMANDS = "pincette.commands"
 
 DRIVERS = {POSITION_SENSORS: "position sensor", VOLTAGE_OUTPUTS: "voltage output"}
-"""Groups that a rig file chooses from, and what one of them is called."""
+"""Groups from which a rig file chooses, and what one member of them is called."""
 CALLED = {**DRIVERS, LAWS: "control law", JOB_KINDS: "kind of job", CALIBRATIONS: "calibration"}
 
 
@@ -32,7 +32,10 @@ T = TypeVar("T")
 
 
 class PluginError(Exception):
-    """No such plug-in, or it cannot be imported; the text says which there are, or why."""
+    """A plug-in that does not exist or cannot be imported.
+
+    The text lists the existing ones, or the error.
+    """
 
 
 @cache
@@ -46,17 +49,17 @@ def _entries(group: str) -> EntryPoints:
 
 
 def registered(group: str) -> list[EntryPoint]:
-    """Everything registered in a group, by name and package; none of it is imported."""
+    """Return everything registered in a group, by name and package, without importing it."""
     return sorted(_entries(group), key=lambda entry: (entry.name, origin(entry)))
 
 
 def names(group: str) -> list[str]:
-    """Names registered in a group."""
+    """Return the names registered in a group."""
     return sorted({entry.name for entry in _entries(group)})
 
 
 def origin(entry: EntryPoint) -> str:
-    """Distribution that registers an entry, and its version."""
+    """Return the distribution that registers an entry, and its version."""
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
 
 

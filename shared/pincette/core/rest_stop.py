@@ -1,6 +1,6 @@
-"""An emergency stop over REST with the standard library alone: it begins as soon as it can.
+"""An emergency stop over REST with the standard library alone, so that it begins at once.
 
-An answer counts only if it is a supervisor's own, and if its certificate is believed.
+An answer counts only if it is a supervisor's own, and if its certificate is trusted.
 """
 
 import json
@@ -18,10 +18,10 @@ from pincette.core.listening import account_name, listener_uid
 
 API = "/api/v1"
 MOST_BYTES = 1_000_000
-"""Limit of an answer's length."""
+"""Size limit of an answer, in bytes."""
 UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
 ESTOP_CAUSE = "estop"
-"""Cause of a trip that an emergency stop has made, as ``Cause.ESTOP`` is written over REST."""
+"""Cause of a trip by an emergency stop, as ``Cause.ESTOP`` is written over REST."""
 KEY = "Authorization"
 DEFAULT_PORTS: Mapping[str, int] = {"http": 80, "https": 443}
 FIRST_USER, UNKNOWN_UID = 1000, 65534
@@ -30,7 +30,7 @@ namespace does not know."""
 
 
 class RestStopError(Exception):
-    """No rig has been confirmed as stopped; the text says why."""
+    """No rig has been confirmed as stopped; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +42,11 @@ class RestStop:
     unconfirmed: tuple[str, ...] = ()
     """Names of the rigs whose actuator has not confirmed."""
     notes: tuple[str, ...] = ()
-    """What could not be used."""
+    """What could not be used, and why."""
     proven: bool = False
-    """Whether a certificate has proven who answered. Plain HTTP proves nothing."""
+    """Whether a certificate proved who answered. Plain HTTP proves nothing."""
     foreign_account: str = ""
-    """Account of the program that answered, where it is another user's on this machine."""
+    """Account of the program that answered, if it belongs to another user of this machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def stop_over_rest(
 
 
 def is_same_place(one: str, other: str) -> bool:
-    """Return whether two addresses are those of one port of one machine."""
+    """Return whether two addresses are the same port of the same machine."""
     try:
         parts = [urlsplit(root_of(url)) for url in (one, other)]
         ports = {part.port or DEFAULT_PORTS.get(part.scheme) for part in parts}
@@ -132,9 +132,9 @@ def _without_key(headers: Mapping[str, str]) -> dict[str, str]:
 
 
 def _foreign_account(line: HTTPConnection) -> str:
-    """Return the account behind a connection to this machine, if it is another user's; else empty.
+    """Return the account behind a connection to this machine if it is another user's, else "".
 
-    The accounts of the system are believed.
+    System accounts are trusted.
     """
     host, port = line.sock.getpeername()[:2]
     uid = listener_uid(host, port) if _is_loopback(host) else None
@@ -167,7 +167,7 @@ def _posted(
     context: ssl.SSLContext | None,
     timeout_s: float,
 ) -> _Reply:
-    """Post without a body."""
+    """Send a POST request without a body."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port

@@ -1,4 +1,4 @@
-"""What a service is: inputs and outputs as data, and pure functions from state to state.
+"""Definition of a service: inputs and outputs as data, and pure functions from state to state.
 
 The runner does the rest: bus, clock, instrument, joins, deadlines, statistics, shutdown. Because
 inputs are data, replay, documents and the links between programs need no second list.
@@ -23,7 +23,7 @@ Role = Literal["trigger", "join", "pace"]
 
 
 class RefusedError(Exception):
-    """A question that a service will not act on; the text says why."""
+    """A request that a service refuses; the text gives the reason."""
 
 
 class Acquired(FrozenRecord, frozen=True):
@@ -35,7 +35,7 @@ class Acquired(FrozenRecord, frozen=True):
 
 
 class ArmReading(FrozenRecord, frozen=True):
-    """What the position sensor of one arm measured in this tick, or why it measured nothing."""
+    """Measurement of one arm's position sensor in this tick, or why there is none."""
 
     x_um: float
     fault: Fault | None = None
@@ -43,55 +43,55 @@ class ArmReading(FrozenRecord, frozen=True):
 
 
 class Reading(FrozenRecord, frozen=True):
-    """What the position sensors of all arms measured in this tick."""
+    """Measurements of the position sensors of all arms in this tick."""
 
     arms: tuple[ArmReading, ...]
 
 
 class SetVoltage(FrozenRecord, frozen=True):
-    """Command to the instruments: put out these voltages before anything is published."""
+    """Output for the instruments: apply these voltages before anything is published."""
 
     voltages_V: tuple[float, ...]
-    """One for each arm."""
+    """Voltage of each arm."""
 
 
 class WriteParts(FrozenRecord, frozen=True):
-    """An output for the instrument: put out these voltages one after the other; the last stays."""
+    """Output for the instrument: apply these voltages one after the other; the last one stays."""
 
     voltages_V: tuple[float, ...]
     interval_s: float
-    """Time from one voltage to the next."""
+    """Time between two voltages."""
 
 
 class Wave(FrozenRecord, frozen=True):
-    """An output for the instrument: begin to put out these voltages, one each 1/``rate_hz``."""
+    """Output for the instrument: begin to play these voltages, one each 1/``rate_hz``."""
 
     voltages_V: Sequence[float]
     rate_hz: float
 
 
 class CheckWave(FrozenRecord, frozen=True):
-    """An output for the instrument: see that the wave it plays has not broken off."""
+    """Output for the instrument: check that the wave that it plays has not been interrupted."""
 
 
 class ReadBack(FrozenRecord, frozen=True):
-    """An output for the instrument: say what is put out; ``PutOut`` comes in its place."""
+    """Output for the instrument: read back its voltage; ``PutOut`` replaces this message."""
 
 
 class PutOut(FrozenRecord, frozen=True):
-    """Voltages that the outputs of all arms say they put out."""
+    """Voltages that the outputs of all arms report."""
 
     voltages_V: tuple[float, ...]
 
 
 class Slept(FrozenRecord, frozen=True):
-    """The machine was suspended: no clock that a step is given has counted ``slept_s``."""
+    """The machine was suspended; none of the clocks given to a step has counted ``slept_s``."""
 
     slept_s: float
 
 
 class Busy(FrozenRecord, frozen=True):
-    """For ``busy_s`` the program was at work for another of its services: no standstill."""
+    """The program was busy with another of its services for ``busy_s``; this is no standstill."""
 
     busy_s: float
 
@@ -117,9 +117,9 @@ class Input:
 class Service(Generic[R, C, S, I]):
     """One program of the loop: data and pure functions.
 
-    ``inputs_type`` is a NamedTuple whose fields are ``device`` (where there is an instrument)
-    followed by the topics of ``inputs`` whose role is trigger or join, in their order. A step
-    that is made because time has passed gets None for all of them.
+    ``inputs_type`` is a NamedTuple whose fields are ``device`` (if there is an instrument) followed
+    by the topics of ``inputs`` whose role is trigger or join, in their order. In a step triggered
+    by a timer all of them are None.
     """
 
     name: str
@@ -133,45 +133,51 @@ class Service(Generic[R, C, S, I]):
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | DeviceCommand, ...]]]
     handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
     ahead: Callable[[C, S, Message], S] | None = None
-    """Finish what a step has left, and work out what the next one will need, while nobody waits:
-    given a sample that waits to be joined, or the first output of a step once all are published.
+    """Finish what a step has left, and prepare what the next one will need, while nobody waits.
 
-    A step does itself what has not been done, so that this changes no number. An error ends the
-    program as one in a step does."""
+    It is given a sample that waits to be joined, or the first output of a step once all are
+    published. A step itself does what has not been done, so that this changes no number. An error
+    ends the program as one in a step does.
+    """
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
-    """In real time, step at least this often; None: only when something comes."""
+    """In real time, step at least this often; None: only when a message arrives."""
     timer_s: Callable[[C, S], float] | None = None
-    """In real time, time from one step of the timer to the next one in a state; None: one control
-    period for a sensor, ``wake_s`` for others."""
+    """In real time, the time between two timer steps in a state; None: one control period for a
+    sensor, ``wake_s`` for others."""
     initialize_from_output: Callable[[C, S, tuple[float, ...]], S] | None = None
-    """Begin from the voltages that each arm's instrument puts out, whoever set them."""
+    """Begin from the voltages that each arm's instrument reports, whoever set them."""
     booted: Callable[[S, Predecessor], S] | None = None
-    """Begin after another one, by how that has ended; None: it does not matter."""
+    """Begin after an earlier program, depending on how it ended; None: it does not matter."""
     ending: Callable[[S], Predecessor] | None = None
-    """What it is to the next one where it is told to end; None: nothing is noted."""
+    """Message to the next program when this one is told to end; None: there is none."""
     state_snapshot: tuple[str, ...] = ()
-    """Fields of the state that an arming takes over from before, for what its outputs depend on; a
-    field of a field with a dot between."""
+    """Fields of the state that an arming carries over because outputs depend on them; a dot
+    separates nested fields."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
-    """Whether an instrument with a watchdog may hear that its host lives; None: at all times."""
+    """Whether an instrument with a watchdog may be told that its host works; None: always."""
     shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None
-    """Begin, or go on, to bring the instrument to rest before the program ends; true at rest."""
+    """Begin or continue to bring the instrument to rest before the program ends; true once at rest.
+    """
 
 
 AnyService = Service[Any, Any, Any, Any]
 
 LOOP_PROGRAM, SEPARATOR = "loop", "+"
-"""Name of the program that composes the whole loop, and separator of services in other names."""
+"""Name of the program that contains the whole loop, and the separator of services in other names.
+"""
 
 
 def programs() -> list[str]:
-    """Everything that `pincette run` can start, what composes several of them apart."""
+    """Return all programs that `pincette run` can start, except compositions."""
     return [*LOOP, *plugins.names(plugins.PROGRAMS)]
 
 
 def member_services(program: str) -> tuple[str, ...]:
-    """Services that a program of the loop runs, in the order of a tick; of others none."""
+    """Return the services that a program of the loop runs, in the order of a tick.
+
+    None for other programs.
+    """
     if program == LOOP_PROGRAM:
         return LOOP
     names = program.split(SEPARATOR)
@@ -179,7 +185,10 @@ def member_services(program: str) -> tuple[str, ...]:
 
 
 def canonical_name(text: str) -> str:
-    """Name of a program that composes several services, put in their order; raises ValueError."""
+    """Return the name of a program that contains several services, in their order.
+
+    Raises ValueError.
+    """
     wanted = (
         f"wanted {LOOP_PROGRAM!r}, or at least two of {', '.join(LOOP)} with {SEPARATOR!r} between"
     )
@@ -195,15 +204,15 @@ def canonical_name(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CompositeService:
-    """Several services as one program; what they tell each other is no input of it."""
+    """Several services as one program; messages between them are not inputs of it."""
 
     name: str
     services: tuple[AnyService, ...]
-    """In the order of a tick."""
+    """Services in the order of a tick."""
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """What its services take of others."""
+        """Return the inputs that its services need from others."""
         own = member_services(self.name)
         return tuple(
             item
@@ -214,9 +223,9 @@ class CompositeService:
 
     @property
     def requests(self) -> tuple[Request, ...]:
-        """What its services answer."""
+        """Return the requests that its services answer."""
         return tuple(request for service in self.services for request in service.requests)
 
 
 Participant = AnyService | CompositeService
-"""A program of the loop as others see it: its name, its inputs and its requests."""
+"""A program of the loop as others see it: name, inputs and requests."""

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full, or that nobody reads."""
+"""Output to standard streams that are closed, full or without a reader."""
 
 import io
 import os
@@ -10,9 +10,9 @@ from time import monotonic, sleep
 from typing import TextIO
 
 MOST_PENDING = 1000
-"""Upper bound of the texts that wait to be written."""
+"""Largest number of texts that wait to be written."""
 LOOK_S = 0.01
-"""Time between two looks whether all texts have been written."""
+"""Time between two checks whether all texts have been written."""
 
 
 def prepare_streams() -> None:
@@ -49,7 +49,7 @@ def flushed(status: int, failed: int) -> int:
 
 
 def drop(stream: TextIO) -> None:
-    """Let all that a stream still holds, and all that follows, go nowhere."""
+    """Discard all that a stream still holds and all that follows."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -117,7 +117,7 @@ class LossyWriter(io.TextIOBase):
             self._pending.task_done()
 
     def _put(self, text: str) -> None:
-        """Write past the buffers of Python, which would keep what could not be written.
+        """Write without Python's buffers, which would keep what could not be written.
 
         Their locks could also block the end of the interpreter while this thread waits.
         """

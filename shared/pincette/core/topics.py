@@ -1,4 +1,4 @@
-"""Every key on the bus, declared once: message, producer, when and how it is sent.
+"""Declaration of every key on the bus: message, producer, and when and how it is sent.
 
 A message is dropped where a link stalls, so that no program waits for a link. In lockstep it is
 delayed instead, since there every service answers every tick. The newest message of every topic can
@@ -17,7 +17,7 @@ from pincette.core.messages import Message
 
 NAMESPACE = "pincette"
 WIRE = 2
-"""Version of keys and payloads; a change that breaks a listener raises it."""
+"""Version of keys and payloads; raised by every change that breaks a listener."""
 ROOT = f"{NAMESPACE}/v{WIRE}"
 RIG_NAME = r"[a-z][a-z0-9-]{0,30}"
 """Regular expression of a rig's name."""
@@ -214,17 +214,17 @@ def topic_keys(rig: str) -> tuple[str, ...]:
 
 
 def request_key(rig: str, request: Request) -> str:
-    """Key expression under which a program answers a request."""
+    """Return the key expression under which a program answers a request."""
     return f"{ROOT}/{rig}/call/{request.service}/{request.name}"
 
 
 def live_key(rig: str, program: str) -> str:
-    """Key expression of a program's liveliness token."""
+    """Return the key expression of a program's liveliness token."""
     return f"{ROOT}/{rig}/live/{program}"
 
 
 def alive_of(token: str) -> tuple[str, str] | None:
-    """Return rig and program of a liveliness token; None for a token that no program has.
+    """Return rig and program of a liveliness token, or None if no program has such a token.
 
     Anything on the bus may hold a token, also one with wildcards that covers those of programs.
     """
@@ -233,5 +233,5 @@ def alive_of(token: str) -> tuple[str, str] | None:
 
 
 def live_key_of_any_wire(rig: str) -> str:
-    """Key expression of all liveliness tokens of a rig, whatever wire version they are of."""
+    """Return the key expression of all liveliness tokens of a rig, of any version of the wire."""
     return f"{NAMESPACE}/*/{rig}/live/*"

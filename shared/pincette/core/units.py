@@ -1,4 +1,4 @@
-"""Units by the ends of names: every name that crosses a border carries its own."""
+"""Units by the ends of names: every name that crosses an interface ends with its unit."""
 
 UNITS = {
     "_mN_per_um": "mN/µm",
@@ -16,7 +16,7 @@ UNITS = {
     "_s": "s",
     "_hz": "Hz",
 }
-"""Longer ends first, so that the first that fits is the unit."""
+"""Units by the end of a name, longer ends first, so that the first match is the unit."""
 OF_FILES = {
     "_um_per_V2": "µm/V²",
     "_mN_per_decade": "mN/decade",
@@ -29,20 +29,20 @@ OF_FILES = {
     "_MB": "MB",
     "_GB": "GB",
 }
-"""Units that a rig file has beside those, and no message."""
+"""Units that occur in rig files only, not in messages."""
 
 
 def unit_of(name: str) -> str:
-    """Unit of what a name stands for; empty where it has none."""
+    """Return the unit of a name, or an empty text."""
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
 def bare(name: str) -> str:
-    """A name without its unit."""
+    """Return a name without its unit."""
     return next((name.removesuffix(end) for end in UNITS if name.endswith(end)), name)
 
 
 def unit_in_file(name: str) -> str:
-    """Unit of a key of the rig file; empty where it has none."""
+    """Return the unit of a key of the rig file, or an empty text."""
     ends = sorted((UNITS | OF_FILES).items(), key=lambda end: -len(end[0]))
     return next((unit for end, unit in ends if name.endswith(end)), "")

@@ -1,7 +1,7 @@
-"""What is wrong with a value that a model refuses, in words of pincette.
+"""Texts of pincette for values that a pydantic model refuses.
 
-The code and the numbers of an error are stable; the text that pydantic has for it is for
-programmers, and changes with its versions.
+The code and the numbers of an error are stable; pydantic's own text is for programmers, and changes
+with its versions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ KNOWN: Mapping[str, str] = {
     "json_invalid": "is not JSON: {error}",
     "law": "{text}",
 }
-"""By the code of an error; its numbers are put in."""
+"""Texts by the code of an error, with placeholders for its numbers."""
 KINDS: Mapping[str, str] = {
     "float": "a number",
     "int": "a whole number",
@@ -55,13 +55,13 @@ KINDS: Mapping[str, str] = {
     "path": "a path",
     "url": "an address, as https://example.org/path",
 }
-"""What is wanted where a value is of another kind; by the first word of the code."""
+"""What is expected if a value has the wrong type, by the first word of the code."""
 BRANCHES = ("float", "int", "str", "bool")
-"""Types that pydantic names among the fields, where a value may be one of several."""
+"""Types that pydantic names among the fields if a value may be one of several."""
 
 
 def place(loc: Sequence[str | int]) -> str:
-    """The fields that lead to a value, as ``realtime.cores.0``, by ``loc`` of an entry."""
+    """Return the fields that lead to a value, as ``realtime.cores.0``, from ``loc`` of an entry."""
     return ".".join(
         str(part)
         for part in loc
@@ -71,9 +71,10 @@ def place(loc: Sequence[str | int]) -> str:
 
 
 def refusal(error: Mapping[str, Any], unit: str = "") -> str:
-    """What is wanted of a value, as ``must be above 0 mN``, by an entry of pydantic's ``errors``.
+    """Return what is expected of a value, from an entry of pydantic's ``errors``.
 
-    A text of pincette's own, which a validator has raised, is returned as it is.
+    An example is ``must be above 0 mN``. A text of pincette's own, which a validator has raised, is
+    returned as it is.
     """
     code, context = str(error["type"]), dict(error.get("ctx") or {})
     if code in ("value_error", "assertion_error"):

@@ -1,4 +1,4 @@
-"""What a person reads of codes and numbers: the one place where they become sentences."""
+"""Texts for people, made from codes and numbers in this one place."""
 
 from collections.abc import Mapping, Sequence
 
@@ -130,7 +130,7 @@ TEXTS: Mapping[FaultCode, str] = {
         "this rig's keys"
     ),
 }
-"""By code; those of an instrument come in its driver's words."""
+"""Text of each fault code; faults of an instrument have their driver's text."""
 UNKNOWN_FORCE: Mapping[FaultCode, str] = {
     FaultCode.FREEZE_RELEASED: (
         "released: the force is unknown, since the output does not confirm its voltage; "
@@ -158,21 +158,21 @@ SUBJECTS: Mapping[FaultCode, str] = {
     FaultCode.FOLLOWING_BEYOND_LIMIT: "following_error",
     FaultCode.POSITION_BEYOND_LIMITS: "position",
 }
-"""What a fault is about, where it does not stand behind its cause."""
+"""Subject of a fault, if its cause does not name it."""
 ARMS: Mapping[float, str] = {1.0: "first arm", 2.0: "second arm"}
-"""On a rig that has two."""
+"""Names of the arms on a rig with two."""
 NAMES_ITS_COMMAND = frozenset({FaultCode.COMMAND_AHEAD, FaultCode.COMMAND_REPEATED})
 MEANINGS: Mapping[Cause, str] = {
     Cause.ABORT: "the job was aborted",
     Cause.ESTOP: "an emergency stop was asked for",
     Cause.RESTART: "the actuator was started anew",
 }
-"""Of causes that have no numbers."""
+"""Meanings of causes without numbers."""
 NOT_A_NUMBER = float("nan")
 
 
 def fault_text(fault: Fault | None) -> str:
-    """A fault for people: value, unit and limit; empty without one."""
+    """Return a fault for people: value, unit and limit; empty without one."""
     if fault is None:
         return ""
     values = {
@@ -203,13 +203,13 @@ def fault_text(fault: Fault | None) -> str:
 
 
 def _with_milliseconds(values: Mapping[str, float]) -> dict[str, float]:
-    """The same, and times in ms too."""
+    """Return numbers of a fault, with times in ms too."""
     times = {name: value for name, value in values.items() if name.endswith("_s")}
     return {**values, **{f"{name[:-2]}_ms": 1e3 * value for name, value in times.items()}}
 
 
 def named_text(fault: Fault | None) -> str:
-    """A fault for people, with what it is about in front."""
+    """Return a fault for people, preceded by its subject."""
     text = fault_text(fault)
     if fault is None or not text or fault.number("seq") is not None:
         return text
@@ -218,12 +218,15 @@ def named_text(fault: Fault | None) -> str:
 
 
 def faults_text(faults: Sequence[Fault]) -> str:
-    """Several faults for people, the first first."""
+    """Return several faults for people, the first one first."""
     return "; ".join(filter(None, map(named_text, faults)))
 
 
 def cause_text(cause: Cause, faults: Sequence[Fault] = (), silent: str = "") -> str:
-    """Why a rig is latched, for people; ``silent`` names the program whose command was missed."""
+    """Return why a rig is latched, for people.
+
+    ``silent`` names the program whose command was missed.
+    """
     first = fault_text(faults[0]) if faults else ""
     rest = [named_text(fault) for fault in faults[1:]]
     if silent and faults and faults[0].code is FaultCode.NO_COMMAND:
@@ -238,12 +241,12 @@ def cause_text(cause: Cause, faults: Sequence[Fault] = (), silent: str = "") -> 
 
 
 def applied_text(applied: Applied) -> str:
-    """Why the actuator has tripped, for people."""
+    """Return why the actuator has tripped, for people."""
     return cause_text(applied.cause, applied.faults)
 
 
 def status_text(status: Status) -> str:
-    """How a program is, for people; empty where there is nothing to tell."""
+    """Return the status of a program for people; empty if there is nothing to report."""
     mode = "" if status.mode is None else str(status.mode)
     cause = cause_text(status.cause, status.faults) if status.cause else ""
     return "; ".join(filter(None, (mode, cause, faults_text(status.findings))))

@@ -19,28 +19,31 @@ from pincette.core.topics import REQUESTS, TOPICS
 M = TypeVar("M", bound=Message)
 
 MAX_BYTES = 524_288
-"""Of a message."""
+"""Size limit of a message, in bytes."""
 KINDS = {topic.message for topic in TOPICS} | {
     kind for request in REQUESTS for kind in (request.request, request.reply)
 }
-"""Every message that travels, as the topics and requests have it."""
+"""Every type of message on the bus, from the topics and requests."""
 _pack = Encoder().encode
 _UNPACK: Mapping[type, Callable[[bytes], Any]] = {kind: Decoder(kind).decode for kind in KINDS}
 _TEXTS = {kind: short_texts(kind) for kind in KINDS}
-"""Names of the short texts of each message."""
+"""Names of the short text fields of each message."""
 
 
 def encode(message: Message) -> bytes:
-    """Message to bytes; a text of its own that is too long is cut, so that the rest is heard."""
+    """Return a message as bytes.
+
+    A text field that is too long is cut, so that the rest is delivered.
+    """
     payload = _pack(message)
     return payload if len(payload) <= MAX_TEXT else _pack(_cut(message))
 
 
 def decode(kind: type[M], payload: bytes) -> M:
-    """Bytes to a message of this kind; raises CodecError.
+    """Return a message of this type from bytes; raises CodecError.
 
-    A payload that this program would write with other bytes is read a second time: it may have a
-    field twice, or lack one, which the first reading does not notice.
+    A payload that this program would encode differently is read a second time, since it may have a
+    field twice or lack one, which the first reading does not detect.
     """
     if len(payload) > MAX_BYTES:
         raise CodecError(f"{kind.__name__}: {len(payload)} bytes, limit {MAX_BYTES}")

@@ -1,6 +1,6 @@
-"""Why bytes are refused, in words that are safe to log whatever the bytes were.
+"""Reasons why bytes are refused, in words that are safe to log whatever the bytes are.
 
-A refused payload is read once more, slowly, by the plain reader ``msgpack``, and held against the
+A refused payload is read once more, slowly, by the plain reader ``msgpack`` and compared with the
 types of the message's fields: the words name field, value, unit and limit.
 """
 
@@ -18,27 +18,27 @@ from pincette.control.quantities import MAX_ITEMS, MAX_TEXT
 msgpack = cast(Any, untyped_msgpack)
 
 MAX_FIELDS = 64
-"""Of a map, known or not."""
+"""Largest number of fields of a map, known or not."""
 SHOWN = 40
-"""Characters of a value that a refusal repeats."""
+"""Number of characters of a value that a refusal shows."""
 MOST_CHOICES = 12
-"""That a refusal lists."""
+"""Number of choices that a refusal lists."""
 NAMED = 5
-"""Fields that a refusal names."""
+"""Number of fields that a refusal names."""
 FEW = 16
-"""Items of a list where the message has none: enough for the refusal to name the field."""
+"""Number of list items read if the message has no list: enough to name the field."""
 
 
 class CodecError(ValueError):
-    """Bytes that are not the message they should be; the text names message, field and value."""
+    """Bytes that are not the expected message; the text names message, field and value."""
 
 
 class FieldsError(CodecError):
-    """A map whose fields are not those of the message."""
+    """A map whose fields differ from those of the message."""
 
 
 def read_slowly(kind: type, payload: bytes) -> None:
-    """Find what is wrong with a payload; nothing, where it is a sound message; raises CodecError.
+    """Find what is wrong with a payload; raises CodecError. Returns if the message is sound.
 
     The plain reader reserves memory as a list's header asks, before the items come, and lists may
     nest; so the length of a list is bounded before it is read, and most messages have none.
@@ -61,7 +61,7 @@ def read_slowly(kind: type, payload: bytes) -> None:
 
 
 def short_texts(kind: type) -> list[str]:
-    """Names of a message's own fields that are short texts."""
+    """Return the names of a message's own short text fields."""
     return [
         name
         for name, node in _own_fields(kind)
@@ -70,7 +70,7 @@ def short_texts(kind: type) -> list[str]:
 
 
 def largest_floats(kind: type) -> list[tuple[str, float]]:
-    """A message's own float fields, also those that may be None, with their largest magnitude."""
+    """Return a message's own float fields, optional ones included, with their largest magnitude."""
     found: list[tuple[str, float]] = []
     for name, node in _own_fields(kind):
         parts = node.types if isinstance(node, inspect.UnionType) else (node,)
@@ -86,7 +86,7 @@ def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
 
 
 def unit_stated(node: inspect.Metadata) -> str:
-    """Unit that a field's type states; empty where it states none."""
+    """Return the unit that a field's type states, or an empty text."""
     # msgspec does not say of what type its items are.
     told = node.extra  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     return cast("dict[str, str]", told)["unit"] if told else ""
@@ -98,7 +98,10 @@ def _node(kind: type) -> inspect.Type:
 
 
 def _distinct(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-    """A map of pairs; one that has a field twice would be read otherwise by another reader."""
+    """Return a map from pairs.
+
+    Refuses one that has a field twice, since other readers may read it differently.
+    """
     tree = dict(pairs)
     if len(tree) < len(pairs):
         names = [name for name, _ in pairs]
@@ -150,7 +153,7 @@ def _value(place: str, node: inspect.Type, value: Any, unit: str = "") -> Any:
 
 
 def _one_of(place: str, node: inspect.UnionType, value: Any) -> Any:
-    """Check a value that may be None, or one of several records that a tag tells apart."""
+    """Check a value that may be None or one of several records, distinguished by a tag."""
     inner = [item for item in node.types if not isinstance(item, inspect.NoneType)]
     if value is None and len(inner) < len(node.types):
         return None
@@ -229,14 +232,14 @@ def _choice(place: str, choices: Iterable[Any], value: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """A value in a refusal: short, on one line; of what holds other values only the kind."""
+    """Return a value for a refusal: short, on one line; of a container only the type."""
     if value is None or isinstance(value, str | bool | int | float):
         return repr(str(value)[:SHOWN])
     return f"({type(value).__name__})"
 
 
 def _named(fields: Iterable[Any]) -> str:
-    """Names of fields in a refusal, a few of them."""
+    """Return some names of fields for a refusal."""
     names = sorted(_legible(field) for field in fields)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     return ", ".join(names[:NAMED]) + more

@@ -1,8 +1,8 @@
-"""Which version of the wire a program has, and whom to update where it is another.
+"""Version of the wire protocol of a program, and what to update if versions differ.
 
-Programs of different versions use different keys and hear nothing of each other; what each sees of
-the other is its liveliness token. The encoding that travels beside a payload is looked at only
-where the payload was refused.
+Programs of different versions use different keys and receive nothing from each other; each sees
+only the other's liveliness token. The encoding that accompanies a payload is examined only if the
+payload was refused.
 """
 
 from collections.abc import Iterable
@@ -13,23 +13,23 @@ from pincette.core.topics import NAMESPACE, WIRE
 MEDIA_TYPE = "application/msgpack"
 _MARK = f"{MEDIA_TYPE};{NAMESPACE}.v"
 ENCODING = f"{_MARK}{WIRE}"
-"""Zenoh's encoding of every payload: the media type, then whose schema it has."""
+"""Zenoh's encoding of every payload: the media type, then the name of the schema."""
 
 
 def of_other_wires(tokens: Iterable[str]) -> dict[str, int]:
-    """Programs whose liveliness tokens are of another version of the wire, each with its own."""
+    """Return the programs whose liveliness tokens have another version of the wire."""
     found = {token.rpartition("/")[2]: _wire_of(token) for token in tokens}
     return {program: wire for program, wire in found.items() if wire not in (None, WIRE)}
 
 
 def update_which(program: str, wire: int) -> str:
-    """What to tell a person of a program that has another version of the wire."""
+    """Return what to tell a person about a program with another version of the wire."""
     older = "this program" if wire > WIRE else f"the {program}"
     return f"{program} is there with wire version {wire}, this program has {WIRE}: update {older}"
 
 
 def explained(error: CodecError, encoding: str, sender: str) -> str:
-    """Tell a person why a payload of ``sender`` was refused, by its ``encoding`` too."""
+    """Return why a payload of ``sender`` was refused, considering its ``encoding``."""
     version = encoding.removeprefix(_MARK)
     if version == encoding:
         said = repr(encoding[:60])
@@ -45,7 +45,7 @@ def explained(error: CodecError, encoding: str, sender: str) -> str:
 
 
 def _wire_of(token: str) -> int | None:
-    """Version of a liveliness token; None where it is none of this project's."""
+    """Return the version of a liveliness token, or None if it is not one of this project."""
     parts = token.split("/")
     if len(parts) != 5 or (parts[0], parts[3]) != (NAMESPACE, "live"):
         return None

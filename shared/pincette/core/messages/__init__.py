@@ -1,7 +1,7 @@
-"""What travels between programs: frozen data, units in the field names.
+"""Messages between programs: frozen data, with units in the field names.
 
-A sample keeps its number: everything derived from sample k carries ``seq`` k, and the ``epoch``
-of the arming it belongs to. A message is invalid until somebody says that it is valid.
+Everything derived from sample k carries ``seq`` k and the ``epoch`` of its arming. A message is
+invalid until its producer marks it valid.
 """
 
 from pincette.core.messages.requests import (

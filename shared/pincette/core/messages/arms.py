@@ -12,11 +12,11 @@ class ArmPosition(FrozenRecord, frozen=True):
     """Position towards the part."""
     valid: bool = False
     fault: Fault | None = None
-    """Why it is no measurement."""
+    """Why there is no valid measurement."""
 
 
 class ArmEstimate(FrozenRecord, frozen=True):
-    """Contact force of one arm, from its own position and voltage."""
+    """Contact force of one arm, estimated from its own position and voltage."""
 
     x_um: Micrometre
     force_mN: Millinewton
@@ -25,15 +25,15 @@ class ArmEstimate(FrozenRecord, frozen=True):
     perturbation_mN: Millinewton
     zero_age_s: Second | None
     zero_refusal: Fault | None
-    """Why the force was not zeroed when that was requested last."""
+    """Why the last requested zero was refused."""
     applied_V: Volt
     limits_active: Whole
     touch_x_um: Micrometre | None = None
-    """Where an arm that should be free has met something; None: nowhere."""
+    """Position at which an arm that should be free met something; None: nowhere."""
     touch_mN: Millinewton | None = None
-    """Least force of that touch: by how far the closing arm lags since a kink in its way, which
-    takes no zero, or the force less three uncertainties, below 0 where it is held from behind; by
-    a zero that is not confirmed, the force itself where it is above its uncertainty."""
+    """Smallest force of that touch: from the lag of the closing arm since a kink in its way, which
+    needs no zero, or the force less three uncertainties, negative if the arm is held from behind;
+    with an unconfirmed zero, the force itself if it exceeds its uncertainty."""
     stroke_change: Number | None = None
     """Change of the arm's stroke since its calibration, as a share, from the last way that began
     with conditioning strokes; None: not compared since the start."""
@@ -46,13 +46,15 @@ class ArmEstimate(FrozenRecord, frozen=True):
 
 
 class ArmCommand(FrozenRecord, frozen=True):
-    """Voltage that the controller asks of one arm."""
+    """Voltage that the controller requests for one arm."""
 
     voltage_V: Volt
     force_mN: Millinewton | None = None
-    """Estimate of this arm's force that it was computed from; None without a valid zero."""
+    """Estimated force of this arm from which the command was computed; None without a valid zero.
+    """
     x_d_um: Micrometre | None = None
-    """Where the law wants this arm at sample ``seq``; None where no law has steered it there."""
+    """Position that the law requested for this arm at sample ``seq``; None if no law controlled it
+    there."""
 
 
 class ArmApplied(FrozenRecord, frozen=True):

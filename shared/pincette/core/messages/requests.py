@@ -1,4 +1,4 @@
-"""What is asked of a program, and what it answers."""
+"""Requests to programs, and their answers."""
 
 from pincette.control.planning.program import Program
 from pincette.control.quantities import (
@@ -25,17 +25,18 @@ class Arm(FrozenRecord, frozen=True):
     owner: Whole
     digest: Text
     calibration: LongText = Document("")
-    """The model in use as JSON, over that of the rig file; see ``config.calibration``."""
+    """The model in use as JSON, which overrides that of the rig file; see ``config.calibration``.
+    """
     capture_hz: Hertz = 0.0
-    """As in the program that is played."""
+    """Rate of buffered acquisition, as in the program that is played."""
     zero_confirmed: bool = False
-    """A person has said that nothing touches the arm: zeros of earlier epochs are given up."""
+    """A person has said that nothing touches the arm: zeros of earlier epochs are dropped."""
     voltage: VoltageRange | None = None
-    """Voltages that the plan has stated; None: the limits of the rig."""
+    """Range of voltages that the plan states; None: the limits of the rig."""
     second_voltage: VoltageRange | None = None
-    """Voltages of the second arm likewise."""
+    """Range of voltages of the second arm, likewise."""
     zero_kept: bool = False
-    """Whether the force of a part that is still held keeps the zero of the epoch before."""
+    """Whether the force of a part that is still held keeps the zero of the previous epoch."""
 
 
 class Load(FrozenRecord, frozen=True):
@@ -60,13 +61,15 @@ class Action(FrozenRecord, frozen=True):
     action: ActionCode
     at_seq: Seq | None = None
     reason: Fault | None = None
-    """Why the controller asks it of itself; None where somebody has asked."""
+    """Why the controller itself requests it; None if somebody else requested it."""
 
 
 class Lease(FrozenRecord, frozen=True):
-    """Let the program of an epoch play on for ``length_s`` from here; asked again, it runs anew.
+    """Let the program of an epoch continue for ``length_s`` from now.
 
-    Where it ends, nobody has been heard of for so long, and the controller stops by itself.
+    A repeated request starts the time again.
+
+    When the time ends, nobody has been heard of for so long, and the controller stops by itself.
     """
 
     epoch: Epoch
@@ -75,7 +78,7 @@ class Lease(FrozenRecord, frozen=True):
 
 
 class Idle(FrozenRecord, frozen=True):
-    """Let the sensor sample slowly until the next arming, since nothing plays."""
+    """Let the sensor sample at a low rate until the next arming, since nothing plays."""
 
     epoch: Epoch
     """Epoch that is over; the sensor refuses the request in any other one."""
@@ -86,31 +89,32 @@ class Trip(FrozenRecord, frozen=True):
 
     cause: Cause
     release_now: bool = False
-    """Ramp to the safe voltage at once, even where a part is held or frozen."""
+    """Ramp to the safe voltage at once, even if a part is held or frozen."""
     words: Text = ""
-    """Why, for people."""
+    """Reason, for people."""
 
 
 class Reset(FrozenRecord, frozen=True):
     """Clear the actuator's latch; ``acknowledge``: a person has seen its cause.
 
-    Without, only the latch of a boot is cleared, and only where no actuator before has died.
-    A part that is held stays held: its voltage is kept, and the next arming begins with it.
+    Without ``acknowledge``, only the latch after a start is cleared, and only if no earlier
+    actuator program has died. A held part stays held: its voltage is kept, and the next arming
+    begins with it.
     """
 
     acknowledge: bool = False
 
 
 class RequestLog(FrozenRecord, frozen=True):
-    """A question that a program of the loop has taken, with all that a replay needs of it.
+    """A request that a program of the loop has accepted, with all that a replay needs.
 
-    One of ``arm`` to ``reset`` is there. A program that was loaded is told with the arming.
+    One of ``arm`` to ``reset`` is present. A loaded program is included in the arming.
     """
 
     epoch: Epoch
-    """That holds since."""
+    """Epoch in which the request takes effect."""
     seq: Seq
-    """The newest sample that the program had stepped with; -1 before the first."""
+    """Number of the newest sample that the program had processed; -1 before the first."""
     service: Text
     topic: Text
     """Topic of that sample."""
@@ -120,11 +124,11 @@ class RequestLog(FrozenRecord, frozen=True):
     trip: Trip | None = None
     reset: Reset | None = None
     state_snapshot: LongText = Document("")
-    """What the program brings into the epoch from those before, as JSON."""
+    """State that the program carries into the epoch from earlier ones, as JSON."""
 
 
 class SimCommand(FrozenRecord, frozen=True):
-    """Operate a simulated rig: what a person at the bench does, or a fault that befalls it.
+    """Operate a simulated rig: an action of a person at the rig, or a fault.
 
     Refused unless the rig file allows it.
     """
@@ -133,10 +137,10 @@ class SimCommand(FrozenRecord, frozen=True):
     """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
     and ``second_output``."""
     what: Text
-    """What is done to it: ``remove``, ``off``, ``stuck`` …"""
+    """Action on the target: ``remove``, ``off``, ``stuck`` …"""
     value: Number | None = None
     after_s: Second = 0.0
-    """From now on, in the rig's own time."""
+    """Delay from now, in the rig's own time."""
     for_s: Second | None = None
     """How long a fault lasts; None: until ``heal``."""
 
@@ -147,13 +151,13 @@ class Record(FrozenRecord, frozen=True):
     job: Text
     epoch: Epoch
     about: LongText
-    """Whose the record is, as JSON: names and texts; see ``results.archive.about``."""
+    """Owner of the record as JSON: names and texts; see ``results.archive.about``."""
 
 
 class Finish(FrozenRecord, frozen=True):
-    """Close the record of an epoch, whose last sample is ``last_seq``; None where nobody knows it.
+    """Close the record of an epoch, whose last sample is ``last_seq``; None if it is not known.
 
-    The recorder then takes what comes until nothing comes any more.
+    The recorder then takes messages until no more arrive.
     """
 
     job: Text
@@ -162,34 +166,34 @@ class Finish(FrozenRecord, frozen=True):
 
 
 class Recorded(FrozenRecord, frozen=True):
-    """What a record has."""
+    """Content of a record."""
 
     job: Text
     messages: Whole
     dropped: Whole
-    """Messages that found no room, or did not come."""
+    """Number of messages that did not fit or did not arrive."""
     complete: bool
     detail: Text
-    """Why it is not complete, for people."""
+    """Why the record is not complete, for people."""
 
 
 class StatusRequest(FrozenRecord, frozen=True):
-    """Ask any program how it is."""
+    """Ask any program for its status."""
 
 
 class InstrumentCounts(FrozenRecord, frozen=True):
-    """Exchanges with a program's instruments that went wrong, since the program started."""
+    """Numbers of failed exchanges with a program's instruments since the program started."""
 
     late: Whole = 0
-    """Answers that came after their timeout; each was dropped."""
+    """Number of answers that arrived after their timeout and were dropped."""
     lost: Whole = 0
-    """Answers that never came."""
+    """Number of answers that never arrived."""
     unexpected: Whole = 0
-    """Answers more than there were requests, as where a line repeats them."""
+    """Number of answers without a request, such as those that a line repeats."""
     reopened: Whole = 0
-    """Times that a lost or silent port was opened again."""
+    """Number of times that a lost or silent port was reopened."""
     retried: Whole = 0
-    """Times that opening an instrument failed and was tried again."""
+    """Number of times that opening an instrument failed and was repeated."""
 
 
 class ExchangeTimes(FrozenRecord, frozen=True):
@@ -209,7 +213,7 @@ class ExchangeTimes(FrozenRecord, frozen=True):
 
 
 class Status(FrozenRecord, frozen=True):
-    """How a program is; ``instance`` differs for every start of it."""
+    """Status of a program; ``instance`` differs for every start of it."""
 
     service: Text
     version: Text
@@ -222,40 +226,40 @@ class Status(FrozenRecord, frozen=True):
     calibration: Text = ""
     """Digest of the model in use; empty: that of the rig file."""
     mode: Mode | None = None
-    """Of the actuator."""
+    """Mode of the actuator."""
     cause: Cause = Cause.NONE
     """Why the actuator has tripped."""
     faults: Items[Fault] = ()
-    """Behind the cause; see ``Applied``."""
+    """Faults behind the cause; see ``Applied``."""
     findings: Items[Fault] = ()
-    """What else is to be told of it, the gravest first."""
+    """Other findings about the program, the most serious first."""
     predecessor: Predecessor | None = None
-    """Of the actuator: how the one before it has ended."""
+    """How the previous actuator program has ended."""
     replaces: Whole | None = None
-    """Instance of that one, where it is known."""
+    """Instance of the previous program, if it is known."""
     instrument: InstrumentCounts | None = None
-    """Of a program that has an instrument."""
+    """Failed exchanges with its instruments; None if it has none."""
     exchanges: Items[ExchangeTimes] = ()
     """Durations of readings, or of exchanges with the output, for each arm; empty in lockstep."""
 
 
 class TimingRequest(FrozenRecord, frozen=True):
-    """Ask a program of the loop how punctual it is. Refused in lockstep, which keeps no clock."""
+    """Ask a program of the loop for its timing. Refused in lockstep, which has no clock."""
 
 
 class RigFileRequest(FrozenRecord, frozen=True):
-    """Ask a program of the loop which rig file it works with."""
+    """Ask a program of the loop for its rig file."""
 
 
 class RigFileReply(FrozenRecord, frozen=True):
-    """The rig file that a program works with, whole."""
+    """The complete rig file of a program."""
 
     text: LongText
-    """As JSON."""
+    """The rig file as JSON."""
     digest: Text
 
 
 class Ack(FrozenRecord, frozen=True):
-    """The question was taken; it acts at ``seq``."""
+    """The request was accepted; it takes effect at ``seq``."""
 
     seq: Seq

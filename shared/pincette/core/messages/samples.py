@@ -1,4 +1,4 @@
-"""What is published: samples of the loop, each with its number, and what is told beside them."""
+"""Published messages: samples of the loop, each with its number, and messages beside them."""
 
 from pincette.control.planning.sweep import Sweep
 from pincette.control.quantities import (
@@ -29,7 +29,7 @@ from pincette.latency.histogram import Distribution
 
 
 class Position(FrozenRecord, frozen=True):
-    """One measurement of each arm's tip by the sensor, at its own grid point."""
+    """Measurement of each arm's tip by the sensor, at its own grid point."""
 
     epoch: Epoch
     seq: Seq
@@ -39,19 +39,19 @@ class Position(FrozenRecord, frozen=True):
 
     @property
     def usable(self) -> bool:
-        """Whether every arm was measured."""
+        """Return whether every arm was measured."""
         return all(arm.valid for arm in self.arms)
 
 
 class Burst(FrozenRecord, frozen=True):
-    """What the sensor acquired from its own buffer up to sample ``seq``: one each 1/``rate_hz``."""
+    """Samples from the sensor's own buffer up to sample ``seq``, one each 1/``rate_hz``."""
 
     epoch: Epoch
     seq: Seq
     rate_hz: Hertz
     x_um: Items[Micrometre]
     drive_V: Items[Volt]
-    """At the amplifier's input, as measured beside the position."""
+    """Voltage at the amplifier's input, measured together with the position."""
     valid: bool = False
 
 
@@ -61,7 +61,7 @@ class Estimate(FrozenRecord, frozen=True):
     epoch: Epoch
     seq: Seq
     applied_seq: Seq
-    """Number of the sample whose voltages it was made with; -1 without them."""
+    """Number of the sample whose voltages were used; -1 if there were none."""
     tripped: bool
     degraded: bool
     """Whether the voltage applied to an arm is missing."""
@@ -69,39 +69,41 @@ class Estimate(FrozenRecord, frozen=True):
     """Estimate of each driven arm, the first arm first; ``valid`` and ``fault`` are of all."""
     valid: bool = False
     fault: Fault | None = None
-    """Why it is not valid."""
+    """Why the estimate is not valid."""
 
 
 class Command(FrozenRecord, frozen=True):
-    """The voltages the controller asks for, based on sample ``seq``."""
+    """Voltages that the controller requests, based on sample ``seq``."""
 
     epoch: Epoch
     seq: Seq
     owner: Whole
     arms: Arms[ArmCommand]
-    """What is asked of each driven arm, the first arm first. The actuator refuses a command for
-    another number of arms than the rig has."""
+    """Command for each driven arm, the first arm first. The actuator refuses a command for another
+    number of arms than the rig has."""
     part_held: bool
-    """What a fault means from here on: freeze (held) or ramp to the safe voltage (free)."""
+    """What a fault means from here on: freeze if a part is held, otherwise ramp to the safe
+    voltage."""
     zero: bool
-    """The estimator shall re-zero at this seq."""
+    """Whether the estimator shall zero the force again at this seq."""
     final: bool
-    """The last command of this arming."""
+    """Whether this is the last command of this arming."""
     valid: bool = False
     fault: Fault | None = None
-    """Why it is not valid: what the controller cannot see."""
+    """Why the command is not valid, which the controller cannot measure itself."""
     sweep: Sweep | None = None
-    """Play this about the first arm's voltage; the commands after it say that it may go on."""
+    """Sweep to play around the first arm's voltage; the following commands confirm that it may
+    continue."""
     segment: Whole | None = None
-    """Number of the program's segment that the voltage is of; None: of none."""
+    """Number of the program's segment to which the voltage belongs; None: to none."""
     segment_tick: Whole = 0
-    """Ticks into it."""
+    """Number of ticks since the beginning of the segment."""
 
 
 class Applied(FrozenRecord, frozen=True):
     """What the actuator did in tick ``seq``.
 
-    ``part_held, zero, final, segment, segment_tick`` echo the command.
+    ``part_held, zero, final, segment, segment_tick`` are copied from the command.
     """
 
     epoch: Epoch
@@ -110,7 +112,7 @@ class Applied(FrozenRecord, frozen=True):
     """Output of each driven arm, the first arm first; mode, cause and latch are those of all."""
     state: Mode
     cause: Cause
-    """Of the trip; empty where there is none."""
+    """Cause of the trip; empty if there is none."""
     part_held: bool
     zero: bool
     final: bool
@@ -119,16 +121,16 @@ class Applied(FrozenRecord, frozen=True):
     refused: Whole
     command_age_s: Second
     faults: Items[Fault] = ()
-    """Behind the cause: what was found, why the commands before were not valid, why a freeze has
+    """Faults behind the cause: what was found, why earlier commands were not valid, why a freeze
     ended early."""
     segment: Whole | None = None
     segment_tick: Whole = 0
     slewing_s: Second | None = None
-    """Time since the output moved last, a period at most, that the slew limit gave the command
-    taken; None in lockstep, where it is a period."""
+    """Time since the last change of the output, at most a period, for which the slew limit was
+    computed; None in lockstep, where it is a period."""
     unconfirmed: bool = False
-    """Whether the output of an arm has not confirmed its ``voltage_V``: then nobody knows what is
-    put out."""
+    """Whether the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
+    is unknown."""
 
     def confirmed_V(self, arm: int = 0) -> float | None:
         """Return the voltage that the output of an arm has confirmed.
@@ -146,7 +148,7 @@ class Applied(FrozenRecord, frozen=True):
 
 
 class Telemetry(FrozenRecord, frozen=True):
-    """The controller's own view of sample ``seq``: the references that hold for this sample.
+    """The controller's view of sample ``seq``: the references that hold for this sample.
 
     It is published while a program plays, so between jobs the newest one is the last sample of the
     last program, whose ``epoch`` is over.
@@ -162,47 +164,46 @@ class Telemetry(FrozenRecord, frozen=True):
     """References of each driven arm, the first arm first."""
     force_r_mN: Millinewton
     sliding_um: Micrometre
-    """s; where s is a force, s over K̄."""
+    """Sliding variable s; if s is a force, s over K̄."""
     band_um: Micrometre
-    """Half width of the band that s stays in, or comes back to."""
+    """Half width of the band in which s stays or to which it returns."""
     perturbation_mN: Millinewton
-    """p̂, with the force that the law was fed."""
+    """Estimated perturbation p̂, with the force that the law used."""
     perturbation_error_mN: Millinewton
-    """p̃, likewise."""
+    """Error of the perturbation p̃, likewise."""
     residual_um: Micrometre
-    """x minus what (17) predicted."""
+    """Position less its prediction (17)."""
     outcome: Outcome
     contact_x_um: Micrometre | None
     contact_stiffness_mN_per_um: MillinewtonPerMicrometre | None
     held: bool
     acted: Items[Acted]
-    """Actions that took effect at this seq; ``let_go`` and ``retract`` are told as ``stop``, after
-    ``lease`` where a lease has ended and nobody has asked.
-    """
+    """Actions that took effect at this seq. ``let_go`` and ``retract`` are reported as ``stop``,
+    after ``lease`` if a lease has ended and nobody has asked."""
     paused: bool = False
-    """From this sample on the references rest, and the segment's time stands still."""
+    """From this sample on the references rest, and the segment's time does not advance."""
     touch_x_um: Micrometre | None = None
-    """Where the arm met something on its way through free space; None: nothing."""
+    """Position at which the arm met something on its way through free space; None: nothing."""
     touch_mN: Millinewton | None = None
-    """With which force, as it turned back."""
+    """Force of that touch when the arm turned back."""
     correction_um: Micrometre = 0.0
-    """What was learned of earlier cycles, added to x_r for the law."""
+    """Learned correction from earlier cycles, added to x_r for the law."""
     slips: Whole = 0
     """Number of times that the part has given way under moving references."""
     step_um: Micrometre | None = None
     """Step of the position that the voltage does not explain, positive towards the part; None:
     none was found."""
     step_x_um: Micrometre | None = None
-    """Position just before that step."""
+    """Position just before the step."""
     step_mN: Millinewton | None = None
-    """Estimated force just before it; if the sensor has jumped, the force since."""
+    """Estimated force just before the step; if the sensor has jumped, the force since."""
     step_after_mN: Millinewton | None = None
-    """Estimated force just after it; if the part has slipped, the force since."""
+    """Estimated force just after the step; if the part has slipped, the force since."""
     place_um: Micrometre | None = None
     """Place of the part between two arms, q = (x_1 - x_2)/2 of the sample; None on a rig of one
     arm."""
     place_r_um: Micrometre | None = None
-    """Reference of that place."""
+    """Reference of the place."""
 
 
 class GroundTruth(FrozenRecord, frozen=True):
@@ -219,33 +220,34 @@ class GroundTruth(FrozenRecord, frozen=True):
 
 
 class JobNotice(FrozenRecord, frozen=True):
-    """A job as the supervisor has it, told whenever its state or its phase changes."""
+    """State of a job in the supervisor, published whenever its state or its phase changes."""
 
     job: Text
     kind: Text
     epoch: Epoch
-    """Of its samples; 0 before it is armed."""
+    """Epoch of its samples; 0 before it is armed."""
     state: Text
     phase: Text
     cause: Text
     held: bool
     at: Text
-    """UTC."""
+    """Time of the change, in UTC."""
 
 
 class Timing(FrozenRecord, frozen=True):
-    """How punctual a program of the loop has been since its epoch began; in real time only."""
+    """Timing of a program of the loop since its epoch began; in real time only."""
 
     epoch: Epoch
     seq: Seq
-    """The newest sample that is counted; -1 before the first."""
+    """Number of the newest sample that is counted; -1 before the first."""
     service: Text
     missed: Whole
-    """Samples and points of the grid that were skipped."""
+    """Number of samples and grid points that were skipped."""
     lateness: Distribution
-    """Of the wake-ups against the program's own grid; without one, of the samples' arrival against
-    the grid of the earliest among them."""
+    """Lateness of wake-ups against the program's own grid; if it has none, of the samples' arrival
+    against the grid of the earliest."""
     age: Distribution
-    """From the first arrival of a sample's number to the step with what the program acts on."""
+    """Time from the first arrival of a sample's number to the step with the message that the
+    program acts on."""
     execution: Distribution
-    """Of the steps, from their begin until all was told; instruments included."""
+    """Duration of steps until all outputs were published, instruments included."""
