@@ -1,4 +1,4 @@
-"""The contracts of all drivers through real device servers: ser2net and socat."""
+"""The contract of each driver through real device servers: ser2net and socat."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -11,27 +11,13 @@ from pincette.instruments.protocols import Link
 from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 from pincette.sim.wires.wire import serve
 from tests.contract.conftest import Reach
-from tests.contract.test_position_sensor import TestKeyenceMicrometres, TestKeyenceMillimetres
-from tests.contract.test_voltage_output import (
-    TestDC205,
-    TestDC205WithNumbersInItsLargeRange,
-    TestI7024,
-    TestI7024WithChecksum,
-    TestI7024WithoutWatchdog,
-)
+from tests.contract.test_position_sensor import TestKeyenceMicrometres
+from tests.contract.test_voltage_output import TestDC205, TestI7024
 from tests.support.device_servers import ser2net, socat
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
-__all__ = [
-    "TestDC205",
-    "TestDC205WithNumbersInItsLargeRange",
-    "TestI7024",
-    "TestI7024WithChecksum",
-    "TestI7024WithoutWatchdog",
-    "TestKeyenceMicrometres",
-    "TestKeyenceMillimetres",
-]
+__all__ = ["TestDC205", "TestI7024", "TestKeyenceMicrometres"]
 
 
 @pytest.fixture(params=["ser2net", "socat"])

@@ -114,7 +114,7 @@ def is_default(held_s: float) -> bool:
     return DEFAULT_HELD_S <= held_s < NEXT_HELD_S
 
 
-@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600, 115200])
+@pytest.mark.parametrize("baud", [9600, 115200])
 def test_the_default_of_ser2net_is_recognised_at_any_rate(baud: int, tmp_path: Path) -> None:
     hop = measured(tmp_path, "ser2net", "", baud, baud)
     assert is_default(hop.held_s), hop
@@ -123,10 +123,13 @@ def test_the_default_of_ser2net_is_recognised_at_any_rate(baud: int, tmp_path: P
     assert "chardelay: false" in found.remedy
 
 
-@pytest.mark.parametrize("baud", [9600, 38400, 115200])
 @pytest.mark.parametrize(
-    ("options", "held_s"),
-    [("chardelay-scale: 50", 6e-3), ("chardelay-min: 5000", 5e-3), ("chardelay-scale: 10", 2e-3)],
+    ("options", "held_s", "baud"),
+    [
+        ("chardelay-scale: 50", 6e-3, 9600),
+        ("chardelay-min: 5000", 5e-3, 38400),
+        ("chardelay-scale: 10", 2e-3, 115200),
+    ],
 )
 def test_another_delay_of_ser2net_is_measured(
     options: str, held_s: float, baud: int, tmp_path: Path
