@@ -13,7 +13,7 @@ PLACES_IN_THE_PERIOD = (0.05, 0.35, 0.65, 0.95)
 STOPPED_S = 0.5
 """In which a free arm is at rest once its program is asked to stop, with some ticks to spare."""
 PLAYING = tuple(state for state in STATES if state not in ("idle", "stopping"))
-LONG_S = 10.0
+LONG_S = 3.0
 
 
 def granted(state: str, phase: float, length_s: float = LENGTH_S) -> VirtualLoop:

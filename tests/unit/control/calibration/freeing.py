@@ -22,7 +22,7 @@ from pincette.control.response.free_calibration import (
 )
 from pincette.control.response.identification import Candidates, identify_free_response
 
-from .bench import DEMO, PERIOD_S, Bench, drawn
+from .bench import DEMO, PERIOD_S, Bench, base, drawn
 
 SAMPLES_PER_CYCLE = 1.0 / (GAIN_HZ * PERIOD_S)
 FEW = Candidates(families=((0.0,), (0.7,)), curved=(False,), bent=(False,), ridges=(1e-6,))
@@ -59,6 +59,12 @@ def freed(simulation: Simulation, *, moved_before: bool = False) -> tuple[Bench,
         after_step=places["creep"],
         grips=rehearsed_grips(places.__getitem__, program),
     )
+
+
+@cache
+def freed_demo() -> FreeMotion:
+    """Motion of the demo rig; to be replaced in parts, never to be changed."""
+    return freed(base())[1]
 
 
 @cache

@@ -13,7 +13,7 @@ from pincette.control.response.free_calibration import calibrate_free_response
 from pincette.control.response.hysteresis_motion import Column
 from tests.support.drawn.random_rigs import random_simulation
 from tests.unit.control.calibration.bench import DEMO, PERIOD_S, Bench, base
-from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed, try_few_models
+from tests.unit.control.calibration.freeing import SAMPLES_PER_CYCLE, freed_demo, try_few_models
 from tests.unit.control.response.test_measured_hysteresis import measured
 
 RIGS = [(False, None), (False, 3), (True, 4)]
@@ -88,7 +88,7 @@ def test_a_measured_stack_has_no_kink_but_one_that_is_made(every: int) -> None:
 
 
 def test_the_calibration_names_the_part_and_what_to_do() -> None:
-    _, motion = freed(base())
+    motion = freed_demo()
     x = np.asarray(motion.x_um)
     pressed = x - 0.5 * np.maximum(0.0, x - 31.0)
     with pytest.raises(ValueError, match=r"breaks at 3\d\.\d µm \(1\.\d+ V .*part .*in the way"):
@@ -96,7 +96,7 @@ def test_the_calibration_names_the_part_and_what_to_do() -> None:
 
 
 def test_what_no_model_explains_is_refused() -> None:
-    _, motion = freed(base())
+    motion = freed_demo()
     x = np.asarray(motion.x_um)
     shaken = x + 4.0 * np.sin(np.arange(len(x)) * 0.021)
     with pytest.raises(ValueError, match=r"leaves \d\.\d+ µm r\.m\.s\., limit"):
@@ -107,7 +107,7 @@ def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     try_few_models(monkeypatch)
-    _, motion = freed(base())
+    motion = freed_demo()
     x = np.asarray(motion.x_um)
     bent = replace(motion, x_um=x - 0.12 * np.maximum(0.0, x - 31.0))
     with pytest.raises(ValueError, match="no_part"):
@@ -118,5 +118,5 @@ def test_a_break_is_a_finding_where_a_person_has_confirmed_that_no_part_is_there
 
 
 def test_a_free_arm_is_calibrated_without_a_finding() -> None:
-    _, motion = freed(base())
+    motion = freed_demo()
     assert calibrate_free_response(motion, SAMPLES_PER_CYCLE, unpoled=True).kink is None

@@ -11,6 +11,7 @@ from tests.unit.control.calibration.freeing import (
     SAMPLES_PER_CYCLE,
     free_calibration,
     freed,
+    freed_demo,
     try_few_models,
 )
 
@@ -50,7 +51,7 @@ def test_free_response_of_twenty_rigs() -> None:
 
 
 def test_the_demo_rig_has_the_papers_gain() -> None:
-    _, motion = freed(base())
+    motion = freed_demo()
     found = calibrate_free_response(motion, SAMPLES_PER_CYCLE)
     assert found.gain.gain_um_per_V == pytest.approx(19.0, rel=0.005)
     assert found.gain.loop_percent == pytest.approx(18.5, abs=0.5)
@@ -70,7 +71,7 @@ def test_an_arm_that_was_moved_before_is_known_for_one() -> None:
 
 def test_a_record_without_its_step_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     try_few_models(monkeypatch)
-    _, motion = freed(base())
+    motion = freed_demo()
     rest = slice(motion.after_step.start, motion.after_step.start + 100)
     still = slice(motion.after_step.start + 100, motion.after_step.stop)
     with pytest.raises(ValueError, match="must be a step"):

@@ -28,6 +28,7 @@ from pincette.sim.plant.relays import follow_relays, loop_of_relays
 PERIOD_S, NOISE_UM = 0.02, 0.03
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
 PLAIN = Candidates(families=((0.0,),), curved=(False,), bent=(False,), ridges=(1e-6,))
+FEW = PLAIN._replace(families=((0.0,), (0.7,)), curved=(False, True))
 
 
 def drive(count: int) -> list[float]:
@@ -82,7 +83,7 @@ def test_fading_and_curvature_are_found_where_they_are() -> None:
     voltage_V = drive(2500)
     x_um = simulate(model, np.array(voltage_V), PERIOD_S) + noise(2500)
     arguments = (voltage_V, x_um.tolist(), PERIOD_S)
-    found = identify_free_response(*arguments)
+    found = identify_free_response(*arguments, candidates=FEW)
     faded = [
         threshold * fading
         for threshold, fading in zip(
@@ -112,14 +113,13 @@ def test_a_bouc_wen_actuator_is_given_one_play_that_never_yields(g_per_V: float)
     voltage_V = 1.3 * np.array(drive(2500))
     shape = BoucWen(A_um_per_V=0.55, b_per_V=1.0, g_per_V=g_per_V)
     x_um = bouc_wen_um(voltage_V, shape) + noise(2500)
-    few = Candidates(families=((0.0,), (0.7,)), bent=(False,), ridges=(1e-6,))
-    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=few)
+    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=FEW)
     model = found.model
     assert model.fadings_per_V[-1] * model.thresholds_V[-1] == pytest.approx(1.0)
     assert model.fadings_per_V[-1] == pytest.approx(1.0 + g_per_V, rel=0.03)
     assert model.return_fadings_per_V[-1] == pytest.approx(1.0 - g_per_V, rel=0.03)
     assert found.residual_um < 1.3 * NOISE_UM
-    plays = few._replace(beside=())
+    plays = FEW._replace(beside=())
     without = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=plays)
     assert without.residual_um > 5.0 * found.residual_um
 
@@ -183,9 +183,10 @@ def test_bends_are_found_where_loops_differ_with_the_voltage(
     follow_relays(relays, 0.0, (), voltage_V.tolist(), behind_um)
     x_um = 19.0 * voltage_V - np.array(behind_um)
     arguments = (voltage_V.tolist(), (x_um + noise(len(x_um))).tolist(), PERIOD_S)
-    found = identify_free_response(*arguments, unpoled=False)
-    unbent = ALL._replace(bent=(False,))
-    plain = identify_free_response(*arguments, candidates=unbent, unpoled=False)
+    found, plain = (
+        identify_free_response(*arguments, candidates=FEW._replace(bent=bent), unpoled=False)
+        for bent in ((False, True), (False,))
+    )
     missed_um, before_um = (
         sqrt(max(0.0, one.residual_um**2 - NOISE_UM**2)) for one in (found, plain)
     )
@@ -296,13 +297,17 @@ AWKWARD: dict[str, Column] = {
 
 
 @pytest.mark.parametrize(
-    ("unpoled", "still", "period_s"),
-    [(False, False, 0.02), (True, False, 0.005), (False, True, 0.02)],
+    ("unpoled", "still", "period_s", "candidates"),
+    [
+        (False, False, 0.02, ALL),
+        (True, False, 0.005, FEW),
+        (False, True, 0.02, PLAIN._replace(beside=())),
+    ],
     ids=["", "unpoled, 5 ms", "still"],
 )
 @pytest.mark.parametrize("record", AWKWARD)
 def test_an_awkward_record_gives_a_good_model_or_a_sentence(
-    record: str, *, unpoled: bool, still: bool, period_s: float
+    record: str, *, unpoled: bool, still: bool, period_s: float, candidates: Candidates
 ) -> None:
     u = AWKWARD[record]
     x = np.full(len(u), 3.0)
@@ -310,7 +315,9 @@ def test_an_awkward_record_gives_a_good_model_or_a_sentence(
         x = simulate(MODEL, u, period_s) + noise(len(u))
     said = ""
     try:
-        found = identify_free_response(u.tolist(), x.tolist(), period_s, unpoled=unpoled)
+        found = identify_free_response(
+            u.tolist(), x.tolist(), period_s, unpoled=unpoled, candidates=candidates
+        )
     except np.linalg.LinAlgError:
         raise
     except ValueError as error:
