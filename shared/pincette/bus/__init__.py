@@ -1,1 +1,1 @@
-"""The buses: one protocol, in memory and over Zenoh."""
+"""The buses: one protocol, in one process and over Zenoh."""

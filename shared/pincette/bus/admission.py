@@ -1,4 +1,4 @@
-"""Admission of connections by a guard: each step of their handshakes, without waiting in any."""
+"""Admission of connections by a guard: one step of a handshake at a time, without waiting."""
 
 import os
 import selectors
@@ -16,18 +16,18 @@ from pincette.bus.relay import READ, WRITE, Stream
 from pincette.bus.vouching import Vouching
 
 HELLO_S, PROOF_S = 1.0, 3.0
-"""Limits of the wait for the first bytes, and for all that follows."""
+"""Time limits of the first bytes, and of all that follows."""
 TLS_HANDSHAKE = b"\x16\x03"
-"""How TLS begins: a record of that type, of version 3."""
+"""First bytes of TLS: a record of that type, of version 3."""
 
 
 class Stage(Enum):
-    """What is waited for."""
+    """Next event that is waited for."""
 
     HELLO = auto()
     """The first bytes."""
     PROOF = auto()
-    """The end of the handshake with who connects."""
+    """The end of the handshake with the client."""
     CONNECT = auto()
     """The connection with Zenoh."""
     VOUCH = auto()
@@ -37,7 +37,7 @@ class Stage(Enum):
 
 @dataclass(slots=True, eq=False)
 class Pending:
-    """A connection on its way in; ``inner`` is the one to Zenoh that belongs to it."""
+    """A connection that is being admitted; ``inner`` is the one to Zenoh that belongs to it."""
 
     address: str
     port: int
@@ -48,7 +48,7 @@ class Pending:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing has come of it."""
+        """Return whether no byte has arrived."""
         return self.stage is Stage.HELLO
 
 
@@ -64,7 +64,7 @@ class Admission:
     ) -> None:
         self._selector, self._behind, self._vouching = selector, behind, vouching
         self._advance = advance
-        """Called where a connection may have come further."""
+        """Called when a connection may continue."""
         self._steps: dict[Stage, Callable[[Pending], Stage]] = {
             Stage.HELLO: self._hello,
             Stage.PROOF: self._proof,
@@ -73,7 +73,7 @@ class Admission:
         }
 
     def begin(self, line: socket.socket, address: str, port: int) -> Pending:
-        """Take a connection."""
+        """Begin to admit a connection."""
         line.setblocking(False)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         one = Pending(address, port, line, monotonic() + HELLO_S)
@@ -81,8 +81,10 @@ class Admission:
         return one
 
     def lead(self, one: Pending) -> bool:
-        """Go as far as can be gone; true where it is admitted. Raises OSError, BusError or
-        ValueError where it is not one that may come in."""
+        """Continue as far as possible; return True once it is admitted.
+
+        Raises OSError, BusError or ValueError if it may not be.
+        """
         while one.stage is not Stage.ADMITTED:
             before, one.stage = one.stage, self._steps[one.stage](one)
             if one.stage is before:
@@ -92,7 +94,7 @@ class Admission:
         return True
 
     def end(self, one: Pending, close: Callable[[Stream], None]) -> None:
-        """End both connections; ``close`` ends the one from outside.
+        """End both connections; ``close`` ends the outer one.
 
         The one to Zenoh is reset, so that nothing of it is left for Zenoh's accepting thread to
         wait for.
@@ -167,7 +169,7 @@ class Admission:
         return Stage.ADMITTED
 
     def _shaken(self, line: Stream) -> bool:
-        """Whether a handshake is done; else the selector is told what it waits for."""
+        """Return whether a handshake is complete; otherwise register what it waits for."""
         if not isinstance(line, ssl.SSLSocket):
             raise BusError("no handshake")
         try:
@@ -180,13 +182,13 @@ class Admission:
 
 
 def _tls_begins(first: bytes) -> bool:
-    """Whether a handshake has begun; ConnectionError where it is none."""
+    """Return whether a handshake has begun; raises ConnectionError if the bytes are none."""
     if not TLS_HANDSHAKE.startswith(first[:2]):
         raise ConnectionError("no handshake")
     return len(first) >= len(TLS_HANDSHAKE)
 
 
 def reset(line: Stream) -> None:
-    """End a connection without a trace in the kernel."""
+    """End a connection without leaving a state in the kernel."""
     line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     line.close()

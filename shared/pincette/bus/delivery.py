@@ -15,17 +15,17 @@ import zenoh
 
 T = TypeVar("T")
 WAITING = 16_384
-"""Deliveries of one subscriber that may wait for it; a quarter of a minute at 1 kHz."""
+"""Largest number of deliveries that wait for one subscriber; 15 s at 1 kHz."""
 log = logging.getLogger("pincette")
 
 
 def ring() -> Any:
-    """Return a handler for ``declare_…`` that keeps the newest deliveries, and never waits."""
+    """Return a handler for ``declare_…`` that keeps the newest deliveries and never waits."""
     return cast("Any", zenoh.handlers.RingChannel(WAITING))
 
 
 def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) -> None:
-    """Pass all deliveries of a subscriber on, in a thread that ends with the subscriber."""
+    """Pass on all deliveries of a subscriber, in a thread that ends with the subscriber."""
 
     def run() -> None:
         for one in source:

@@ -45,7 +45,7 @@ THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
 def router_endpoint(rig: "RigFile") -> SessionConfig:
-    """The session of the router."""
+    """Return the session of the router."""
     bus = rig.bus
     host = bus.listen or bus.host
     config = router_session(host, bus.port, lockstep=rig.lockstep, upstream=bus.upstream_at)
@@ -61,7 +61,10 @@ def router_endpoint(rig: "RigFile") -> SessionConfig:
 
 
 def upstream_endpoint(rig: "RigFile") -> SessionConfig:
-    """The session of a laboratory server's router; raises BusError where the rig file has none."""
+    """Return the session of a laboratory server's router.
+
+    Raises BusError if the rig file has none.
+    """
     bus = rig.bus
     if bus.upstream_at is None:
         raise BusError(f"rig {rig.rig.name!r} has no [bus] upstream: HOST:PORT of this router")
@@ -78,7 +81,7 @@ def upstream_endpoint(rig: "RigFile") -> SessionConfig:
 def service_endpoint(
     rig: "RigFile", name: str, services: Mapping[str, Participant]
 ) -> SessionConfig:
-    """The session of a program of the loop, which has an access list of its own."""
+    """Return the session of a program of the loop, which has an access list of its own."""
     bus, lockstep = rig.bus, rig.lockstep
     config = peer_session(
         bus.host, bus.port, name, services, lockstep=lockstep, router_at=bus.router_at
@@ -93,9 +96,10 @@ def service_endpoint(
 
 
 def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionConfig:
-    """The session of a program outside the loop, at the router.
+    """Return the session of a program outside the loop, at the router.
 
-    One of an extra has no certificate of its own: it shows that of ``[bus] identity``, as a tool.
+    A program of an extra has no certificate of its own: it shows that of ``[bus] identity``, as a
+    tool.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
     own = name in (*SHARED, *OF_A_RIG)
@@ -103,7 +107,7 @@ def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionCon
 
 
 def tool_endpoint(rig: "RigFile | StopFile") -> SessionConfig:
-    """The session of a person's tool, at the router."""
+    """Return the session of a person's tool, at the router."""
     return _client(rig, client_session(*rig.bus.served_by))
 
 

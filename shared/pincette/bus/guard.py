@@ -25,21 +25,21 @@ from pincette.bus.vouching import Vouching, serial_of
 from pincette.core.listening import why_not
 
 MOST_PENDING = 128
-"""Connections that have not yet proved who they are."""
+"""Largest number of connections that have not yet proved their identity."""
 MOST_LINKS = 512
 BATCH = 64
-"""Connections that are taken before the links have their turn again."""
+"""Number of connections accepted before the links are served again."""
 BACKLOG = 4096
 LOOK_S = 0.1
-"""How often overdue connections are looked for."""
+"""Interval of the search for overdue connections."""
 REVOKED_S = 1.0
-"""The same where there are none, for the list of revoked certificates."""
+"""Interval without pending connections, for the list of revoked certificates."""
 PAUSE_S = 0.01
-"""Where no file can be opened any more."""
+"""Pause when no more files can be opened."""
 
 
 class Guard:
-    """One thread that takes connections at some ports, and leads them on to one behind them."""
+    """One thread that accepts connections at some ports and relays them to one port behind."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Guard:
         vouching: Vouching,
         stalls: StallWatch,
     ) -> None:
-        """Listen; raises OSError where a place is taken.
+        """Listen; raises OSError if a port is taken.
 
         ``stalls`` ends a link if one of its sides takes nothing of what is sent.
         """
@@ -58,11 +58,11 @@ class Guard:
         self._selector = selectors.DefaultSelector()
         self._admission = Admission(self._selector, behind, vouching, self._advance)
         self._pending: dict[str, dict[Pending, None]] = {}
-        """By address, and in the order in which they came."""
+        """Pending connections by address, in the order of arrival."""
         self._many = 0
         self._relays: set[Relay] = set()
         self._links: dict[str, Relay] = {}
-        """The newest links, also those that are over, by Zenoh's name of their other end."""
+        """Newest links, ended ones included, by Zenoh's name of their other end."""
         self._wake, self._woken = socket.socketpair()
         self._selector.register(self._woken, READ)
         self._listeners = list[socket.socket]()
@@ -77,11 +77,14 @@ class Guard:
         self._thread = threading.Thread(target=self._run, name="guard", daemon=True)
 
     def start(self) -> None:
-        """Let connections in, once Zenoh listens behind."""
+        """Admit connections, once Zenoh listens behind."""
         self._thread.start()
 
     def link_of(self, end: str) -> Relay | None:
-        """The link that Zenoh sees as one with ``end``, over or not; None where it is none."""
+        """Return the link that Zenoh knows by ``end``, also after its end.
+
+        None if there is none.
+        """
         return self._links.get(end)
 
     def close(self) -> None:
@@ -160,7 +163,7 @@ class Guard:
         return list(chain.from_iterable(self._pending.values()))
 
     def _make_room(self) -> None:
-        """End the oldest of the address that has most; one that has said nothing goes first."""
+        """End the oldest connection of the address with most; those without a byte go first."""
         if not self._many:
             return
         crowd = max(self._pending.values(), key=len)
@@ -168,7 +171,7 @@ class Guard:
         self._refuse(victim, f"more than {MOST_PENDING} had not proved who they are", reset)
 
     def _look(self) -> None:
-        """End what is overdue, and see whether more has come of what had begun."""
+        """End overdue connections, and continue those that have received more."""
         now_s = monotonic()
         for one in self._all():
             if now_s > one.until_s:
@@ -204,7 +207,7 @@ class Guard:
 
 
 def _close(line: Stream) -> None:
-    """End a connection in order; with bytes left unread it would look like a fault of the line."""
+    """End a connection in order; unread bytes would make the end look like a line fault."""
     with suppress(OSError):
         line.recv(CHUNK)
     line.close()

@@ -10,8 +10,8 @@ from pincette.core.listening import bound
 from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
-"""Limits of the wait for an answer (Zenoh hangs up on other protocols after 1 s), and for an alert
-after the handshake."""
+"""Time limits of an answer (Zenoh hangs up on other protocols after 1 s), and of an alert after the
+handshake."""
 PLAIN = "it does not speak TLS: is [bus] pki missing where that one starts?"
 REFUSED = "it does not take the certificate {ours}"
 UNKNOWN = "it believes another authority than the one that has signed {ours}"
@@ -25,13 +25,14 @@ REASONS = {
     "WRONG_VERSION_NUMBER": PLAIN,
     "UNEXPECTED_EOF": PLAIN,
 }
-"""What the other side means, by a part of OpenSSL's name for it."""
+"""Meaning of a refusal by the other side, by a part of OpenSSL's name."""
 ALERT = "ALERT"
-"""In OpenSSL's name for an alert of the other side, as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``."""
+"""Part of OpenSSL's name of an alert by the other side, as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``.
+"""
 
 
 def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -> str:
-    """Why no link to an endpoint, with a certificate of ``name``, can be made; empty if it can."""
+    """Return why a certificate of ``name`` gets no link to an endpoint; empty if it does."""
     address = address_of(place)
     try:
         with socket.create_connection(address, ANSWER_S) as line:
@@ -48,7 +49,7 @@ def diagnose_link(place: str, credentials: Credentials | None, name: str = "") -
 
 
 def is_taken(endpoint: str) -> bool:
-    """Whether another program listens at an endpoint of this machine."""
+    """Return whether another program listens at an endpoint of this machine."""
     host, port = address_of(endpoint)
     try:
         bound(host, port).close()
@@ -58,7 +59,7 @@ def is_taken(endpoint: str) -> bool:
 
 
 def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials, name: str) -> str:
-    """What comes of a handshake with these credentials."""
+    """Return the result of a handshake with these credentials."""
     ours = credentials.certificate
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
@@ -76,7 +77,7 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
 
 
 def _ended(wrapped: ssl.SSLSocket) -> bool:
-    """Whether the other side ends the connection once it has seen our certificate."""
+    """Return whether the other side ends the connection once it has seen our certificate."""
     # With TLS 1.3 a client is done before the server has looked at it.
     wrapped.settimeout(ALERT_S)
     try:
@@ -88,13 +89,13 @@ def _ended(wrapped: ssl.SSLSocket) -> bool:
 
 
 def _shown(wrapped: ssl.SSLSocket) -> str:
-    """Common name in the certificate of the other side."""
+    """Return the common name in the certificate of the other side."""
     subject = cast(Any, wrapped.getpeercert() or {}).get("subject", ())
     return next((value for part in subject for field, value in part if field == "commonName"), "")
 
 
 def _speaks_tls(place: str, line: socket.socket) -> str:
-    """Why a plain link fails: the other side wants TLS; empty where it does not."""
+    """Return why a plain link fails if the other side requires TLS; empty if it does not."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:
@@ -113,5 +114,5 @@ def _words(error: ssl.SSLError) -> str:
 
 
 def _openssl_code(error: ssl.SSLError) -> str:
-    """OpenSSL's name for its error, such as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``; may be empty."""
+    """Return OpenSSL's name of its error, such as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``, or ""."""
     return error.reason or ""

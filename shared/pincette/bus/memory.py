@@ -10,7 +10,7 @@ from pincette.core.topics import TOPIC_OF, Request, Topic
 
 
 class MemoryBus:
-    """Deterministic and single-threaded; messages are frozen, so they travel as they are."""
+    """Deterministic single-threaded bus; messages are frozen, so they are passed on unchanged."""
 
     def __init__(self) -> None:
         # By what is sent, since a topic takes longer to be found by.
@@ -20,20 +20,23 @@ class MemoryBus:
         self._latest: dict[type[Message], Message] = {}
         self._step: Callable[[], bool] | None = None
         self.refused = RefusedMessages("memory")
-        """Empty: messages are passed on as they are, so none is invalid."""
+        """Empty: messages are passed on unchanged, so none is invalid."""
 
     def step_when_empty(self, step: Callable[[], bool]) -> None:
-        """Let ``pump`` make a step of a loop where no message waits; it says whether it did."""
+        """Let ``pump`` call a step of a loop when no message waits.
+
+        It returns whether it did one.
+        """
         self._step = step
 
     def publish(self, message: Message) -> None:
-        """Put a message in the queue."""
+        """Enqueue a message."""
         kind = type(message)
         self._queue.append((TOPIC_OF[kind], message))
         self._latest[kind] = message
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002  it waits for nobody
-        """Return what was published last; see LatestBus."""
+        """Return the last published message; see LatestBus."""
         return self._latest.get(topic.message)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
@@ -41,11 +44,11 @@ class MemoryBus:
         self._sinks.setdefault(topic.message, []).append(sink)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a question at once, in the asker's call."""
+        """Answer a request at once, in the caller's thread."""
         self._answerers[question] = answerer
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Ask; see Bus. The answer comes at once, or not at all."""
+        """Send a request; see Bus. The answer comes at once, or never."""
         if question not in self._answerers:
             raise BusError(f"nobody answers {question.service}/{question.name}")
         replies: list[Message | str] = []
@@ -57,7 +60,7 @@ class MemoryBus:
         return replies[0]
 
     def pump(self) -> bool:
-        """Deliver the oldest message, or make a step; False where there is neither."""
+        """Deliver the oldest message, or make a step; return False if there is neither."""
         if not self._queue:
             return self._step is not None and self._step()
         topic, message = self._queue.popleft()

@@ -1,4 +1,4 @@
-"""The TCP sockets of this process, also those of Zenoh, and how long they may stall.
+"""The TCP sockets of this process, including those of Zenoh, and how long they may stall.
 
 Zenoh waits for ever for a partner that reads nothing: neither its lease nor its limit of a blocked
 message ends the link, and the threads that wait for it carry no other link either (zenoh issue

@@ -1,4 +1,4 @@
-"""The port at which Zenoh itself listens behind a guard: nobody else on the machine may open it."""
+"""The port at which Zenoh listens behind a guard, closed to all other programs."""
 
 import secrets
 import socket
@@ -11,15 +11,15 @@ from pincette.bus.own_sockets import own_sockets
 from pincette.bus.protocol import BusError
 
 TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
-"""Of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
+"""Constants of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
 
 LISTENS_S, LOOK_S = 2.0, 0.01
-"""In which Zenoh listens, once its session is open."""
+"""Time within which Zenoh listens once its session is open, and the interval of the checks."""
 
 
 @dataclass(frozen=True, slots=True)
 class PrivatePort:
-    """A port on loopback, and the key that the kernel wants of every segment to it (RFC 2385)."""
+    """A loopback port, and the key that the kernel requires in every segment to it (RFC 2385)."""
 
     host: str
     port: int
@@ -27,12 +27,14 @@ class PrivatePort:
 
     @classmethod
     def chosen(cls) -> "PrivatePort":
-        """One at random; whether it is taken is found where Zenoh listens at it."""
+        """Return a random port; whether it is taken shows when Zenoh listens at it."""
         a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
         return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
 
     def close_to_others(self) -> bool:
-        """Want the key of whoever connects to this process's listener; false where it cannot be.
+        """Require the key of everybody who connects to this process's listener.
+
+        Return False if impossible.
 
         Then the kernel has no such option, and any account of this machine can open the port.
         """
@@ -44,7 +46,7 @@ class PrivatePort:
         return signed
 
     def sign_listener(self) -> bool | None:
-        """Whether the option is set; None where nothing listens yet."""
+        """Return whether the option is set; None if nothing listens yet."""
         with closing(own_sockets()) as sockets:
             for found in sockets:
                 if _listens(found) == (self.host, self.port):
@@ -52,7 +54,7 @@ class PrivatePort:
         return None
 
     def connecting(self) -> socket.socket:
-        """A socket on its way to the port, without waiting for it."""
+        """Return a socket that is connecting to the port, without waiting for it."""
         line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         line.setblocking(False)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,4 +1,4 @@
-"""What a bus does for a program."""
+"""Interface of a bus."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -8,41 +8,45 @@ from pincette.core.topics import Request, Topic
 
 Sink = Callable[[Topic, Message], None]
 RequestHandler = Callable[[Request, Message, Callable[[Message | str], None]], None]
-"""Gets a question, its request, and a function that takes the reply or the text of a refusal."""
+"""Function that gets a request, and a function for the reply or the text of a refusal."""
 
 
 class BusError(Exception):
-    """The bus cannot be joined, or a question was not answered; the text says what to do."""
+    """The bus cannot be joined, or a request was not answered; the text gives the remedy."""
 
 
 class AbsentError(BusError):
-    """A liveliness token names the program, and nothing on the bus takes requests for it.
+    """A liveliness token names the program, but nothing on the bus accepts requests for it.
 
-    Any tool can hold such a token. A program declares what it answers before it holds its own.
+    Any tool can hold such a token. A program declares what it answers before it declares its own
+    token.
     """
 
 
 class RefusalError(BusError):
-    """A program answered that it will not; the text is its reason."""
+    """A program refused a request; the text gives the reason."""
 
 
 class Bus(Protocol):
-    """Publish, subscribe, ask and answer, in messages."""
+    """Publish and subscribe to messages, and send and answer requests."""
 
     def publish(self, message: Message) -> None:
-        """Send a message on its topic; never blocks for long, never raises for a lost link."""
+        """Publish a message on its topic; never blocks for long, never raises for a lost link."""
         ...
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        """Deliver every message of a topic to ``sink``, from a thread of the bus."""
+        """Deliver every message of a topic to ``sink``, in a thread of the bus."""
         ...
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a question; the reply may be given later and from another thread."""
+        """Answer a request; the reply may come later and from another thread."""
         ...
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Ask and wait; raises BusError without an answer in time, RefusalError for a refusal."""
+        """Send a request and wait.
+
+        Raises BusError without a reply in time, RefusalError for a refusal.
+        """
         ...
 
     def close(self) -> None:
@@ -51,8 +55,8 @@ class Bus(Protocol):
 
 
 class LatestBus(Bus, Protocol):
-    """A bus that can be asked for the newest message of a topic."""
+    """A bus that can return the newest message of a topic."""
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:
-        """Ask the producer for its newest message; None without one; raises BusError."""
+        """Return the producer's newest message, or None if there is none; raises BusError."""
         ...

@@ -1,4 +1,4 @@
-"""Carries bytes both ways between two non-blocking streams, either of which may be a TLS stream."""
+"""Relay of bytes between two non-blocking streams, either of which may be a TLS stream."""
 
 import selectors
 import socket
@@ -10,7 +10,7 @@ from functools import partial
 Stream = socket.socket | ssl.SSLSocket
 CHUNK = 65536
 MOST_WAITING = 4 * CHUNK
-"""Bytes for one side that may wait to be sent before nothing more is read of the other side."""
+"""Number of unsent bytes for one side above which nothing more is read from the other."""
 STALLED = "nothing could be sent over it for a lease"
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 BLOCKED = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
@@ -23,20 +23,20 @@ class Side:
     line: Stream
     other: "Side" = field(init=False)
     waiting: bytearray = field(default_factory=bytearray)
-    """Bytes that are to be sent to it."""
+    """Bytes waiting to be sent to it."""
     watched: int = 0
-    """Events that the selector is to tell of."""
+    """Events registered at the selector."""
 
     @property
     def behind(self) -> bool:
-        """Whether so much waits for it that nothing more is read for it."""
+        """Return whether so many bytes wait for it that nothing more is read for it."""
         return len(self.waiting) >= MOST_WAITING
 
 
 class Relay:
-    """Two streams that are each other's end; ends when either does. Used by one thread.
+    """Connects two streams; ends when either does. Used by one thread.
 
-    Every message of the bus passes here: in the usual case it is read once and sent once.
+    Every message of the bus passes here: usually it is read once and sent once.
     """
 
     def __init__(
@@ -50,14 +50,14 @@ class Relay:
         self._selector, self._ended = selector, ended
         self.whence = whence
         self.why = ""
-        """Why it has ended; empty before."""
+        """Why the relay has ended; empty before."""
         self.outer = outer
         self._outer, self._inner = Side(outer), Side(inner)
         self._outer.other, self._inner.other = self._inner, self._outer
         self._open, self._stalled = True, False
 
     def begin(self) -> None:
-        """Carry what comes from now on."""
+        """Begin to relay."""
         for side in (self._outer, self._inner):
             self._watch(side)
         # What a TLS stream has read with its handshake is not told by the selector.
@@ -65,7 +65,7 @@ class Relay:
             self._ready(side, side.line, READ)
 
     def close(self, why: str = "") -> None:
-        """End both sides; nothing happens where they have ended."""
+        """End both sides; does nothing if they have ended."""
         if not self._open:
             return
         self._open, self.why = False, STALLED if self._stalled else why
@@ -76,7 +76,10 @@ class Relay:
         self._ended(self)
 
     def note_stall(self) -> None:
-        """Note that a side is about to be shut down because it stalls; from any thread."""
+        """Note that a side is about to be shut down because it stalls.
+
+        May be called from any thread.
+        """
         self._stalled = True
 
     def _ready(self, side: Side, _line: Stream, events: int) -> None:
@@ -93,7 +96,7 @@ class Relay:
                 self._watch(one.other)
 
     def _read(self, side: Side) -> None:
-        """Take what there is, unless the other side is behind; at once to the other side."""
+        """Read what is available, unless the other side is behind, and send it on."""
         other = side.other
         while self._open and not other.behind:
             try:
@@ -120,7 +123,7 @@ class Relay:
             self._read(side.other)
 
     def _watch(self, side: Side) -> None:
-        """Tell the selector what a side is waited for; one for nothing is left out."""
+        """Register the events that a side is waiting for; unregister it if there are none."""
         if not self._open:
             return
         wanted = (0 if side.other.behind else READ) | (WRITE if side.waiting else 0)
@@ -134,7 +137,7 @@ class Relay:
 
 
 def _sent(line: Stream, data: bytes | bytearray) -> int:
-    """How many bytes the stream has taken."""
+    """Return the number of bytes that the stream has accepted."""
     try:
         return line.send(data)
     except BLOCKED:
@@ -142,5 +145,5 @@ def _sent(line: Stream, data: bytes | bytearray) -> int:
 
 
 def _holds_more(line: Stream) -> bool:
-    """Whether it has read more than it has given, which no event will tell."""
+    """Return whether the stream has buffered bytes, which no event would report."""
     return isinstance(line, ssl.SSLSocket) and line.pending() > 0

@@ -1,4 +1,4 @@
-"""Opens a program's Zenoh session, keeps its ports open, logs its links, and serves as a router."""
+"""Zenoh session of a program: opens it, protects its ports, logs its links, routes."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -27,14 +27,14 @@ from pincette.core.listening import bound
 
 log = logging.getLogger("pincette")
 CLOSE_S = 1.0
-"""For so long the end of a session waits for links that take nothing."""
+"""Time for which the end of a session waits for links that accept nothing."""
 GIVEN_UP_S = 0.2
-"""The same where the session is given up."""
+"""The same time if the session is given up."""
 AskRouter = Callable[[], None]
 OWN_QUESTION = "@pincette/router"
-"""Key of the question that a router asks itself. No wildcard matches a part that begins with @."""
+"""Key of the query that a router sends to itself. No wildcard matches a part that begins with @."""
 UNANSWERED_S = 3600.0
-"""Zenoh's limit for this question: it does not end for lack of an answer."""
+"""Zenoh's timeout of this query, which a missing answer must not end."""
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
     "keep others from this program's door"
@@ -42,7 +42,7 @@ UNSIGNED = (
 
 
 class Joined:
-    """A session, and what keeps its ports open to others."""
+    """A session, and what protects its ports."""
 
     def __init__(
         self,
@@ -59,19 +59,22 @@ class Joined:
         self._sweeper, self._stalls = sweeper, stalls
         self._sockets = LinkSockets(stalls)
         self._up: dict[str, tuple[float, str]] = {}
-        """When each link came up, and with whom, by Zenoh's name of its other end."""
+        """Time at which each link came up, and with whom, by Zenoh's name of its other end."""
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
 
     @property
     def refused(self) -> RefusedConnections:
-        """Connections that were refused at the ports; raises BusError without any port."""
+        """Return the number of connections refused at the ports.
+
+        Raises BusError without any port.
+        """
         keeper = self.guard or self._sweeper
         if keeper is None:
             raise BusError("a session that does not listen refuses no connection")
         return keeper.refused
 
     def _note(self, event: "zenoh.LinkEvent") -> None:
-        """Log that a link has come or gone."""
+        """Log that a link has come up or gone down."""
         link, now_s = event.link, monotonic()
         end = str(link.dst).partition("/")[2]
         led_in = self.guard and self.guard.link_of(end)
@@ -97,7 +100,7 @@ class Joined:
         self.close()
 
     def close(self, limit_s: float = CLOSE_S) -> None:
-        """Leave the bus, and log that the links which are up end with the session.
+        """Leave the bus, and log that the remaining links end with the session.
 
         Links that are still there after ``limit_s`` are ended by their sockets, since Zenoh waits
         for a partner that reads nothing, and may keep the sockets of a session for ever.
@@ -122,7 +125,7 @@ class Joined:
             self._sockets.close()
 
     def give_up(self) -> None:
-        """Close a session that carries nothing, and wait for nothing."""
+        """Close a session that carries nothing, without waiting."""
         limit = (GIVEN_UP_S,)
         threading.Thread(
             target=self.close, args=limit, name="session given up", daemon=True
@@ -130,7 +133,7 @@ class Joined:
 
 
 def open_session(config: SessionConfig, name: str) -> Joined:
-    """Join; raises BusError or SecurityError with what to do where that fails."""
+    """Open a session; raises BusError or SecurityError with the remedy."""
     # Its threads would write lines to standard output, and wait where nobody reads that.
     zenoh.init_log_from_env_or("off")
     stalls = StallWatch(lease_s(config))

@@ -1,4 +1,4 @@
-"""Zenoh's settings for one program: explicit links, no multicast, no shared memory."""
+"""Zenoh's settings of a program: explicit links, no multicast, no shared memory."""
 
 from base64 import b64encode
 from typing import Any
@@ -11,11 +11,11 @@ from pincette.security.access import as_settings
 
 LEASE_MS = 500
 QUEUE = 16
-"""Batches a priority may queue; the largest Zenoh takes."""
+"""Number of batches in a queue for each priority; the largest that Zenoh accepts."""
 BLOCK_US = 200_000
 """Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
-"""Both of these in lockstep, where a machine that is overloaded must not cost a sample."""
+"""Limit of both times in lockstep, where an overloaded machine must not cost a sample."""
 ACCEPT_MS = 2000
 """Longest time from an accepted connection to a link; longer than the one in which a connection
 that stays silent is reset: see ``link_sweeper``."""
@@ -39,7 +39,7 @@ receiving thread, which serves other links too. A reply has the quality of servi
 the rule applies to queries as they arrive.
 """
 MOST_BYTES = 2 * MAX_BYTES
-"""Of what is received at all: more than any payload that a decoder takes, with its envelope."""
+"""Size limit of a received message: larger than any payload that a decoder accepts."""
 PRIORITIES = (
     "control",
     "real_time",
@@ -53,12 +53,12 @@ PRIORITIES = (
 
 
 def lease_s(config: SessionConfig) -> float:
-    """For so long a link may be silent, or take nothing that is sent, before it is ended."""
+    """Return the time for which a link may be silent, or accept nothing, before it is ended."""
     return 1e-3 * (PATIENT_MS if config.patient else LEASE_MS)
 
 
 def settings(config: SessionConfig, name: str) -> dict[str, Any]:
-    """Zenoh's settings of a program's session, seen by others under a name."""
+    """Return Zenoh's settings of a program's session, visible to others under a name."""
     waits = config.mode == "client"
     tree: dict[str, Any] = {
         "mode": config.mode,
@@ -105,7 +105,7 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
 def guarded(
     config: SessionConfig, name: str, behind: PrivatePort, vouching: Vouching
 ) -> dict[str, Any]:
-    """Settings of a session that listens behind a guard, and trusts the certificates it issues."""
+    """Return settings of a session behind a guard; it trusts the guard's certificates."""
     tree = settings(config, name)
     tree["listen"]["endpoints"] = [f"{SECURE}{behind.host}:{behind.port}"]
     tls = tree["transport"]["link"]["tls"]
@@ -127,7 +127,7 @@ def _sending(*, patient: bool) -> dict[str, Any]:
 
 
 def _tls(member: TlsIdentity, *, closes_on_expiry: bool) -> dict[str, Any]:
-    """Mutual TLS; the router closes a link whose certificate ends."""
+    """Return the settings of mutual TLS; the router closes a link when its certificate expires."""
     # The services do not: a held part is not let go of because of a date.
     files = member.credentials
     return {

@@ -1,4 +1,4 @@
-"""Stops rigs over several ways at once; the first confirmation of a rig counts.
+"""Stops rigs in several ways at once; the first confirmation of a rig counts.
 
 The command line and the supervisor share this module. Only the standard library is imported with
 it, so that a stop over REST does not wait for the packages of the bus.

@@ -1,4 +1,4 @@
-"""The links between programs, derived from the topics; none is found by multicast."""
+"""The links between programs, derived from the topics; multicast is not used."""
 
 # The services of one rig are peers with one direct link wherever one consumes what the other
 # produces; each also has a link to the router, which serves the supervisor, the recorder and other
@@ -17,7 +17,7 @@ PLAIN, SECURE = "tcp/", "tls/"
 
 @dataclass(frozen=True, slots=True)
 class TlsIdentity:
-    """What a program proves itself with, and what it lets others do."""
+    """Certificate of a program, and the rights that it grants to others."""
 
     credentials: Credentials
     access: Access
@@ -31,15 +31,15 @@ class SessionConfig:
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     patient: bool = False
-    """In lockstep: a link that stalls is waited for, so that no sample is lost on it."""
+    """In lockstep: wait for a stalled link, so that no sample is lost on it."""
     tls: TlsIdentity | None = None
-    """None: the links are neither encrypted nor closed to anybody."""
+    """Certificates of the links; None: they are neither encrypted nor access-controlled."""
     connect_s: float = 3.0
     """Limit of the time in which a client joins, in s."""
 
 
 def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
-    """The same session with mutual TLS on every link."""
+    """Return the same session with mutual TLS on every link."""
     listen, connect = (
         tuple(SECURE + one.removeprefix(PLAIN) for one in places)
         for places in (config.listen, config.connect)
@@ -48,13 +48,13 @@ def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
 
 
 def endpoint(host: str, port: int, program: str) -> str:
-    """Where a program listens: the router at ``port``, then the services, each at its own port."""
+    """Return where a program listens: the router at ``port``, each service at a port of its own."""
     offset = 0 if program == "router" else 1 + LOOP.index(member_services(program)[0])
     return f"{PLAIN}{host}:{port + offset}"
 
 
 def address_of(endpoint: str) -> tuple[str, int]:
-    """Host and port of an endpoint; see ``endpoint``."""
+    """Return host and port of an endpoint; see ``endpoint``."""
     host, _, port = endpoint.partition("/")[2].rpartition(":")
     return host.strip("[]"), int(port)
 
@@ -62,28 +62,28 @@ def address_of(endpoint: str) -> tuple[str, int]:
 def router_session(
     host: str, port: int, *, lockstep: bool = False, upstream: tuple[str, int] | None = None
 ) -> SessionConfig:
-    """A router's session, which may connect to an upstream router whenever that runs."""
+    """Return a router's session, which may connect to an upstream router whenever that runs."""
     above = () if upstream is None else (endpoint(*upstream, "router"),)
     return SessionConfig("router", (endpoint(host, port, "router"),), above, patient=lockstep)
 
 
 def client_session(host: str, port: int, *, lockstep: bool = False) -> SessionConfig:
-    """A tool's session through the router."""
+    """Return a tool's session through the router."""
     return SessionConfig("client", connect=(endpoint(host, port, "router"),), patient=lockstep)
 
 
 def direct_session(host: str, port: int, program: str) -> SessionConfig:
-    """A tool's session with one service, without the router."""
+    """Return a tool's session with one service, without the router."""
     return SessionConfig("client", connect=(endpoint(host, port, program),))
 
 
 def producers(service: Participant, *, lockstep: bool) -> set[str]:
-    """Services whose samples a program takes; a pace is taken in lockstep only."""
+    """Return the services whose samples a program takes; in lockstep also those that pace it."""
     return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
 
 
 def consumers(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
-    """Programs that take what a program produces."""
+    """Return the programs that take what a program produces."""
     own = member_services(name)
     return {
         other
@@ -93,14 +93,14 @@ def consumers(name: str, services: Mapping[str, Participant], *, lockstep: bool)
 
 
 def partners(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
-    """Programs with which a program has a direct link."""
+    """Return the programs with which a program has a direct link."""
     taken = producers(services[name], lockstep=lockstep)
     given = consumers(name, services, lockstep=lockstep)
     return given | {other for other in services if not taken.isdisjoint(member_services(other))}
 
 
 def awaited(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> frozenset[Topic]:
-    """Topics of a program that services of the loop in other programs take."""
+    """Return the topics of a program that services of the loop in other programs take."""
     own = member_services(name)
     return frozenset(
         item.topic
@@ -119,7 +119,7 @@ def peer_session(
     lockstep: bool,
     router_at: tuple[str, int] | None = None,
 ) -> SessionConfig:
-    """The session of a program of the loop: it listens, and connects to the partners before it."""
+    """Return the session of a program of the loop: it listens, and connects to earlier partners."""
     own = member_services(name)
     linked = partners(name, services, lockstep=lockstep)
     before = sorted((other for other in linked if _place(other) < _place(name)), key=_place)
@@ -134,5 +134,5 @@ def peer_session(
 
 
 def _place(program: str) -> int:
-    """Where a program's first service is in a tick."""
+    """Return the place of a program's first service in a tick."""
     return LOOP.index(member_services(program)[0])

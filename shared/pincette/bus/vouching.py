@@ -1,4 +1,4 @@
-"""Both TLS sessions of a guard: with who connects, and in its name with the Zenoh behind it."""
+"""Both TLS sessions of a guard: with the client, and on its behalf with the Zenoh behind."""
 
 # Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
 # real one, shows Zenoh another of the same name, signed by an authority of this process alone.
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 DAYS = 36500.0
 MOST_KEPT = 256
-"""Names with their ends of which the certificate is kept for the next connection."""
+"""Number of clients whose certificate is kept for the next connection."""
 
 
 class Vouching:
@@ -28,7 +28,10 @@ class Vouching:
     """
 
     def __init__(self, credentials: Credentials, time: LatestTime | None = None) -> None:
-        """``time``: by which the ends of certificates are judged."""
+        """Create the contexts.
+
+        ``time`` is the clock by which the expiry of certificates is judged.
+        """
         # What makes certificates is loaded where there are any: it takes as long as a short stop.
         from pincette.security.certificates import new_authority
 
@@ -46,7 +49,7 @@ class Vouching:
 
     @property
     def believed(self) -> str:
-        """Certificates of the authorities that Zenoh believes, as PEM."""
+        """Return the certificates of the authorities that Zenoh trusts, as PEM."""
         return self._credentials.authority.read_text() + self._authority.certificate.decode()
 
     def inner(self, shown: Any) -> ssl.SSLContext:
@@ -81,15 +84,15 @@ class Vouching:
 
 
 def serial_of(shown: Any) -> int:
-    """Serial number of a certificate, as ``getpeercert`` gives it."""
+    """Return the serial number of a certificate, as ``getpeercert`` gives it."""
     return int(shown["serialNumber"], 16)
 
 
 def _load(context: ssl.SSLContext, pair: "Pair") -> None:
     """Load a certificate from memory.
 
-    OpenSSL's loader takes files only. This one belongs to no folder, so that a full disk keeps
-    nobody out.
+    OpenSSL's loader takes files only. This one needs no folder, so that a full disk locks nobody
+    out.
     """
     with os.fdopen(os.memfd_create("certificate"), "wb") as file:
         file.write(pair.certificate + pair.private_key)

@@ -1,4 +1,4 @@
-"""The bus over Zenoh: publishes, subscribes, asks and answers in messages."""
+"""The bus over Zenoh: publishes, subscribes, requests and answers in messages."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -40,15 +40,16 @@ from pincette.core.topics import (
 M = TypeVar("M", bound=Message)
 T = TypeVar("T")
 Way = Callable[["zenoh.Session"], Any]
-"""How something is declared at a session; what it returns is kept."""
+"""Function that declares something at a session; its result is kept."""
 log = logging.getLogger("pincette")
 UNANSWERED_S = 3.0
-"""From a request without answer on, until the session is opened anew."""
+"""Time from an unanswered request until the session is opened again."""
 REOPENED_S = 30.0
-"""Between two times: a program that hangs is seen too, and no session helps against that."""
+"""Shortest time between two such openings, since a program that hangs is not cured by a new
+session."""
 NOTHING_YET = "nothing has been published here yet"
 EMPTY = "a request needs a payload: its message as a MessagePack map"
-"""Reply to a query without a payload, as tools send it that list keys."""
+"""Reply to a query without a payload, such as tools send to list keys."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class ZenohBus:
         self._joined = open_session(config, self._name)
         self._session = self._joined.session
         self._publishers: dict[tuple[type[Message], str], _Publisher] = {}
-        """By the kind of message, and by service where each service has a key of its own."""
+        """Publishers by type of message, and by service if each service has a key of its own."""
         self._declaring = threading.RLock()
         self._ways: list[Way] = []
         self._declared: list[Any] = []
@@ -82,14 +83,14 @@ class ZenohBus:
         answered."""
         self._reopened_s = -inf
         self.refused = RefusedMessages(self._name)
-        """Messages and requests that were no valid ones."""
+        """Messages and requests that were invalid."""
 
     def announce(self, program: str) -> None:
         """Hold a liveliness token while this program runs; safety never rests on it."""
         self._declare(lambda one: one.liveliness().declare_token(live_key(self._rig, program)))
 
     def _declare(self, way: Way) -> None:
-        """Declare something here, and again wherever the session is opened anew."""
+        """Declare something here, and again whenever the session is opened again."""
         with self._declaring:
             self._ways.append(way)
             self._declared.append(way(self._session))
@@ -105,11 +106,11 @@ class ZenohBus:
             return self._asked(ask)
 
     def alive(self) -> set[str]:
-        """Programs whose token is seen from here."""
+        """Return the programs whose token is visible from here."""
         return {program for _, program in self._alive(self._rig)}
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Rigs and programs whose token is seen from here, of every rig on the router."""
+        """Return rigs and programs whose token is visible from here, of all rigs on the router."""
         return self._alive("*")
 
     def _alive(self, rig: str) -> set[tuple[str, str]]:
@@ -117,7 +118,7 @@ class ZenohBus:
         return {one for one in found if one is not None}
 
     def other_wires(self) -> dict[str, int]:
-        """Programs of this rig that run with another version of the wire, each with its own."""
+        """Return the programs of this rig with another version of the wire, and that version."""
         return self._other_wires(self._rig)
 
     def _other_wires(self, rig: str) -> dict[str, int]:
@@ -159,11 +160,11 @@ class ZenohBus:
         ]
 
     def watch(self, sink: Callable[[str, bool], None]) -> None:
-        """Tell ``sink`` of every program that comes or goes."""
+        """Call ``sink`` for every program that appears or disappears."""
         self._watch(self._rig, lambda _rig, program, alive: sink(program, alive))
 
     def watch_everywhere(self, sink: Callable[[str, str, bool], None]) -> None:
-        """Tell ``sink`` of rig and program whenever one comes (true) or goes (false)."""
+        """Call ``sink`` with rig and program whenever one appears (true) or disappears (false)."""
         self._watch("*", sink)
 
     def _watch(self, rig: str, sink: Callable[[str, str, bool], None]) -> None:
@@ -256,7 +257,7 @@ class ZenohBus:
         self._declare(way)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a question; see Bus."""
+        """Answer a request; see Bus."""
         place = request_key(self._rig, question)
 
         def deliver(query: zenoh.Query) -> None:
@@ -338,7 +339,7 @@ class ZenohBus:
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
     def _unanswered(self, rig: str, program: str, asked_s: float) -> None:
-        """Open the session anew where a program that is alive has owed an answer for too long.
+        """Open the session again if a program that is alive has not answered for too long.
 
         After a cut a session has been seen to keep its tokens and to answer no request. A session
         that others connect to stays: its links are the loop's.
@@ -415,7 +416,7 @@ class _Publisher:
 
 
 def _decode(kind: type[M], payload: zenoh.ZBytes | None) -> M:
-    """A message; no copy is made of what is too large anyway."""
+    """Return a message; does not copy a payload that is too large anyway."""
     size = 0 if payload is None else len(payload)
     if size > MAX_BYTES:
         raise CodecError(f"{kind.__name__}: {size} bytes, limit {MAX_BYTES}")

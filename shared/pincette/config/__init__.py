@@ -1,4 +1,4 @@
-"""The rig file, read and checked. What is named here is imported when it is first used."""
+"""The rig file, read and validated. Submodules are imported when a name is first used."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -27,12 +27,12 @@ class BusAddresses:
 
     @property
     def apart(self) -> bool:
-        """True where supervisor and recorder use another router than the loop."""
+        """Return whether supervisor and recorder use another router than the loop."""
         return self.upstream is not None and self.served_at == "upstream"
 
     @property
     def served_by(self) -> tuple[str, int]:
-        """Host and port of the router that supervisor, recorder and tools are beside."""
+        """Return host and port of the router next to which supervisor, recorder and tools run."""
         above = self.upstream_at
         return self.router_at if above is None or not self.apart else above
 

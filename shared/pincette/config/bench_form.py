@@ -1,4 +1,4 @@
-"""The rig file of a bench: what a laboratory must know of it, and the file with the answers."""
+"""The rig file of a real rig: questions to the laboratory, and the file with the answers."""
 
 import json
 import tomllib
@@ -12,10 +12,10 @@ Value = str | float | int | bool
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Something that a laboratory must know of its bench."""
+    """A question that a laboratory must answer about its rig."""
 
     name: str
-    """Key of the template; with dashes, the option."""
+    """Key of the template; the option is the same with dashes."""
     words: str
     unit: str
     default: Value
@@ -24,7 +24,7 @@ class Question:
 
     @property
     def flag(self) -> str:
-        """The option that answers it."""
+        """Return the option that gives the answer."""
         return f"--{self.name.replace('_', '-')}"
 
 
@@ -164,7 +164,7 @@ COMMENTS_AT = 36
 
 
 def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
-    """The rig file of a bench.
+    """Return the rig file of a real rig.
 
     Raises
     ------
@@ -198,6 +198,6 @@ def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
 
 
 def _aligned(line: str) -> str:
-    """A line with its comment in the column of all comments."""
+    """Return a line with its comment in the column of all comments."""
     content, mark, comment = line.rpartition(COMMENT)
     return f"{content:<{COMMENTS_AT - 1}}{mark}{comment}" if mark and content else line

@@ -1,4 +1,4 @@
-"""What calibrations have found, laid over a rig file; it travels as JSON with each arming."""
+"""Results of calibrations, which override values of a rig file; sent as JSON with each arming."""
 
 import hashlib
 import json
@@ -32,20 +32,20 @@ CALIBRATED = (
 )
 """Quantities of a rig file that a calibration may replace, by table and name."""
 OF_SECOND = tuple(f"second.{name}" for name in CALIBRATED if not name.startswith("part."))
-"""The same of the second arm, where there is one."""
+"""Quantities of the second arm that a calibration may replace, if there is a second arm."""
 EXPECTED = (
     "part.contact_um",
     "part.contact_tolerance_um",
     "part.stiffness_mN_per_um",
     "part.stiffness_tolerance",
 )
-"""Quantities that a recipe may replace for one job: what is expected of its object."""
+"""Quantities that a recipe may replace for one job: the expected properties of its object."""
 
 
 class Calibration(Table):
-    """Values by quantity, and the calibration that each comes from.
+    """Calibrated values by quantity, and the calibration that found each.
 
-    What is not in ``values`` is as the rig file has it, and assumed.
+    A quantity without an entry in ``values`` has the rig file's value, which is assumed.
     """
 
     values: dict[str, Any] = Field(default_factory=dict)
@@ -61,21 +61,21 @@ class Calibration(Table):
 
     @property
     def digest(self) -> str:
-        """Names the values; empty where there are none."""
+        """Return the digest of the values; empty if there are none."""
         if not self.values:
             return ""
         text = json.dumps(self.values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def text(self) -> str:
-        """JSON, the same bytes for the same content; empty where there are no values."""
+        """Return JSON, with equal bytes for equal content; empty if there are no values."""
         if not self.values:
             return ""
         return json.dumps(self.model_dump(), sort_keys=True, separators=(",", ":"))
 
 
 def parse_calibration(text: str) -> Calibration:
-    """Calibration of its JSON text; raises ConfigError where it is none."""
+    """Return the calibration of a JSON text; raises ConfigError if it is invalid."""
     if not text:
         return Calibration()
     try:
@@ -85,7 +85,7 @@ def parse_calibration(text: str) -> Calibration:
 
 
 def calibrated(rig: RigFile, calibration: Calibration) -> RigFile:
-    """Lay a calibration over a rig file; raises ConfigError."""
+    """Return a rig file with calibrated values; raises ConfigError."""
     if not calibration.values:
         return rig
     tree = rig.model_dump(exclude_unset=True)

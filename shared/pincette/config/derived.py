@@ -1,4 +1,4 @@
-"""What control makes of a rig file: its free response, its observer, what plans take it for.
+"""What control derives from a rig file: free response, observer, limits, rig of plans.
 
 Several programs work with the same parts of a rig file; each part is made of it here alone.
 """
@@ -34,16 +34,16 @@ from pincette.control.response.residual_table import ResidualTable
 
 REST_S = 0.2
 REST_SAMPLES = (10, 64)
-"""Fewest and most samples of a rest."""
+"""Smallest and largest number of samples in the rest of a zero."""
 X_START_UM = 0.0
-"""Where the arm rests at zero voltage: the rig file's sensor offset makes it so."""
+"""Position of the arm at zero voltage, which the sensor offset of the rig file defines."""
 
 CREEP_REACH = 10.0
-"""Creep is known up to this many times the longest creep time identified."""
+"""Ratio of the time up to which creep is known to the longest identified creep time."""
 
 
 def free_response(model: Model) -> FreeResponse:
-    """Return x_1 of an arm at 0 V that no program has followed yet: as identified, else a line.
+    """Return x_1 at 0 V of an arm that no program has followed yet: as identified, else a line.
 
     The arm is poled where the voltages of its identification are known, else unpoled.
     """
@@ -64,7 +64,7 @@ def free_response(model: Model) -> FreeResponse:
 
 
 def begin_memory(model: Model) -> HysteresisState | None:
-    """Return the memory that the free response begins with; None: that of an unpoled arm."""
+    """Return the memory with which the free response begins; None: that of an unpoled arm."""
     taught = model.free_response
     if taught is None or taught.taught_V is None:
         return None
@@ -73,7 +73,7 @@ def begin_memory(model: Model) -> HysteresisState | None:
 
 
 def conditioning_V(rig: RigFile) -> float | None:
-    """Return the lowest voltage of conditioning strokes; None where they are not possible."""
+    """Return the lowest voltage of conditioning strokes; None if they are not possible."""
     taught = rig.model.free_response
     return stroke_depth_V(None if taught is None else taught.taught_V, rig.limits.voltage_min_V)
 
@@ -85,23 +85,23 @@ def _strokes(model: Model) -> int:
 
 
 def identified_hysteresis(model: Model) -> HysteresisModel | None:
-    """H, which laws of the identified set take in place of d·u; None where none is identified."""
+    """Return H, which replaces d·u in laws of the identified set; None if it is not identified."""
     return None if model.free_response is None else model.free_response.hysteresis()
 
 
 def rest_samples(period_s: float) -> int:
-    """Samples of the rest that a zero is made of."""
+    """Return the number of samples in the rest of a zero."""
     fewest, most = REST_SAMPLES
     return min(max(fewest, round(REST_S / period_s)), most)
 
 
 def residual(model: Model) -> ResidualTable | None:
-    """What x_1 misses along the program that is armed; an arming carries that table alone."""
+    """Return the residual of x_1 along the armed program, the only one sent with an arming."""
     return model.residuals[0].table() if len(model.residuals) == 1 else None
 
 
 def ring_shares(rig: RigFile, assumed: OutputTiming | None = None) -> RingShares:
-    """Return what the ring of the mode adds to the uncertainty of a position.
+    """Return the contribution of the mode's ringing to the uncertainty of a position.
 
     All are 0 for observers that model the mode.
 
@@ -129,7 +129,7 @@ def ring_shares(rig: RigFile, assumed: OutputTiming | None = None) -> RingShares
 
 
 def force_observer(rig: RigFile) -> ForceObserver:
-    """The observer that a rig file names; raises ConfigError."""
+    """Return the observer that a rig file names; raises ConfigError."""
     try:
         return _observer(rig.model, rig.rig.period_s, rig.sensor.noise_um)
     except ValueError as error:
@@ -175,7 +175,7 @@ def _observer(model: Model, period_s: float, noise_um: float) -> ForceObserver:
 
 
 def step_limits(rig: RigFile) -> StepLimits:
-    """Return the numbers by which a step of the position is judged."""
+    """Return the limits by which a step of the position is judged."""
     return StepLimits(rig.sensor.noise_um, rig.model.compliance_um_per_mN, rig.rig.period_s)
 
 
@@ -185,7 +185,7 @@ def planned_rig(
     condition_V: float | None = None,
     rest_um: float | None = None,
 ) -> PlannedRig:
-    """Return a rig as plans take it.
+    """Return a rig as planners use it.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def creep_percent_per_decade(model: Model) -> float:
 
 
 def return_error_um(model: Model) -> float:
-    """Return the standard error of x_1 on the way back from a press; 0 where it is not known."""
+    """Return the standard error of x_1 on the way back from a press; 0 if it is not known."""
     free = model.free_response
     return 0.0 if free is None or free.return_error_um is None else free.return_error_um
 

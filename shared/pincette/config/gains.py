@@ -39,19 +39,19 @@ LOAD_S = 1.0
 LOWEST_SHARE = 0.3
 """Trough of that sinusoid, as a share of the grip's force."""
 TOUCH_S = 2.0
-"""In which the arm is brought to the voltage of first touch, and as long to rest."""
+"""Duration of the motion to the voltage of first touch, and of the rest there."""
 STIFFNESS_ERROR = 0.01
-"""What the identification of a contact leaves open, as a share."""
+"""Relative error of an identified contact stiffness."""
 DELAY_PERIODS = 0.25
-"""Middle of the interval that the judgement of stability takes."""
+"""Middle of the range of delays that the stability assessment covers."""
 NOISE_SEED = 1
 LEAST_WAY_V = 0.1
 LEAST_SLOPE = 0.05
-"""Of the model's, below which no response is taken to be, whatever is stated."""
+"""Smallest slope that a response may have, as a share of the model's, whatever is stated."""
 
 
 def judged(rig: RigFile, settings: LawSettings) -> Assessment:
-    """The loop of a law on a rig at the worst that the rig file admits."""
+    """Return the assessment of a law's loop on a rig, in the worst case of the rig file."""
     return assess(loop(rig, settings), intervals(rig, settings.set))
 
 
@@ -93,7 +93,10 @@ def _tuned(
 
 
 def _judged_radius(rig: RigFile, settings: LawSettings, limit: float) -> float:
-    """The radius as an assessment finds it; at least the limit where M_s is beyond its own."""
+    """Return the spectral radius of an assessment.
+
+    At least the limit if M_s exceeds its own limit.
+    """
     of_rig = loop(rig, settings)
     met = widened(of_rig, intervals(rig, settings.set))
     radius = worst_case(of_rig, met, limit, enough=limit)[1]
@@ -103,7 +106,7 @@ def _judged_radius(rig: RigFile, settings: LawSettings, limit: float) -> float:
 
 
 def _path(rig: RigFile) -> TuningPath:
-    """Load to the middle of a sinusoid below the grip's force, and its cycles."""
+    """Return a load to the middle of a sinusoid below the grip's force, and its cycles."""
     highest, period_s = rig.grip.force_mN, rig.rig.period_s
     lowest = LOWEST_SHARE * highest
     path = sinusoid("force", 0.5 * (highest + lowest), highest - lowest, TUNED_HZ, TUNED_CYCLES)
@@ -114,7 +117,7 @@ def _path(rig: RigFile) -> TuningPath:
 
 
 def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> TuningRig:
-    """The rig as the search plays it, at the voltage of first touch."""
+    """Return the rig on which the search runs, at the voltage of first touch."""
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     response = free_response(model)
     touch_V = (part.contact_um - X_START_UM) / model.piezo_um_per_V
@@ -143,7 +146,7 @@ def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> Tuni
 
 
 def _force_error_mN(rig: RigFile) -> float:
-    """What the free response leaves open, as force."""
+    """Return the error of the free response, as a force."""
     model = rig.model
     taught = model.recorded_response or model.free_response
     if taught is not None:
@@ -152,7 +155,7 @@ def _force_error_mN(rig: RigFile) -> float:
 
 
 def loop(rig: RigFile, settings: LawSettings) -> Loop:
-    """A law with the rig's arm, observer and period, for the judgement of its stability."""
+    """Return a law with the rig's arm, observer and period, for the stability assessment."""
     return Loop(
         law=settings,
         arm=rig.model.arm(),
@@ -165,17 +168,17 @@ def loop(rig: RigFile, settings: LawSettings) -> Loop:
 
 
 def intervals(rig: RigFile, parameter_set: ParameterSet = "consistent") -> Intervals:
-    """What a job may meet: the free arm, the part within its tolerance, a response that errs."""
+    """Return the conditions of a job: the free arm, the part in its tolerance, a wrong response."""
     part = rig.part
     factors = slope_factors(rig) if parameter_set == "identified" else (1.0, 1.0)
     return around(part.stiffness_mN_per_um, part.stiffness_tolerance, gain_factor=factors)
 
 
 def slope_factors(rig: RigFile) -> tuple[float, float]:
-    """Least and largest slope of the free response, over that of its identified model.
+    """Return the smallest and largest ratio of the response's true slope to its model's.
 
-    From what the model is stated to err by, E(w) at a way w of the voltage, at two standard errors
-    over d_p·w; and from the stroke of presses as measured, over the model's. At ways below
+    They follow from the stated error of the model, E(w) at a way w of the voltage, at two standard
+    errors over d_p·w; and from the stroke of presses as measured, over the model's. At ways below
     ``LEAST_WAY_V`` E is what noise and creep leave between two visits, and no slope.
     """
     taught = rig.model.free_response

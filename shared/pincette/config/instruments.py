@@ -1,4 +1,4 @@
-"""The two instruments of a rig: which driver, where, and within which range."""
+"""The two instruments of a rig: driver, address and range."""
 
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -15,7 +15,7 @@ NO_RFC2217 = (
 
 
 def _reachable(url: str) -> str:
-    """A url that a link can open, its scheme in small letters: a device, or a host and port."""
+    """Return a url that a link can open, with a lower-case scheme: a device, or a host and port."""
     scheme, separator, rest = url.partition("://")
     url = f"{scheme.lower()}{separator}{rest}" if separator else url
     if url.startswith("rfc2217://"):
@@ -33,13 +33,13 @@ def _reachable(url: str) -> str:
 
 Url = Annotated[str, AfterValidator(_reachable)]
 Options = dict[str, str | int | float | bool]
-"""What only one driver understands; it checks them itself."""
+"""Options of one driver, which validates them itself."""
 SerialNumber = Annotated[str, Field(max_length=60)]
-"""Of an instrument, as on its name plate; empty: not known."""
+"""Serial number on the name plate of an instrument; empty: not known."""
 
 
 class Sensor(Table):
-    """The position sensor: driver, where it is, its range in µm."""
+    """The position sensor: driver, address, and range in µm."""
 
     driver: str
     """Name as listed by ``pincette doctor --drivers``."""
@@ -58,13 +58,13 @@ class Sensor(Table):
     timeout_s: Positive = 0.1
     """Longest exchange with the instrument; in real time at most 0.8 of a control period."""
     noise_um: NotNegative
-    """r.m.s., as identified; enters the force uncertainty."""
+    """Noise of the reading (r.m.s.) as identified; it enters the force uncertainty."""
     drift_um_per_min: NotNegative = 0.0
-    """Largest drift of the reading, as with the temperature of the room; it enters the force
-    uncertainty with the age of the zero. 0: none is assumed. The calibration ``noise`` measures
-    it at rest."""
+    """Largest drift of the reading, for example with the room temperature; it enters the force
+    uncertainty with the age of the zero. 0: none is assumed. The calibration ``noise`` measures it
+    at rest."""
     record: str | None = None
-    """File that every byte to and from the instrument is written to."""
+    """File that records every byte to and from the instrument."""
     options: Options = Field(default_factory=Options)
     """Options of this driver."""
 
@@ -79,21 +79,22 @@ class Output(Table):
     serial_number: SerialNumber = ""
     """Of the instrument; stored with each calibration."""
     timeout_s: Positive = 0.1
-    """For a whole exchange with the instrument."""
+    """Longest exchange with the instrument."""
     record: str | None = None
-    """File that every byte to and from the instrument is written to."""
+    """File that records every byte to and from the instrument."""
     step_V: NotNegative = 0.0
     """Smallest step of the voltage, as 20 V/2^14 of 14 bits over ±10 V; 0: not known.
 
-    Only its multiples are put out then. The arm remembers what was truly put out: where the output
-    rounds by itself, the free response errs by more after each small to-and-fro."""
+    Only multiples of it are applied. The arm remembers the voltage that was really applied: if the
+    output rounds by itself, the error of the free response grows with each small to-and-fro.
+    """
     shaping: bool = False
-    """Write each step of the voltage in three parts (1/4, 1/2, 1/4), which leaves the mode of the
-    arm at rest. For outputs that time the parts by a clock of their own, as "nidaqmx"."""
+    """Write each step of the voltage in three parts (1/4, 1/2, 1/4), which do not excite the mode
+    of the arm. For outputs that time the parts with a clock of their own, such as "nidaqmx"."""
     shaping_interval_s: Positive | None = None
-    """Time from one part of a step to the next. Left out: half a period of the mode, half-way
-    between that of the free arm, which the calibrations frequency_response and output_timing find,
-    and that of the arm which presses the part."""
+    """Time between two parts of a step. Default: half a period of the mode, half-way between that
+    of the free arm, which the calibrations frequency_response and output_timing find, and that of
+    the arm pressing the part."""
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
     """What the hardware does by itself if its host stops sending: go to a safe value, or hold."""
     options: Options = Field(default_factory=Options)

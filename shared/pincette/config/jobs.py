@@ -1,4 +1,4 @@
-"""Defaults of jobs: a request may replace each."""
+"""Defaults of jobs, which a request may replace."""
 
 from typing import Literal
 
@@ -9,7 +9,9 @@ from pincette.control.planning.paths import Shape
 
 
 class QuickGrip(Table):
-    """Speeds of a quick grip, at most: its force, the period and the slew limit may ask for less.
+    """Largest speeds of a quick grip.
+
+    Its force, the period and the slew limit may require lower ones.
 
     A request may replace the first three.
     """
@@ -17,7 +19,7 @@ class QuickGrip(Table):
     approach_um_per_s: Positive = 120.0
     """Peak speed of the free arm on its way to the part and back."""
     seek_um_per_s: Positive = 40.0
-    """Speed with which the part is touched, and the load begins."""
+    """Speed at which the part is touched and the load begins."""
     load_um_per_s: Positive = 40.0
     """Peak speed while the part is loaded and unloaded."""
     zero_s: Positive = 0.3
@@ -30,17 +32,17 @@ Condition = Literal["auto", "always", "never"]
 class Grip(Table):
     """Defaults of a grip job; a request may replace each.
 
-    The three speeds are those of a gentle grip, and of other jobs.
+    The three speeds are those of a gentle grip and of other jobs.
     """
 
     profile: Literal["quick", "gentle"] | None = None
     """``quick``: the load begins at the touch without a stop, and the contact line is followed as
     it is identified; ``gentle``: the arm stops at the touch, and the line is identified over the
-    load. None: quick where the free response is identified and the force is large enough."""
+    load. None: quick if the free response is identified and the force is large enough."""
     force_mN: Positive = 20.0
-    """Force that is held, compressive."""
+    """Held force; compressive forces are positive."""
     hold_s: Positive = 4.0
-    """How long it is held."""
+    """Duration of the hold."""
     load_s: Positive = 2.0
     """Time from the touch to the force; unloading takes as long."""
     approach_um_per_s: Positive = 20.0
@@ -54,32 +56,32 @@ class Grip(Table):
     periods."""
     condition: Condition = "auto"
     """Whether a grip or a path begins with conditioning strokes to the lowest voltage identified.
-    They bring the hysteresis of the arm to a known state, and compare its stroke with that of the
-    calibration. ``auto``: wherever the model in use allows them. ``always``: a plan is refused
-    where it does not. ``never``: other motion than grips may falsify the force by some mN."""
+    They bring the hysteresis of the arm to a known state and compare its stroke with that of the
+    calibration. ``auto``: if the model in use allows them. ``always``: a plan is refused if it does
+    not. ``never``: earlier motion may falsify the force by some mN."""
     quick: QuickGrip = QuickGrip()
-    """Of a quick grip."""
+    """Speeds of a quick grip."""
 
 
 class Track(Table):
     """Defaults of a track job; a request may replace each. Other values are those of a grip."""
 
     shape: Shape = "sinusoid"
-    """Of the path."""
+    """Shape of the path."""
     force_mean_mN: Positive = 12.0
-    """Middle of a sinusoid or triangle."""
+    """Mean force of a sinusoid or triangle."""
     force_pp_mN: Positive = 20.0
-    """Its height, peak to peak."""
+    """Peak-to-peak force of a sinusoid or triangle."""
     frequency_hz: Positive = 0.5
-    """Of a sinusoid or triangle."""
+    """Frequency of a sinusoid or triangle."""
     cycles: int = Field(default=5, ge=1, le=1000)
-    """At full amplitude; one more before and one after blend in and out."""
+    """Number of cycles at full amplitude; one more before and one after blend in and out."""
     levels_mN: tuple[Positive, ...] = Field(
         default=(5.0, 10.0, 15.0, 20.0), min_length=1, max_length=100, strict=False
     )
-    """Of steps, in their order."""
+    """Forces of the steps, in order."""
     dwell_s: Positive = 2.0
-    """At each level."""
+    """Time at each level."""
     rate_um_per_s: Positive = 60.0
     """Highest speed of x_r along a path; steps reach it."""
     acceleration_um_per_s2: Positive = 2000.0

@@ -1,4 +1,4 @@
-"""Control laws: those that are installed, by name, and the default law of a rig's jobs."""
+"""Installed control laws, and the default law of a rig's jobs."""
 
 from functools import cache
 
@@ -32,7 +32,7 @@ def law_definition(scheme: str) -> LawDefinition:
 
 
 def installed_laws() -> dict[str, LawDefinition]:
-    """Return the laws of one arm that can be used, by name; one that is broken is left out."""
+    """Return the usable laws of one arm by name; a broken one is left out."""
     found: dict[str, LawDefinition] = {}
     for scheme in plugins.names(plugins.LAWS):
         try:
@@ -43,7 +43,7 @@ def installed_laws() -> dict[str, LawDefinition]:
 
 
 def laws_by_name() -> dict[str, LawDefinition | TwoArmLaw]:
-    """Return the laws that can be used, by name, of one arm and of two."""
+    """Return the usable laws of one arm and of two by name."""
     found: dict[str, LawDefinition | TwoArmLaw] = {**installed_laws(), TWO_ARMS.name: TWO_ARMS}
     return {name: found[name] for name in plugins.names(plugins.LAWS) if name in found}
 
@@ -54,12 +54,12 @@ def resolved_law(spec: LawSpec) -> LawSettings:
 
 
 def default_set(*, identified: bool) -> ParameterSet:
-    """Return the set of a law where none is named, with or without an identified response."""
+    """Return the default parameter set of a law, with or without an identified response."""
     return "identified" if identified else "consistent"
 
 
 class Law(Table):
-    """Scheme, parameter set, and the gains of the scheme by their names."""
+    """Scheme, parameter set and gains of a law."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, float] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -67,9 +67,9 @@ class Law(Table):
     scheme: str = "pbsmic"
     """Name of the law; `pincette doctor --drivers` lists the installed laws."""
     set: ParameterSet | None = None
-    """What the law works with: m, b, k, d of the rig ("consistent") or of the paper ("printed"), or
-    those of the rig with the free response in place of the line d·u ("identified"). Without it:
-    "identified" where the model in use has an identified free response, else "consistent"."""
+    """Parameter set of the law: m, b, k, d of the rig ("consistent") or of the paper ("printed"),
+    or those of the rig with the free response in place of the line d·u ("identified"). Default:
+    "identified" if the model in use has an identified free response, else "consistent"."""
     force_age: ForceAge = "planned"
     """F_k: the newest estimate unchanged, or extrapolated to k by the change of F_r."""
 
@@ -85,11 +85,14 @@ class Law(Table):
 
     @property
     def gains(self) -> dict[str, float]:
-        """Gains that the file states; the law's defaults complete them."""
+        """Return the gains that the file states; the law's defaults complete them."""
         return dict(self.__pydantic_extra__)
 
     def settings(self, used: ParameterSet) -> LawSettings:
-        """Return the law of a set with all its gains; ``RigFile.law_set`` says which is used."""
+        """Return the law of a set with all its gains.
+
+        ``RigFile.law_set`` says which set is used.
+        """
         definition = law_definition(self.scheme)
         # What the file leaves out is the product's default, in the printed set as well.
         of_set: ParameterSet = "consistent" if used == "printed" else used
@@ -98,7 +101,7 @@ class Law(Table):
 
 
 def _faults(definition: LawDefinition, gains: dict[str, float]) -> dict[str, tuple[object, str]]:
-    """Each gain that the law does not have or take, with its value and why."""
+    """Return each gain that the law does not have or accept, with its value and the reason."""
     parameters = {parameter.name: parameter for parameter in definition.parameters}
     faults: dict[str, tuple[object, str]] = {}
     for name, value in gains.items():

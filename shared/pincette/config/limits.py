@@ -1,4 +1,4 @@
-"""What a rig bears, and how it fails safe."""
+"""Limits of a rig, and what the actuator does on a fault."""
 
 from pydantic import Field, model_validator
 
@@ -9,9 +9,9 @@ class Limits(Table):
     """Limits of the rig. The actuator enforces the voltage limits, the supervisor all limits."""
 
     voltage_min_V: float
-    """At the amplifier's input."""
+    """Lowest voltage at the amplifier's input."""
     voltage_max_V: float
-    """At the amplifier's input."""
+    """Highest voltage at the amplifier's input."""
     slew_V_per_s: Positive
     """Highest rate of change of the voltage, for every command."""
     sweep_V: Positive = 0.1
@@ -39,7 +39,7 @@ class Limits(Table):
 
 
 class Safety(Table):
-    """How the actuator fails safe."""
+    """What the actuator does on a fault, and when."""
 
     command_age_periods: float = Field(default=2.5, ge=1.5, le=10)
     """Age at which a command is too old. The actuator trips if no newer command arrives by then."""
@@ -48,7 +48,7 @@ class Safety(Table):
     safe_V: float = 0.0
     """Voltage at which the arm is free and at rest."""
     freeze_s: float = Field(default=10.0, ge=0.0, le=600.0)
-    """How long a frozen voltage keeps a held part before the ramp releases it."""
+    """Time for which a frozen voltage keeps a held part before the ramp releases it."""
     force_factor: float = Field(default=1.25, ge=1.05, le=3.0)
     """Factor of ``limits.force_max_mN``. At ``force_max_mN`` the guard of the controller ends a
     program gently. Above ``force_factor`` times ``force_max_mN`` of estimated force the actuator

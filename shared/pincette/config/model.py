@@ -1,4 +1,4 @@
-"""The arm as the controller and the estimator know it, and the law's gains."""
+"""Model of the arm for the controller and the estimator, and the law's gains."""
 
 import hashlib
 from dataclasses import asdict
@@ -20,13 +20,14 @@ from pincette.control.response.recorded_response import RecordedBranches, Turn
 from pincette.control.response.residual_table import ResidualTable
 
 USUAL_DELAY = 0.65
-"""Of a period, from a sample to its voltage, where nobody has measured it."""
+"""Delay from a sample to its voltage, in periods, assumed if it has not been measured."""
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
 UNEQUAL = 0.15
-"""Difference of the stroke's change between two ways, as a share of that change; assumed."""
+"""Assumed difference of the stroke's change between two ways, as a share of that change."""
 ASSUMED_CREEP_PERCENT = 2.0
-"""Creep in % of a step per decade of time where nobody has measured it; actuators have 1 to 2."""
+"""Assumed creep in % of a step per decade of time if it has not been measured; actuators have 1 to
+2."""
 
 
 class Branch(Table):
@@ -39,23 +40,23 @@ class Branch(Table):
     error_ways_V: tuple[float, ...] = Field(strict=False)
     """Ways of the voltage since the zero of a conditioned grip at which the error is known."""
     errors_um: tuple[float, ...] = Field(strict=False)
-    """Standard error of the free response there; enters the force uncertainty."""
+    """Standard error of the free response at these ways; it enters the force uncertainty."""
     places_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Voltages of the places to which the way from the rest after the strokes was measured; they
-    rise."""
+    """Voltages of the places to which the way from the rest after the strokes was measured,
+    ascending."""
     way_ratios: tuple[Annotated[float, Field(gt=0.8, lt=1.25)], ...] = Field(
         default=(), strict=False
     )
-    """Measured way to each of these places over what model and branch make of it."""
+    """Ratio of the measured way to each of these places to the way from model and branch."""
     way_spread: NotNegative = 0.0
     """Standard deviation of such a ratio from one conditioned way to the next."""
     way_uneven: NotNegative = 0.0
     """The same for a place that is 0.05 V or further from the measured ones."""
     strokes: int = Field(default=STROKES, ge=STROKES, le=MOST_STROKES)
-    """Number of conditioning strokes that the branch was measured after."""
+    """Number of conditioning strokes before the branch was measured."""
     rest_ratio: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Measured way from the bottom to the rest after the strokes over what model and branch make of
-    it."""
+    """Ratio of the measured way from the bottom to the rest after the strokes to the way from model
+    and branch."""
     rest_spread: NotNegative = 0.0
     """Standard deviation of that ratio from one conditioned way to the next."""
 
@@ -66,7 +67,7 @@ class Branch(Table):
 
     @classmethod
     def from_branch(cls, branch: ConditionedBranch) -> "Branch":
-        """Return the table of a branch that was measured."""
+        """Return the table of a measured branch."""
         return cls(
             voltages_V=branch.voltages_V,
             added_um=branch.added_um,
@@ -82,7 +83,7 @@ class Branch(Table):
         )
 
     def branch(self) -> ConditionedBranch:
-        """Return the branch of the table; raises ValueError where it is impossible."""
+        """Return the branch of the table; raises ValueError for impossible values."""
         return ConditionedBranch(
             self.voltages_V,
             self.added_um,
@@ -101,42 +102,43 @@ class IdentifiedFreeResponse(Table):
     """The identified free response, as ``pincette.engine.response_table`` prints it."""
 
     thresholds_V: tuple[float, ...] = Field(strict=False)
-    """r_i of each play; the first is 0, the linear part."""
+    """Threshold r_i of each play; the first is 0, the linear part."""
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
-    """w_i, one for each threshold."""
+    """Weight w_i of each play."""
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
-    """τ_j."""
+    """Creep times τ_j."""
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
-    """κ_j, shares of the static displacement, one for each time."""
+    """Creep fractions κ_j, shares of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """λ_i, one for each threshold; empty: no fading."""
+    """Fading λ_i of each play; empty: no fading."""
     return_fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """μ_i, which replace λ_i while a play returns to its middle; empty: they are the same."""
+    """Fadings μ_i, which replace λ_i while a play returns to its middle; empty: the same."""
     curvature_um_per_V2: float = 0.0
-    """q, the growth of the stroke with the square of the voltage."""
+    """Curvature q, the growth of the stroke with the square of the voltage."""
     squares_um_per_V2: tuple[float, ...] = Field(default=(), strict=False)
-    """a_i, by which the square of each play bends it; empty: nothing is bent."""
+    """Coefficient a_i of the square of each play; empty: none."""
     cubes_um_per_V3: tuple[float, ...] = Field(default=(), strict=False)
-    """b_i, by which its cube does, one for each threshold."""
+    """Coefficient b_i of the cube of each play."""
     bent_V: tuple[float, float] = Field(default=(0.0, 0.0), strict=False)
-    """Voltages between which the bends hold; beyond, they go on straight."""
+    """Voltages between which squares and cubes act; beyond, the response continues straight."""
     residual_um: NotNegative
-    """r.m.s. residual on free motion that was not fitted; enters the force uncertainty."""
+    """Residual (r.m.s.) on free motion that was not used in the fit; it enters the force
+    uncertainty."""
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
     """Measured stroke divided by the model's, where parts are pressed; 1 if not measured."""
     error_ways_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Ways of the voltage since a zero at which the error is known; empty: by the residual."""
+    """Ways of the voltage since a zero at which the error is known; empty: the residual is used."""
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
-    """Standard error of the free response there; enters the force uncertainty."""
+    """Standard error of the free response at these ways; it enters the force uncertainty."""
     return_error_um: NotNegative | None = None
     """Standard error, in µm, of the free response at the place of the zero on the way back from a
-    press; by rehearsed grips. None: not known."""
+    press, from rehearsed grips. None: not known."""
     creep_percent_per_decade: NotNegative = ASSUMED_CREEP_PERCENT
     """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
     ``creep_times_s`` the uncertainty of the force grows by it; the default is assumed."""
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
-    """Least and largest voltage of the motion that it was identified from; a job that presses is
-    refused beyond. Without it: not known, and not checked."""
+    """Lowest and highest voltage of the motion from which it was identified; a job that presses is
+    refused beyond. None: not known, and not checked."""
     branch: Branch | None = None
     """Rising branch of the arm after conditioning strokes. Without it the strokes are followed by
     the model alone, and a changed stroke of the arm is not found."""
@@ -162,7 +164,7 @@ class IdentifiedFreeResponse(Table):
         return_error_um: float | None = None,
         branch: ConditionedBranch | None = None,
     ) -> "IdentifiedFreeResponse":
-        """Return the table of a model that was identified."""
+        """Return the table of an identified model."""
         ways_V, errors_um = ((), ()) if growth is None else growth
         return cls(
             **asdict(model),
@@ -179,8 +181,8 @@ class IdentifiedFreeResponse(Table):
     def stroked(self, factor: float, piezo_um_per_V: float) -> "IdentifiedFreeResponse":
         """Return the same response with a stroke that is larger by a factor.
 
-        The stroke of an actuator is not proportional to the voltage, so that a factor that was
-        measured over one way is another one over others: the errors grow by ``UNEQUAL`` of it.
+        The stroke of an actuator is not proportional to the voltage, so a factor that was measured
+        over one way differs over others: the errors grow by ``UNEQUAL`` of it.
         """
         unequal_um_per_V = UNEQUAL * abs(factor - 1.0) * piezo_um_per_V
 
@@ -211,13 +213,16 @@ class IdentifiedFreeResponse(Table):
         return self.model_copy(update=changed)
 
     def growth(self) -> ErrorGrowth | None:
-        """Error by the way since a zero; None if not known; raises ValueError where impossible."""
+        """Return the error by way since a zero, or None if unknown.
+
+        Raises ValueError if impossible.
+        """
         if not self.error_ways_V and not self.errors_um:
             return None
         return checked_growth(self.error_ways_V, self.errors_um)
 
     def hysteresis(self) -> HysteresisModel:
-        """Model of the table; raises ValueError where it is impossible."""
+        """Return the model of the table; raises ValueError for impossible values."""
         return HysteresisModel(
             thresholds_V=self.thresholds_V,
             weights_um_per_V=self.weights_um_per_V,
@@ -238,17 +243,17 @@ class RecordedFreeResponse(Table):
     bottom_V: float
     """Voltage at which the ascending branch begins."""
     bottom_um: float
-    """Position there."""
+    """Position at that voltage."""
     top_V: float
     """Voltage at which the descending branch begins."""
     top_um: float
-    """Position there."""
+    """Position at that voltage."""
     ascending: tuple[float, ...] = Field(strict=False)
-    """Shares of the height from bottom to top, at even shares of the voltage's way."""
+    """Shares of the height from bottom to top, at equal steps of the voltage."""
     descending: tuple[float, ...] = Field(strict=False)
     """The same, from top to bottom."""
     residual_um: NotNegative
-    """r.m.s. residual on free motion that was not recorded; enters the force uncertainty."""
+    """Residual (r.m.s.) on free motion that was not recorded; it enters the force uncertainty."""
 
     @model_validator(mode="after")
     def _possible(self) -> "RecordedFreeResponse":
@@ -259,7 +264,7 @@ class RecordedFreeResponse(Table):
     def from_branches(
         cls, branches: RecordedBranches, residual_um: float
     ) -> "RecordedFreeResponse":
-        """Table of branches that were recorded."""
+        """Return the table of recorded branches."""
         return cls(
             bottom_V=branches.bottom.voltage_V,
             bottom_um=branches.bottom.x_um,
@@ -271,7 +276,7 @@ class RecordedFreeResponse(Table):
         )
 
     def branches(self) -> RecordedBranches:
-        """Branches of the table; raises ValueError where they are impossible."""
+        """Return the branches of the table; raises ValueError for impossible values."""
         return RecordedBranches(
             bottom=Turn(self.bottom_V, self.bottom_um),
             top=Turn(self.top_V, self.top_um),
@@ -281,22 +286,22 @@ class RecordedFreeResponse(Table):
 
 
 class FreeResidual(Table):
-    """What the free response misses along one program; see ``control.residual_table``."""
+    """Residual of the free response along one program; see ``control.residual_table``."""
 
     program: str
-    """Digest of the motion that it is for."""
+    """Digest of the motion."""
     response: str
-    """Digest of the free response that misses it."""
+    """Digest of the free response."""
     job: str
     """Job whose voltages were played."""
     measured_at: str = ""
-    """UTC; set as it comes into use."""
+    """Time of the measurement in UTC; set when the table comes into use."""
     stride_ticks: int = Field(ge=1)
-    """Ticks from one value to the next."""
+    """Number of ticks between two values."""
     values_um: tuple[Row, ...] = Field(strict=False)
-    """By segment of the program."""
+    """Values by segment of the program."""
     error_um: NotNegative
-    """Standard error in a later run; enters the force uncertainty."""
+    """Standard error in a later run; it enters the force uncertainty."""
 
     @model_validator(mode="after")
     def _possible(self) -> "FreeResidual":
@@ -304,21 +309,21 @@ class FreeResidual(Table):
         return self
 
     def table(self) -> ResidualTable:
-        """Table as the estimator has it; raises ValueError where it is impossible."""
+        """Return the table as the estimator uses it; raises ValueError for impossible values."""
         return ResidualTable(self.stride_ticks, self.values_um, self.error_um)
 
 
 class Model(Table):
-    """The arm as the controller and the estimator know it."""
+    """Model of the arm for the controller and the estimator."""
 
     natural_frequency_rad_per_s: Positive = 2437.8
-    """Of the free arm's first mode, undamped."""
+    """Undamped natural frequency of the free arm's first mode."""
     damping_ratio: Positive = 0.0260
-    """Of that mode."""
+    """Damping ratio of that mode."""
     piezo_um_per_V: Positive = 19.0
-    """d_p: free stroke for a volt at the amplifier's input, without hysteresis."""
+    """d_p: free stroke per volt at the amplifier's input, without hysteresis."""
     compliance_um_per_mN: Positive = 0.46
-    """s_p: how far a force at the tip bends the arm."""
+    """s_p: deflection per force at the tip."""
     hysteresis_fraction: NotNegative = 0.2
     """Standard error of the linear free response, as a share of the furthest travel of the voltage
     since the zero; by default that of an arm of unknown gain."""
@@ -332,14 +337,15 @@ class Model(Table):
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     output_delay_s: NotNegative | None = None
-    """From a sample until the voltage that answers it is put out; laws that look ahead and the
-    observer "smooth" take it. Without it: 0.65 of a period."""
+    """Time from a sample until the voltage that answers it is applied, used by laws that look ahead
+    and by the observer "smooth". Default: 0.65 of a period."""
     output_lag_s: NotNegative = 0.0
     """Time constant of a first-order lag between output and arm, such as an RC before the
     amplifier."""
     force_observer: Literal["quasi_static", "inverse_dynamics", "kalman", "smooth"] = "quasi_static"
-    """Computes the force from position and free response. "quasi_static" is for long periods only;
-    "smooth" is for short ones under a law that leaves the mode at rest, such as "fpbsmic"."""
+    """Method that computes the force from position and free response. "quasi_static" is for long
+    periods only; "smooth" is for short ones under a law that does not excite the mode, such as
+    "fpbsmic"."""
     force_ages: Literal["matched", "printed"] = "matched"
     """Whether (53) pairs x and x_1 of the same age, or as printed; see ``control.observers``."""
     force_rate_mN_per_s: Positive = 50.0
@@ -347,12 +353,12 @@ class Model(Table):
     inverse_filter_s: NotNegative = 0.0005
     """τ of 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None
-    """The free response, identified."""
+    """Identified free response."""
     recorded_response: RecordedFreeResponse | None = None
-    """In its place, recorded. Without either the free response is a straight line."""
+    """Recorded free response, used instead. Without either the free response is a straight line."""
 
     residuals: tuple[FreeResidual, ...] = Field(default=(), strict=False)
-    """What the free response misses along programs, each measured by a run without the part."""
+    """Residuals of the free response along programs, each measured by a run without the part."""
 
     @model_validator(mode="after")
     def _printed_ages_are_quasi_static(self) -> "Model":
@@ -373,18 +379,21 @@ class Model(Table):
         return self
 
     def response_digest(self) -> str:
-        """Names the free response, which a table of its residuals holds for alone."""
+        """Return the digest of the free response.
+
+        A table of residuals is valid for one response only.
+        """
         known = {"piezo_um_per_V", "free_response", "recorded_response"}
         return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
 
     def output(self, period_s: float) -> OutputTiming:
-        """When a voltage acts on the arm, as measured or assumed."""
+        """Return when a voltage acts on the arm, as measured or assumed."""
         given_s = self.output_delay_s
         delay_s = USUAL_DELAY * period_s if given_s is None else given_s
         return OutputTiming(delay_s, self.output_lag_s)
 
     def arm(self) -> ArmParameters:
-        """m, b, k, d of the consistent set."""
+        """Return m, b, k, d of the consistent set."""
         return consistent_arm(
             self.natural_frequency_rad_per_s,
             self.damping_ratio,

@@ -13,7 +13,7 @@ from pincette.config.tables import NotNegative, Positive, Table
 
 
 def _place(text: str) -> str:
-    """Where a program listens, as HOST:PORT."""
+    """Return where a program listens, as HOST:PORT."""
     try:
         parts = urlsplit(f"//{text}")
         if parts.hostname and parts.port and parts.netloc == text:
@@ -65,35 +65,36 @@ class Recorder(Table):
     """When a record is refused, when it is closed, and when old records are deleted."""
 
     min_free_MB: NotNegative = 200.0
-    """With less free disk space than this no record is begun, and so no job."""
+    """Free disk space below which no record is begun, and so no job."""
     silence_s: float = Field(default=10.0, ge=1.0)
-    """A record whose loop has been silent this long is closed as incomplete."""
+    """Time without samples after which a record is closed as incomplete."""
     keep_days: Positive | None = None
-    """Older records are deleted; None: never for their age."""
+    """Age after which records are deleted; None: never because of their age."""
     keep_GB: Positive | None = None
-    """Beyond this much the oldest records are deleted; None: never for their size."""
+    """Total size above which the oldest records are deleted; None: never because of their size."""
 
 
 HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
 
 
 Behind = Literal["nothing", "container"]
-"""What keeps others from a port, beside the program itself."""
+"""What prevents others from reaching a port, besides the program itself."""
 CAMERA = r"^https?://[A-Za-z0-9.\-\[\]:]{1,255}(/[!#-%(-:=?-_a-z~]{0,1000})?$"
-"""Without what would end an attribute of the page or a part of its policy."""
+"""Pattern of a camera's address, without characters that end an attribute of the page or a part of
+its policy."""
 
 
 class Supervisor(Table):
-    """Where the supervisor listens, and how it is reached."""
+    """Address of the supervisor, and access to it."""
 
     host: str = "127.0.0.1"
-    """On an address beyond loopback it starts only if there are keys."""
+    """Address at which it listens. Beyond loopback it starts only if there are keys."""
     port: int = Field(default=8000, ge=1, le=65535)
-    """Of REST and the page."""
+    """Port of REST and the page."""
     tls: bool = False
     """REST and page over TLS, ``https://``, with the supervisor's certificate in ``[bus] pki``."""
     names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
-    """Names by which it is reached, beside its address; a request for another one is refused."""
+    """Names by which it is reached besides its address; a request for any other name is refused."""
     behind: Behind = "nothing"
     """``container``: you ensure that its port is published only on the loopback of the host. It
     may then listen on every address of its container without keys."""
@@ -101,41 +102,43 @@ class Supervisor(Table):
     """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
     before it, and if the whole data folder is lost."""
     clients_per_address: int = Field(default=1, ge=1, le=256)
-    """Number of clients without a key that one address stands for, as behind a reverse proxy. It
-    multiplies the limits of rate, of requests under way and of streams of an address. A key has
-    limits of its own, and all clients together keep theirs."""
+    """Number of clients without a key behind one address, for example behind a reverse proxy. It
+    multiplies the limits of an address: rate, requests under way, and streams. A key has limits of
+    its own, and the limits of all clients together do not change."""
     webhooks: tuple[Webhook, ...] = Field(default=(), max_length=10, strict=False)
-    """Addresses that are posted to at ends of jobs and alarms."""
+    """Addresses that are notified of ends of jobs and of alarms."""
     camera: Annotated[str, Field(pattern=CAMERA)] | None = None
-    """Address of a camera's MJPEG pictures, such as http://bench-camera:8081/stream; the page shows
-    them beside the charts. The browser asks for them itself, so without user and password."""
+    """Address of a camera's MJPEG stream, such as http://bench-camera:8081/stream, which the page
+    shows beside the charts. The browser fetches it directly, so it has neither user nor password.
+    """
     mail: Mail | None = None
-    """Who is mailed at ends of jobs and alarms; None: nobody."""
+    """Recipients of mails at ends of jobs and alarms; None: nobody."""
 
     @property
     def url(self) -> str:
-        """Where REST and the page are."""
+        """Return the address of REST and the page."""
         return supervisor_url(self.host, self.port, tls=self.tls)
 
 
 class Sila(Table):
-    """Where the SiLA 2 server listens, and how it is reached."""
+    """Address of the SiLA 2 server, and access to it."""
 
     host: str = "127.0.0.1"
-    """Beyond loopback it starts only with a certificate and with ``login``."""
+    """Address at which it listens. Beyond loopback it starts only with a certificate and with
+    ``login``."""
     port: int = Field(default=50052, ge=1, le=65535)
-    """That SiLA's own examples use."""
+    """Port, by default that of SiLA's own examples."""
     certificate: str | None = None
-    """File of its certificate (PEM), relative to the rig file, with the private key in the file
-    beside it that ends with .key. None: it speaks without TLS."""
+    """File of its certificate (PEM), relative to the rig file; the private key is in the file of
+    the same name that ends with .key. None: no TLS."""
     discovery: bool = False
-    """Announce it in the local network by mDNS."""
+    """Whether it is announced in the local network by mDNS."""
     login: bool = False
-    """Motions want a login with a key of the supervisor."""
+    """Whether motions require a login with a key of the supervisor."""
     supervisor: str | None = None
-    """Address of the supervisor, as http://bench:8000. None: by ``[supervisor]``."""
+    """Address of the supervisor, such as http://bench:8000. None: from ``[supervisor]``."""
     behind: Behind = "nothing"
-    """``container``: as of ``[supervisor]``; it may then listen on every address of its container
+    """``container``: as in ``[supervisor]``; it may then listen on every address of its container
     without a certificate."""
 
     @model_validator(mode="after")
@@ -155,27 +158,27 @@ Origin = Annotated[
     str, Field(pattern=r"^([a-z][a-z0-9+.-]*://[A-Za-z0-9.\-\[\]:]{1,255}|file://)$")
 ]
 VIEWERS = ("https://app.foxglove.dev", "file://")
-"""A page that a browser has opened from a file names ``file://`` too, or ``null``."""
+"""Default origins. A page that a browser has opened from a file states ``file://`` or ``null``."""
 
 
 class Foxglove(Table):
-    """Where the Foxglove WebSocket server listens."""
+    """Address of the Foxglove WebSocket server, and access to it."""
 
     host: str = "127.0.0.1"
-    """Beyond loopback it starts only with a certificate."""
+    """Address at which it listens. Beyond loopback it starts only with a certificate."""
     port: int = Field(default=8765, ge=1, le=65535)
-    """That viewers offer by default."""
+    """Port, by default the one that viewers suggest."""
     certificate: str | None = None
-    """File of its certificate (PEM), relative to the rig file, with the private key in the file
-    beside it that ends with .key. None: it speaks without TLS."""
+    """File of its certificate (PEM), relative to the rig file; the private key is in the file of
+    the same name that ends with .key. None: no TLS."""
     supervisor: str | None = None
-    """Address of the supervisor, which makes an emergency stop. None: by ``[supervisor]``."""
+    """Address of the supervisor, which performs emergency stops. None: from ``[supervisor]``."""
     origins: tuple[Origin, ...] = Field(default=VIEWERS, max_length=20, strict=False)
-    """Web pages that may connect, as https://viewer.example, beside those that this machine serves
-    itself. By default Foxglove's, and programs that show their pages from files, as its desktop
-    program does; a program without pages names none and may connect."""
+    """Web pages that may connect, such as https://viewer.example, besides those that this machine
+    serves. By default Foxglove's pages, and programs that load their pages from files, such as its
+    desktop program; a program without pages states none and may connect."""
     behind: Behind = "nothing"
-    """``container``: as of ``[supervisor]``; it may then listen on every address of its container
+    """``container``: as in ``[supervisor]``; it may then listen on every address of its container
     without a certificate."""
 
     @model_validator(mode="after")
@@ -187,7 +190,7 @@ class Foxglove(Table):
 
 
 def require_certificate(host: str, certificate: str | None, why: str) -> None:
-    """Raise ValueError where a server would be heard by others and has no certificate."""
+    """Raise ValueError if a server can be reached by others and has no certificate."""
     if certificate is None and not _is_loopback(host):
         raise ValueError(
             f"host = {host!r} without a certificate: {why}; state `certificate`, or listen on "
@@ -203,10 +206,10 @@ def _is_loopback(host: str) -> bool:
 
 
 Ticking = Literal["router", "rig", "sensor", "estimator", "controller", "actuator"]
-"""Programs that a tick passes through."""
+"""Programs through which a tick passes."""
 SchedulingSetting = Literal["priority", "cores", "timer_slack", "cpu_latency", "memory"]
 PRIORITY = 10
-"""Above every fair task, below the threads of the kernel."""
+"""Default priority: above every fair task, below the threads of the kernel."""
 Priority = Annotated[int, Field(ge=0, le=99)]
 Core = Annotated[int, Field(ge=0, le=1023)]
 Cores = Annotated[tuple[Core, ...], Field(max_length=1024, strict=False)]
@@ -214,16 +217,16 @@ Cores = Annotated[tuple[Core, ...], Field(max_length=1024, strict=False)]
 
 @dataclass(frozen=True, slots=True)
 class Scheduling:
-    """What one program asks for."""
+    """Scheduling settings of one program."""
 
     priority: int = PRIORITY
-    """SCHED_FIFO; 0: none."""
+    """Priority under SCHED_FIFO; 0: none."""
     cores: tuple[int, ...] = ()
-    """Empty: every one."""
+    """Processors to run on; empty: all."""
     timer_slack_s: float = 1e-6
-    """0 s: as the system has it."""
+    """Timer slack; 0 s: the system's setting."""
     cpu_latency_s: float | None = None
-    """None: as the system has it."""
+    """Limit of the processors' wake-up time; None: the system's setting."""
     lock_memory: bool = False
     required: frozenset[SchedulingSetting] = frozenset()
 
@@ -231,7 +234,7 @@ class Scheduling:
 class RealTime(Table):
     """Real-time settings of the periodic programs, for all of them or for each program.
 
-    They change no result. They may differ between machines.
+    They change no result and may differ between machines.
     """
 
     priority: Priority | dict[Ticking, Priority] = PRIORITY
@@ -254,7 +257,10 @@ class RealTime(Table):
     """Settings that the system must permit for the program to start; the others are optional."""
 
     def of(self, *programs: str) -> Scheduling:
-        """What a program asks for; if composed, the highest priority and all processors."""
+        """Return the settings of a program.
+
+        If it is composed, the highest priority and all processors.
+        """
         names = cast(tuple[Ticking, ...], programs)
         priority, cores = self.priority, self.cores
         each = [cores.get(name, ()) if isinstance(cores, dict) else cores for name in names]

@@ -1,4 +1,4 @@
-"""Reads rig files: TOML, also with a base file, and JSON, as programs send it."""
+"""Reader of rig files: TOML, optionally with a base file, and JSON, as programs send it."""
 
 import reprlib
 from pathlib import Path
@@ -19,11 +19,11 @@ from pincette.config.toml_file import (
 from pincette.core.validation_wording import place, refusal
 
 ZERO_PERIODS = 10
-"""Least number of periods for a zero of the force."""
+"""Smallest number of periods for a zero of the force."""
 ROUNDING = 1e-6
-"""Periods by which a product of two decimal numbers may be off."""
+"""Tolerance, in periods, of a product of two decimal numbers."""
 SHOWN, MOST_FAULTS = 300, 20
-"""Characters of a value that a fault repeats, and faults that are listed."""
+"""Number of characters of a value shown in a fault, and of faults that are listed."""
 _SHORT = reprlib.Repr()
 _SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 
@@ -55,7 +55,7 @@ def read_rig(path: Path) -> RigFile:
 
 
 def _check_zeros(rig: RigFile) -> None:
-    """Refuse a time for the zero of the force that a file states and that is too short.
+    """Refuse a stated time for the zero of the force that is too short.
 
     Raises ConfigError. Rig files that programs send and records contain state all defaults, and are
     not refused for them.
@@ -72,11 +72,11 @@ def _check_zeros(rig: RigFile) -> None:
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
-"""What the other values of a table belong to; of a sensor or an output only its options."""
+"""Value on which the others of a table depend; in a sensor or output table only its options."""
 
 
 def _fitting(below: Tree, above: Tree) -> Tree:
-    """The base file's tables without gains of another law, and options of another driver."""
+    """Return the base file's tables without gains of another law and options of another driver."""
     result = dict(below)
     for name, choice in CHOICES.items():
         under, over = result.get(name), above.get(name)
@@ -90,7 +90,7 @@ def _fitting(below: Tree, above: Tree) -> Tree:
 
 
 def parse_rig(tables: Tree) -> RigFile:
-    """Check the tables of a rig file; raises ConfigError with one line for each fault."""
+    """Validate the tables of a rig file; raises ConfigError with one line for each fault."""
     try:
         return RigFile.model_validate(completed(tables))
     except ValidationError as error:
@@ -119,6 +119,6 @@ def _faults(error: ValidationError) -> str:
 
 
 def _legible(text: str) -> str:
-    """A text of one line, whatever a file or another program has put into it."""
+    """Return a text on one line, whatever a file or another program has put into it."""
     short = text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
     return short if short.isprintable() else repr(short)

@@ -1,4 +1,4 @@
-"""The rig file: one frozen tree, unknown keys and impossible values refused."""
+"""The rig file: one frozen tree; unknown keys and impossible values are refused."""
 
 import hashlib
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ ComposedName = Annotated[str, AfterValidator(canonical_name)]
 
 
 def _apart(programs: tuple[str, ...]) -> tuple[str, ...]:
-    """Programs of which no two run the same service."""
+    """Validate that no two programs run the same service."""
     for service in LOOP:
         having = [name for name in programs if service in member_services(name)]
         if len(having) > 1:
@@ -42,9 +42,9 @@ class Rig(Table):
     """Name of the rig, its control period, its kind of time, and which services run together."""
 
     name: str = Field(pattern=f"^{RIG_NAME}$")
-    """Appears in every key of the bus, in records, and at the supervisor."""
+    """Name of the rig in every key of the bus, in records, and in the supervisor."""
     period_s: float = Field(default=0.02, gt=0, le=1.0)
-    """One sample, one step of the law, one command."""
+    """Control period: one sample, one step of the law, one command."""
     time: Literal["real", "lockstep"] = "real"
     """``real``: the sensor samples on a grid of this machine's clock. ``lockstep``: the simulated
     rig sets the pace, and the same job gives bit-identical results."""
@@ -56,16 +56,16 @@ class Rig(Table):
 
 
 class Part(Table):
-    """The object to be gripped, as the plan assumes it."""
+    """The object to be gripped, as plans assume it."""
 
     name: str
     """Description for the operator."""
     contact_um: float
     """Position of the driven arm at first touch."""
     contact_tolerance_um: Positive
-    """How far the first touch may be from there, either way."""
+    """Largest deviation of the first touch from that position, in either direction."""
     stiffness_mN_per_um: Positive
-    """K_e: the part in series with the passive arm."""
+    """K_e: stiffness of the part in series with the passive arm."""
     stiffness_tolerance: float = Field(default=0.3, gt=0, lt=1)
     """Relative tolerance of the stiffness; the stability check uses the worst case."""
 
@@ -74,13 +74,13 @@ class Calibrating(Table):
     """How long the result of a calibration is valid."""
 
     valid_days: Positive | None = None
-    """From the measurement on; None: without limit."""
+    """Validity from the measurement on; None: unlimited."""
 
 
 ROUNDING = 1e-6
-"""Periods by which a quotient of two decimal numbers may be off."""
+"""Tolerance, in periods, of a quotient of two decimal numbers."""
 JOINED = "rigs"
-"""Folder of the rigs that have joined, below that of the rig they have joined."""
+"""Folder of rigs that have joined another rig, inside that rig's folder."""
 UNSHARED: Mapping[str, set[str] | bool] = {
     "rig": {"composed"},
     "bus": {"upstream", "served_at"},
@@ -93,18 +93,18 @@ UNSHARED: Mapping[str, set[str] | bool] = {
     "foxglove": True,
     "supervisor": {"names", "behind", "keys", "webhooks", "mail"},
 }
-"""What may differ between programs: nothing of the loop works with it."""
+"""Values that may differ between programs, since nothing in the loop uses them."""
 
 
 class RigFile(Table):
-    """A whole rig file."""
+    """A complete rig file."""
 
     rig: Rig
     bus: Bus = Bus()
     sensor: Sensor
     output: Output
     second: Second | None = None
-    """A second driven arm; without it the rig has one, and a passive arm."""
+    """Second driven arm; None: one driven and one passive arm."""
     model: Model = Model()
     law: Law = Law()
     limits: Limits
@@ -157,7 +157,7 @@ class RigFile(Table):
 
     @property
     def arms(self) -> tuple["RigFile", ...]:
-        """The rig as one of a single arm, for each arm; of a rig of one arm itself."""
+        """Return one rig of a single arm for each arm; for a rig of one arm, itself."""
         second = self.second
         if second is None:
             return (self,)
@@ -180,17 +180,17 @@ class RigFile(Table):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Programs of the loop, in the order of a tick."""
+        """Return the programs of the loop, in the order of a tick."""
         return tuple(dict.fromkeys(map(self.program_of, LOOP)))
 
     def program_of(self, service: str) -> str:
-        """The program that runs a service of the loop."""
+        """Return the program that runs a service of the loop."""
         composed = self.rig.composed
         return next((name for name in composed if service in member_services(name)), service)
 
     @property
     def voltage_limits(self) -> VoltageLimits:
-        """What the actuator puts out at most, from one period to the next."""
+        """Return the limits of the voltage and of its change in one period."""
         limits = self.limits
         return VoltageLimits(
             min_V=limits.voltage_min_V,
@@ -202,7 +202,7 @@ class RigFile(Table):
 
     @property
     def shaping_s(self) -> float | None:
-        """Time from one part of a step of the voltage to the next; None: steps have one part."""
+        """Return the time between two parts of a voltage step; None: steps have one part."""
         if not self.output.shaping:
             return None
         if (given_s := self.output.shaping_interval_s) is not None:
@@ -212,29 +212,29 @@ class RigFile(Table):
 
     @property
     def stiffness_ratio(self) -> float:
-        """s_p·K_e of the part."""
+        """Return s_p·K_e of the part."""
         return self.model.compliance_um_per_mN * self.part.stiffness_mN_per_um
 
     @property
     def output_timing(self) -> OutputTiming:
-        """When a voltage acts on the arm: a step in parts with its middle one."""
+        """Return when a voltage acts on the arm; for a step in parts, when its middle one does."""
         timing = self.model.output(self.rig.period_s)
         shaping_s = self.shaping_s
         return timing if shaping_s is None else timing._replace(delay_s=timing.delay_s + shaping_s)
 
     @property
     def law_set(self) -> ParameterSet:
-        """The set of a law that names none: the rig file's, or what the model in use allows."""
+        """Return the set of a law that names none: the rig file's, or what the model allows."""
         return self.law.set or default_set(identified=self.model.free_response is not None)
 
     @property
     def law_settings(self) -> LawSettings:
-        """The law of jobs that choose none, with all its gains."""
+        """Return the law of jobs that choose none, with all its gains."""
         return self.law.settings(self.law_set)
 
     @property
     def monitors(self) -> MonitorLimits:
-        """The hard limits that the actuator holds every sample against, and the controller too."""
+        """Return the hard limits by which actuator and controller check every sample."""
         limits, safety, period_s = self.limits, self.safety, self.rig.period_s
         margin_um = safety.position_margin * (limits.position_max_um - limits.position_min_um)
         return MonitorLimits(
@@ -252,11 +252,14 @@ class RigFile(Table):
 
     @property
     def joins(self) -> bool:
-        """Whether it joins the router of another rig, and is served by the supervisor there."""
+        """Return whether it joins the router of another rig, whose supervisor then serves it."""
         return self.bus.router is not None
 
     def home(self, data: Path) -> Path:
-        """Where records and logs go: each rig that joins another's router has its own folder."""
+        """Return the folder of records and logs.
+
+        Each rig that joins another's router has its own.
+        """
         return data / JOINED / self.rig.name if self.joins else data
 
     def simulated_arm(self, data: Path) -> Path:
@@ -264,16 +267,16 @@ class RigFile(Table):
         return self.home(data) / "simulated-arm.json"
 
     def secured(self, pki: Path) -> "RigFile":
-        """The same rig with a folder of certificates."""
+        """Return the same rig with a folder of certificates."""
         return self.model_copy(update={"bus": self.bus.model_copy(update={"pki": str(pki)})})
 
     def listening(self, address: str) -> "RigFile":
-        """The same rig with a router that listens on another address than its programs use."""
+        """Return the same rig with a router that listens on another address than its programs."""
         return self.model_copy(update={"bus": self.bus.model_copy(update={"listen": address})})
 
     @property
     def serial_numbers(self) -> dict[str, str]:
-        """Of the instruments, by table; those that are known."""
+        """Return the known serial numbers of the instruments, by table."""
         known = {"sensor": self.sensor.serial_number, "output": self.output.serial_number}
         if self.second is not None:
             known["second.sensor"] = self.second.sensor.serial_number
@@ -281,6 +284,9 @@ class RigFile(Table):
         return {table: number for table, number in known.items() if number}
 
     def digest(self) -> str:
-        """What every program of a rig must agree on; how a rig is looked after is none of it."""
+        """Return the digest on which all programs of a rig must agree.
+
+        Settings of upkeep are not part of it.
+        """
         text = self.model_dump_json(exclude=UNSHARED)
         return hashlib.sha256(text.encode()).hexdigest()[:16]

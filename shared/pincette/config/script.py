@@ -1,6 +1,6 @@
-"""Orders to a simulated rig: what there is to be done, as a table, and those of the rig file.
+"""Commands to a simulated rig: the table of possible ones, and those of the rig file.
 
-The table is what the rig, the command line and docs/how-to/scripted-faults.md go by.
+The rig, the command line and docs/how-to/scripted-faults.md use this table.
 """
 
 from dataclasses import dataclass
@@ -15,27 +15,27 @@ LONGEST_DELAY_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One thing that can be done to a target."""
+    """An action or fault for a target."""
 
     what: str
     meaning: str
     quantity: str = ""
-    """What its value is, with the unit; empty: it takes none."""
+    """Name of its value, with the unit; empty: it has none."""
     least: float = 0.0
     most: float = 0.0
     default: float | None = None
-    """None: a value must be given."""
+    """Default of the value; None: a value must be given."""
     lasts: bool = True
     """Whether it is a fault, which lasts for a time and can be healed."""
 
     @property
     def valued(self) -> bool:
-        """Whether it takes a value."""
+        """Return whether it takes a value."""
         return bool(self.quantity)
 
 
 def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
-    """Faults of an instrument or its line; ``quantity`` is the unit of its values."""
+    """Return faults of an instrument or its line; ``quantity`` is the unit of its values."""
     late = ("s", 0.0, LONGEST_DELAY_S)
     return (
         Operation("off", "is silent, as unplugged", "1: its socket hangs up too", 0.0, 1.0, 0.0),
@@ -103,20 +103,20 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
     "second_sensor": SENSOR,
     "second_output": OUTPUT,
 }
-"""For each target what can be done to it."""
+"""Actions and faults of each target."""
 OF_SECOND = frozenset({"second_sensor", "second_output"})
-"""Targets of a rig with two driven arms alone."""
+"""Targets that only a rig with two driven arms has."""
 OPTIONAL = frozenset({("part", "place")})
-"""Operations whose value may be left out, with a meaning of its own."""
+"""Operations whose value may be left out, which then has a meaning of its own."""
 
 
 def operation_of(target: str, what: str) -> Operation | None:
-    """Row of the table; None where there is none."""
+    """Return the row of the table; None if there is none."""
     return next((one for one in OPERATIONS.get(target, ()) if one.what == what), None)
 
 
 def objection(order: SimCommand) -> str:
-    """Why an order cannot be carried out, with what could; empty where it can."""
+    """Return why a command cannot be carried out, with the possible ones; empty if it can."""
     if order.target not in OPERATIONS:
         return f"no target {order.target!r}; there are {', '.join(OPERATIONS)}"
     operation = operation_of(order.target, order.what)
@@ -146,10 +146,10 @@ def _value_objection(name: str, operation: Operation, order: SimCommand) -> str:
 
 
 class ScriptedOrder(Table):
-    """One entry of [[simulation.script]]."""
+    """An entry of [[simulation.script]]."""
 
     at_s: NotNegative
-    """s, in the rig's time since the first voltage was written."""
+    """Time in s, in the rig's time since the first voltage was written."""
     target: str
     """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
     and ``second_output``."""
@@ -167,5 +167,5 @@ class ScriptedOrder(Table):
         return self
 
     def order(self) -> SimCommand:
-        """As it is asked over the bus."""
+        """Return the command as it is sent over the bus."""
         return SimCommand(self.target, self.what, self.value, self.at_s, self.for_s)

@@ -1,4 +1,4 @@
-"""The second driven arm of a rig: its instruments, its model, its limits, where it touches."""
+"""The second driven arm of a rig: its instruments, model, limits and contact."""
 
 from typing import Any, cast
 
@@ -14,32 +14,33 @@ from pincette.config.tables import Table
 
 Tree = dict[str, Any]
 OWN_OF_AN_ARM = ("free_response", "recorded_response", "residuals")
-"""Of a model: taught to one arm, and no other's."""
+"""Values of a model that are taught to one arm and are not valid for another."""
 
 
 class Second(Table):
     """A second driven arm opposite the first, on the same part.
 
-    x_1 and x_2 both count towards the part, so that x_1 + x_2 is by how much the gripper has
-    closed. Other tables hold for both arms.
+    x_1 and x_2 are both positive towards the part, so that the gripper has closed by x_1 + x_2.
+    Other tables hold for both arms.
     """
 
     sensor: Sensor
-    """Of this arm; its ``direction`` makes x_2 grow towards the part."""
+    """Sensor of this arm; its ``direction`` makes x_2 grow towards the part."""
     output: Output
-    """Of this arm: a module on a line of its own, or with the url of ``[output]`` another channel,
-    or another module, on the same line. Then driver, ``timeout_s`` and ``record`` are the same."""
+    """Output of this arm: a module on a line of its own, or, with the url of ``[output]``, another
+    channel or another module on the same line. Then driver, ``timeout_s`` and ``record`` must be
+    the same."""
     model: Model = Model()
-    """Of this arm. What is left out is as in ``[model]``, but for what is taught: a free response
-    is its arm's own."""
+    """Model of this arm. Values that are left out are those of ``[model]``, except taught ones:
+    each arm has a free response of its own."""
     limits: Limits
-    """Of this arm; what is left out is as in ``[limits]``."""
+    """Limits of this arm; values that are left out are those of ``[limits]``."""
     contact_um: float
-    """Position of this arm at first touch; without it, ``part.contact_um``."""
+    """Position of this arm at first touch; default: ``part.contact_um``."""
 
 
 def completed(tables: Tree) -> Tree:
-    """The tables of a rig file with those values of the second arm that it has from the first."""
+    """Return the tables of a rig file, with the second arm's values completed from the first."""
     second = tables.get("second")
     if not isinstance(second, dict):
         return tables
@@ -66,7 +67,7 @@ def _table(tables: Tree, name: str) -> Tree:
 def check_arms(
     sensor: Sensor, output: Output, second: Second | None, simulation: Simulation | None
 ) -> None:
-    """Raise ValidationError where the tables of two arms do not fit together."""
+    """Raise ValidationError if the tables of two arms contradict each other."""
     if second is None:
         for name in ("second", "pair"):
             if getattr(simulation, name, None) is not None:
@@ -98,7 +99,7 @@ def check_arms(
 
 
 def _check_line(name: str, first: Sensor | Output, other: Sensor | Output) -> None:
-    """Raise ValidationError where one line is described in two ways."""
+    """Raise ValidationError if one line is described in two ways."""
     if first.url != other.url:
         return
     for key in ("driver", "timeout_s", "record"):

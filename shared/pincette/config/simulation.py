@@ -1,7 +1,7 @@
-"""The simulated rig and its parts, each switched off by its defaults.
+"""The simulated rig and its parts; the default of each switches its effect off.
 
-"Instruments" are the facts that the project has collected from manuals and literature; what they
-do not state is marked as assumed.
+"Instruments" are the facts that the project has collected from manuals and literature; what they do
+not state is marked as assumed.
 """
 
 from typing import Self
@@ -171,32 +171,33 @@ class PairOfArms(Table):
     face_mN_per_um: Positive = 80.0
     """mN/µm. Stiffness of the part's face at each arm; two of 80 yield as one spring of 40."""
     ground_mN_per_um: Positive = 5.0
-    """mN/µm. By which the part sticks to where it lies, assumed."""
+    """mN/µm. Stiffness with which the part sticks to its place, assumed."""
     ground_slip_mN: NotNegative = 0.0
-    """mN. Force from which it slips there; 0: it lies loose."""
+    """mN. Force above which it slips there; 0: it lies loose."""
     pull_off_mN: tuple[NotNegative, NotNegative] = Field(default=(0.0, 0.0), strict=False)
     """mN. Force at which the part comes off the first arm, and off the second."""
     lands: bool = False
-    """Whether a lifted part that is let go lies on the ground again where it was, as on a stage
-    that has followed it up; without it, it falls and is gone."""
+    """Whether a lifted part that is released lies on the ground again at its old place, as on a
+    stage that has followed it; otherwise it falls and is gone."""
 
 
 class Simulation(Table):
     """The simulated rig: the true plant, which no other program may read.
 
-    Each default switches its effect off.
+    The default of each value switches its effect off.
     """
 
     seed: int = Field(default=1, ge=0)
-    """Of the sensor's noise."""
+    """Seed of the sensor's noise."""
     substep_s: Positive = 0.001
-    """s. Longest step of the plant; the arms are exact over it for an input that is settling."""
+    """s. Longest step of the plant; within it the motion is exact for an exponentially settling
+    input."""
     natural_frequency_rad_per_s: Positive
     """rad/s, undamped, of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive
     """1, of that mode; paper (54): 0.026."""
     second_mode: SecondMode = SecondMode()
-    """Without it the arm has one mode."""
+    """Second mode; by default the arm has one mode."""
     compliance_um_per_mN: Positive
     """µm/mN. s_p, of the driven arm's tip, all modes together; paper (55): 0.46."""
     piezo_um_per_V: Positive
@@ -220,7 +221,7 @@ class Simulation(Table):
     output_lag_s: NotNegative | None = None
     """s, first-order, of the voltage output; None: that of the driver's instrument."""
     amplifier: Amplifier = Amplifier()
-    """Without it the arm has the output's voltage."""
+    """Amplifier; by default the arm has the output's voltage."""
     actuation_delay_s: NotNegative
     """Lockstep: from the sample to the arrival of the voltage."""
     pace: NotNegative = 0.0
@@ -238,9 +239,9 @@ class Simulation(Table):
     part: Bead = Bead()
     """The part."""
     second: SecondArm | None = None
-    """The second arm of a rig with ``[second]``; without it that is the first arm's twin."""
+    """The second arm of a rig with ``[second]``; by default equal to the first."""
     pair: PairOfArms | None = None
-    """What lies between both."""
+    """What lies between both arms."""
     baud: int = Field(default=115200, ge=1200)
     """Of the simulated serial lines, where the driver's options name none."""
     truth: bool = True
@@ -262,7 +263,7 @@ class Simulation(Table):
 
     @property
     def arms(self) -> tuple["Simulation", "Simulation"]:
-        """The simulation of each of two arms, as if it were the only one."""
+        """Return the simulation of each of two arms, as if it were the only one."""
         first = self.model_copy(update={"second": None, "pair": None})
         if self.second is None:
             return first, first
@@ -274,12 +275,15 @@ class Simulation(Table):
 
     @property
     def pair_of_arms(self) -> PairOfArms:
-        """What lies between two arms."""
+        """Return what lies between two arms."""
         return self.pair or PairOfArms()
 
     @property
     def bouc_wen(self) -> Hysteresis:
-        """Shape of a rig with this class of hysteresis; ValueError with another."""
+        """Return the shape of a rig with Bouc-Wen hysteresis.
+
+        Raises ValueError for another class.
+        """
         if self.hysteresis is None:
             raise ValueError(
                 "the simulated arm has relays: give [simulation.hysteresis] in the place of "

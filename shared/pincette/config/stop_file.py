@@ -60,7 +60,7 @@ class StopSupervisor(Struct, frozen=True):
 
 
 class StopFile(Struct, frozen=True):
-    """What an emergency stop needs of a rig file."""
+    """Part of a rig file that an emergency stop needs."""
 
     rig: StopRig
     bus: StopBus = StopBus()
@@ -79,7 +79,7 @@ class StopFile(Struct, frozen=True):
 
 
 def read_for_stop(path: Path) -> StopFile:
-    """Read what leads to a rig's actuator and supervisor.
+    """Return the addresses of a rig's actuator and supervisor.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What every table of the rig file is made of."""
+"""Base of every table of the rig file."""
 
 from typing import Annotated
 

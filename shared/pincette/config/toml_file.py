@@ -18,7 +18,7 @@ none of its own."""
 
 
 class ConfigError(ValueError):
-    """A rig file that cannot be used; the text names file, place, value and what is wanted."""
+    """A rig file that cannot be used; the text names file, place, value and remedy."""
 
 
 def read_tables(path: Path) -> Tree:
@@ -51,7 +51,7 @@ def path_beside(path: Path, name: str) -> Path:
 
 
 def laid_over(below: Tree, above: Tree) -> Tree:
-    """Return the tables ``below``, with the values of ``above`` in place of their own."""
+    """Return the tables ``below``, with the values of ``above`` replacing theirs."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)

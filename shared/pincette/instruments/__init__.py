@@ -1,1 +1,1 @@
-"""Drivers of real instruments, and the one link they speak over."""
+"""Drivers of real instruments, and the link that they share."""

@@ -33,12 +33,12 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has met its instrument."""
+"""Whether this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB1"
-"""Where it usually is."""
+"""Usual address of the instrument."""
 LIMIT_V = 10.0
 STEP_V = 20.0 / 2**14
-"""Of 14 bits over ±10 V; commands in whole mV name each step."""
+"""Voltage step of 14 bits over ±10 V; commands in whole mV can name each step."""
 RESPONSE_S = 0.010
 LONGEST_WATCHDOG_S = 25.5
 
@@ -46,26 +46,26 @@ _log = logging.getLogger(__name__)
 
 
 class I7024Options(Table):
-    """Address of the module, its channel, checksum, speed of the line, the host watchdog's time."""
+    """Options of the module: address, channel, checksum, baud rate, and watchdog time."""
 
     address: int = Field(default=1, ge=0, le=255)
-    """Of the module on its line."""
+    """Address of the module on its line."""
     channel: int = Field(default=0, ge=0, le=3)
-    """Of the module, counted from 0."""
+    """Channel of the module, counted from 0."""
     checksum: bool = False
-    """Whether its lines end with one, as the module is set."""
+    """Whether lines end with a checksum, as the module is set."""
     baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = 115200
-    """Of the serial line."""
+    """Baud rate of the serial line."""
     watchdog_s: float = Field(default=0.5, ge=0.0, le=LONGEST_WATCHDOG_S, multiple_of=0.1)
-    """0 leaves the watchdog alone."""
+    """Time of the host watchdog; 0 leaves the watchdog alone."""
 
     def module(self, link: Link) -> DconModule:
-        """The module that these options name, on a line."""
+        """Return the module that these options describe, on a line."""
         return DconModule(link, self.address, self.channel, checksum=self.checksum)
 
 
 class I7024:
-    """One channel of the module; with a watchdog, each write says first that the host lives."""
+    """One channel of the module; with a watchdog, each write sends the heartbeat first."""
 
     def __init__(
         self, options: I7024Options, connect: Callable[[Callable[[Link], None]], Link]
@@ -81,7 +81,7 @@ class I7024:
             raise
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage, rounded to 1 mV; returns when the module has accepted it.
+        """Apply a voltage, rounded to 1 mV; returns when the module has accepted it.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class I7024:
         self._watchdog.learn(None)
 
     def read_V(self) -> float:
-        """Return the voltage that the channel puts out now.
+        """Return the voltage that the channel applies now.
 
         Raises
         ------
@@ -111,18 +111,18 @@ class I7024:
         return self._module.read_V()
 
     def keep_alive(self) -> None:
-        """Say to the module that its host lives; raises InstrumentError."""
+        """Send the heartbeat to the module; raises InstrumentError."""
         self._watchdog.feed()
 
     def clear_trip(self) -> None:
         """Let the module obey again after its watchdog has tripped; moves nothing.
 
-        For a person's reset alone: what was to be put out is stale, so begin from ``read_V``.
+        For a person's reset alone: earlier commands are outdated, so begin from ``read_V``.
         """
         self._watchdog.clear()
 
     def close(self) -> None:
-        """Switch the watchdog off, and give the port back; the output stays as it is."""
+        """Switch the watchdog off and close the port; the output stays as it is."""
         self._watchdog.leave()
         self._link.close()
 
@@ -152,10 +152,10 @@ def timing(settings: Output) -> Timing:
 
 
 def open_output(settings: Output, link: Link | None = None) -> I7024:
-    """Open the port, or take ``link``, and make sure that the module answers; moves nothing.
+    """Open the port, or use ``link``, and check that the module answers; moves nothing.
 
-    With a watchdog, a trip of before is cleared, 0 V is made the safe value where the output is at
-    0 V, and the watchdog runs from the first sign of life: ``write_V`` or ``keep_alive``.
+    With a watchdog, an earlier trip is cleared, 0 V is made the safe value if the output is at 0 V,
+    and the watchdog runs from the first heartbeat on: ``write_V`` or ``keep_alive``.
 
     Raises
     ------

@@ -32,9 +32,9 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has met its instrument."""
+"""Whether this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB0"
-"""Where it usually is."""
+"""Usual address of the instrument."""
 MODE_CHANGE_S = 1.0
 VALUE = re.compile(rb"[+-](?=.{7}$)\d+(?:\.(\d*))?")
 COARSEST_UM, FINEST_UM = 0.1, 0.001
@@ -54,10 +54,10 @@ ERRORS = {
     **dict(zip((b"00", b"01", b"20", b"21", b"22", b"88", b"99"), MEANINGS, strict=True)),
     **dict(zip((b"50", b"51", b"60", b"61", b"62", b"88", b"99"), MEANINGS, strict=True)),
 }
-"""Of the LK-G3000, and of the LK-G5000."""
+"""Meanings of the error codes of the LK-G3000 and the LK-G5000."""
 REQUEST = "MS,{output:02d}"
 SEVERAL = "MM,{mask}"
-"""Reads the outputs whose digit in the mask is 1; the answer repeats the mask."""
+"""Command that reads the outputs whose digit in the mask is 1; the answer repeats the mask."""
 OUTPUTS = 12
 LONGEST_REPLY = "MS,01,+0000.00"
 
@@ -65,14 +65,14 @@ _log = logging.getLogger(__name__)
 
 
 class KeyenceOptions(Table):
-    """Which output is read, in which unit its display is set, and the line's speed."""
+    """Options: output, unit of its display, and baud rate."""
 
     output: int = Field(default=1, ge=1, le=12)
-    """Of the controller, counted from 1."""
+    """Output of the controller, counted from 1."""
     unit: Literal["um", "mm"] = "um"
-    """In which its display is set to count."""
+    """Unit of its display."""
     baud: Literal[9600, 19200, 38400, 57600, 115200] = 115200
-    """Of the serial line."""
+    """Baud rate of the serial line."""
 
 
 @dataclass(slots=True)
@@ -83,10 +83,10 @@ class KeyenceLKG:
     request: bytes
     unit: Literal["um", "mm"]
     _decimals: int | None = None
-    """Digits after the point of the first reading; None before it."""
+    """Number of digits after the point in the first reading; None before it."""
 
     def read_um(self) -> float:
-        """Return the position in µm, as the display counts it.
+        """Return the position in µm as the display shows it.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class KeyenceLKG:
         return value
 
     def _require_display(self, decimals: int, value: bytes) -> None:
-        """Raise InstrumentError where the display shows another unit or step than it should."""
+        """Raise InstrumentError if the display shows another unit or step than configured."""
         step_um = UM_PER_UNIT[self.unit] * 10.0**-decimals
         shown = value.decode()
         remedy = (
@@ -152,7 +152,7 @@ class KeyenceLKG:
         self._decimals = decimals
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self.link.close()
 
 
@@ -168,7 +168,7 @@ def _refusal(request: bytes, reply: bytes) -> InstrumentError:
 
 
 def solicited(line: bytes) -> bool:
-    """Whether a line can be an answer."""
+    """Return whether a line can be an answer."""
     return not line.startswith(b"TG,")
 
 
@@ -195,10 +195,10 @@ def timing(settings: Sensor) -> Timing:
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
-    """Open the port, or take ``link``, bring the instrument to measuring mode, check its display.
+    """Open the port, or use ``link``, start the measuring mode, and check the display.
 
-    A port that is opened again later finds the instrument in measuring mode, or asks for it and
-    leaves the time that this takes to the exchanges after.
+    A port that is opened again later finds the instrument in measuring mode, or requests it, and
+    the following exchanges allow for the time that this takes.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _several(options: KeyenceOptions) -> bytes:
 
 
 def _change_to_measuring(link: Link) -> bool:
-    """Ask for measuring mode; whether the instrument has to change to it."""
+    """Request the measuring mode; return whether the instrument has to change to it."""
     reply = link.exchange(b"R0")
     if reply not in (b"R0", b"ER,R0,01"):
         raise _refusal(b"R0", reply)

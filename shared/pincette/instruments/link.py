@@ -1,4 +1,4 @@
-"""The one line to a real instrument: a serial port, a socket that stands for one, a recording.
+"""The line to a real instrument: a serial port, a socket in its place, or a recording.
 
 The only file that imports serial. Where the port has a descriptor it never blocks
 (``timeout=0``) and the wait is a select, so that an answer is taken as it arrives, in as few calls
@@ -43,7 +43,7 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
 QUIET_BYTES = 3
 QUIET_S, QUIET_SHARE = 0.001, 0.5
-"""After a failed exchange, and at most so much of a timeout: the next one needs the rest."""
+"""Quiet time after a failed exchange, and its limit as a share of the timeout."""
 READ_SIZE = 4096
 UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
 """Timeouts of an exchange, and seconds at least, after which a connection whose other end confirms
@@ -70,10 +70,10 @@ REMEDIES = {
         "device itself in /dev, not on a network share or a file system without locks",
     ),
 }
-"""Why a port does not open, and what to do, by the system's number of the error."""
+"""Reason and remedy of a port that does not open, by the system's error number."""
 
 NO_DEVICE = re.compile(r"(?:(?:tcp|telnet|raw|tls|http)://|socket:/?)?([^/:]+:[0-9]+)$")
-"""A TCP port that is written without its scheme, or with one that is not known."""
+"""A TCP port written without its scheme, or with an unknown one."""
 LINK_LOCAL = "socket://[fe80:"
 """Begin of the url of a link-local IPv6 address (RFC 4291)."""
 
@@ -175,7 +175,7 @@ def _opened(
 
 
 def exchange_s(count: int, baud: int) -> float:
-    """Seconds that ``count`` bytes take, ten bits each: start, eight of data, stop."""
+    """Return the time that ``count`` bytes take at ten bits each: start, eight of data, stop."""
     return count * BITS_PER_BYTE / baud
 
 
@@ -216,7 +216,7 @@ def _open_port(url: str, baud: int, timeout_s: float, where: _Address, within_s:
 
 
 def _lower_latency(url: str, port: serial.Serial) -> None:
-    """Ask the adapter's driver to hand bytes over at once; an FTDI adapter else waits 16 ms."""
+    """Request low latency from the adapter's driver; an FTDI adapter otherwise waits 16 ms."""
     try:
         port.set_low_latency_mode(True)
     except (ValueError, NotImplementedError, OSError) as error:
@@ -242,7 +242,7 @@ def _why_closed(url: str, error: Exception) -> str:
 
 
 class _AnyPort(Protocol):
-    """What is used of the several port classes of pyserial."""
+    """Common interface of the port classes of pyserial that are used."""
 
     @property
     def timeout(self) -> float | None: ...
@@ -257,7 +257,7 @@ class _AnyPort(Protocol):
 
 
 class _SerialPort:
-    """A port of pyserial, whose errors are of one kind."""
+    """A port of pyserial whose errors are of one kind."""
 
     def __init__(self, port: _AnyPort, timeout_s: float, held: ExitStack) -> None:
         """Take the port over, and ``held``, which closes it and frees its locks."""
@@ -351,7 +351,7 @@ class _SocketPort:
         self._socket.sendall(data)
 
     def receive(self, wait_s: float) -> bytes:
-        """Return what has arrived, waiting for its first byte; empty where none came."""
+        """Return what has arrived, waiting for the first byte; empty if none came."""
         # A device server may forward byte by byte, and wait for each to be acknowledged (Nagle);
         # an acknowledgement is delayed by 40 ms otherwise. Linux takes the option back by itself.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)

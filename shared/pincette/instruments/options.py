@@ -1,4 +1,4 @@
-"""The options of a driver, read from the rig file: unknown or impossible ones are refused."""
+"""Options of a driver from the rig file; unknown and impossible ones are refused."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -12,7 +12,7 @@ T = TypeVar("T", bound=Table)
 
 
 def read_options(model: type[T], driver: str, options: Mapping[str, object]) -> T:
-    """Check the options against a driver's model.
+    """Validate the options with a driver's model.
 
     Raises
     ------

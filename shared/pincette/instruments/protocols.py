@@ -1,4 +1,4 @@
-"""What a driver must do, and the one error by which it fails."""
+"""Interfaces of drivers, and the error that they raise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,14 +17,15 @@ ErrorCode = Literal[
     "tripped",
     "misused",
 ]
-"""How a port or an instrument failed: the port cannot be opened; it was open and is gone; no answer
-came in time; answers come, but after their time; the bytes are no answer; the instrument refuses;
-the reading is beyond the range; it is no reading; the instrument's own watchdog has acted; the
-driver was used wrongly."""
+"""Kind of failure of a port or an instrument: the port cannot be opened.
+
+It was open and is lost; no answer came in time; answers come too late; the bytes are no answer; the
+instrument refuses; the reading is beyond the range; it is no reading.
+"""
 
 
 class InstrumentError(Exception):
-    """An instrument or its link failed; the text says which, and why."""
+    """An instrument or its link failed; the text names it and the reason."""
 
     def __init__(self, text: str, code: ErrorCode = "garbled") -> None:
         super().__init__(text)
@@ -43,7 +44,7 @@ class Link(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         ...
 
 
@@ -51,16 +52,16 @@ class PositionSensor(Protocol):
     """A sensor of the tip's position."""
 
     def read_um(self) -> float:
-        """Return the position in µm, as the instrument counts it; raises InstrumentError."""
+        """Return the position in µm as the instrument measures it; raises InstrumentError."""
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         ...
 
 
 class Block(NamedTuple):
-    """Samples of a buffered acquisition, one each 1/rate: position, and the drive as measured."""
+    """Samples of a buffered acquisition, one each 1/rate: position and measured drive."""
 
     x_um: tuple[float, ...]
     drive_V: tuple[float, ...]
@@ -68,18 +69,18 @@ class Block(NamedTuple):
 
 @runtime_checkable
 class BufferedSensor(PositionSensor, Protocol):
-    """A position sensor with a clock of its own that loses no sample while the loop is late."""
+    """A position sensor with its own clock that loses no sample while the loop is late."""
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Acquire at ``rate_hz`` from here on; raises InstrumentError where it cannot."""
+        """Begin an acquisition at ``rate_hz``; raises InstrumentError if it is not possible."""
         ...
 
     def read_block(self) -> Block:
-        """Return what has been acquired since the last block; raises InstrumentError."""
+        """Return the samples acquired since the last block; raises InstrumentError."""
         ...
 
     def end_capture(self) -> None:
-        """Go back to single readings; nothing where none was begun."""
+        """Return to single readings; does nothing if no acquisition was begun."""
         ...
 
 
@@ -87,7 +88,7 @@ class VoltageOutput(Protocol):
     """A voltage output that drives the amplifier."""
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage; returns when the instrument has accepted it.
+        """Apply a voltage; returns when the instrument has accepted it.
 
         Raises
         ------
@@ -97,33 +98,33 @@ class VoltageOutput(Protocol):
         ...
 
     def read_V(self) -> float:
-        """Return the voltage that is put out now; moves nothing, raises InstrumentError."""
+        """Return the present output voltage; moves nothing, raises InstrumentError."""
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         ...
 
 
 @runtime_checkable
 class WaveOutput(VoltageOutput, Protocol):
-    """A voltage output that plays a wave from a buffer of its own; ``write_V`` ends it at once."""
+    """A voltage output that plays a wave from its own buffer; ``write_V`` ends it at once."""
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
-        """Put out one voltage each 1/rate; the last one stays. Raises InstrumentError."""
+        """Apply one voltage each 1/rate; the last one stays. Raises InstrumentError."""
         ...
 
     def look(self) -> None:
-        """Raise InstrumentError where the wave has broken off."""
+        """Raise InstrumentError if the wave has been interrupted."""
         ...
 
 
 @runtime_checkable
 class PartsOutput(VoltageOutput, Protocol):
-    """A voltage output that writes a step in parts by a clock of its own."""
+    """A voltage output that writes a step in parts by its own clock."""
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
-        """Put out one voltage each ``interval_s``, the first at once; the last one stays.
+        """Apply one voltage each ``interval_s``, the first at once; the last one stays.
 
         Return when the instrument has accepted all of them. A later write ends the parts at once.
         Raises InstrumentError.
@@ -133,36 +134,36 @@ class PartsOutput(VoltageOutput, Protocol):
 
 @runtime_checkable
 class WatchedOutput(VoltageOutput, Protocol):
-    """A voltage output that goes to a safe value by itself where its host has gone silent."""
+    """A voltage output that goes to a safe value by itself if its host becomes silent."""
 
     def keep_alive(self) -> None:
-        """Say that the host lives; raises InstrumentError."""
+        """Send the heartbeat of the host; raises InstrumentError."""
         ...
 
     def clear_trip(self) -> None:
-        """Take the instrument out of its safe value's hold, where it is; raises InstrumentError."""
+        """Release the instrument from its safe value, if it is there; raises InstrumentError."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """What an instrument takes of a control period, from its line's settings alone."""
+    """Time that an instrument needs in a control period, from the settings of its line alone."""
 
     exchange_s: float
-    """Request and answer on the line."""
+    """Time of request and answer on the line."""
     response_s: float = 0.0
-    """From the command to the voltage, or from the position to the reading."""
+    """Time from the command to the voltage, or from the position to the reading."""
     buffered_hz: float | None = None
-    """Highest rate of a buffered acquisition or output; None where there is none."""
+    """Highest rate of a buffered acquisition or output; None if there is none."""
     note: str = ""
-    """What of it is assumed, in words."""
+    """Assumptions, in words."""
     lets_go_s: float | None = None
-    """An output: earliest time after its host's last word at which it goes to its safe value by
-    itself; None where no watchdog of its own is known."""
+    """For an output: shortest time after the last heartbeat at which it goes to its safe value by
+    itself; None if no watchdog is known."""
 
     @property
     def bandwidth_hz(self) -> float:
-        """Highest frequency that can be identified: a quarter of the rate at which it works.
+        """Return the highest frequency that can be identified: a quarter of the instrument's rate.
 
         A first-order response that settles to 5 % in ``response_s`` = 3 τ adds 1/(2π τ).
         """

@@ -28,9 +28,9 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has met its instrument."""
+"""Whether this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB1"
-"""Where it usually is."""
+"""Usual address of the instrument."""
 VALUE = re.compile(rb"[+-]?\d{1,3}(\.\d{1,9})?(E[+-]?\d{1,2})?")
 CODE = re.compile(rb"\d{1,3}")
 SETTING = b"VOLT %.6f"
@@ -42,13 +42,14 @@ ANSWERS = {
     b"LEXE": CODE.pattern,
     b"LCME": CODE.pattern,
 }
-"""Pattern of the answer to a query; the others are answered by a token."""
+"""Pattern of the answer to a query; other commands are answered by a token."""
 PROBES = (b"*IDN?", b"VOLT?;RNGE?;SOUT?;OVLD?")
-"""The only answer with commas, and the only one of four words."""
+"""Queries whose answers differ from all others: the only one with commas, the only one of four
+words."""
 RANGES = {1: b"RANGE1", 10: b"RANGE10", 100: b"RANGE100"}
 SWITCH = (b"OFF", b"ON")
 LOAD = (b"OKAY", b"OVLD")
-"""Tokens in the order of their numbers: the instrument says either, as TOKN is set."""
+"""Tokens in the order of their numbers. The instrument sends either, depending on TOKN."""
 EXECUTION_ERRORS = {
     1: "illegal value",
     2: "wrong token",
@@ -77,16 +78,16 @@ _log = logging.getLogger(__name__)
 
 
 class DC205Options(Table):
-    """Range of the output, and the line's speed."""
+    """Options: range of the output, and baud rate."""
 
     range_V: Literal[1, 10, 100] = 10
-    """Range of the output, either way."""
+    """Range of the output, in both directions."""
     baud: Literal[9600, 115200] = 115200
-    """Of the serial line."""
+    """Baud rate of the serial line."""
 
 
 class DC205:
-    """The source; its output is off until the first write, or is found on."""
+    """The source; its output is off until the first write, unless it is on already."""
 
     def __init__(
         self, options: DC205Options, connect: Callable[[Callable[[Link], None]], Link]
@@ -101,7 +102,7 @@ class DC205:
             raise
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage, rounded to 1 µV; returns when the source has accepted it.
+        """Apply a voltage, rounded to 1 µV; returns when the source has accepted it.
 
         The first write switches the output on, after the voltage has been accepted.
 
@@ -146,7 +147,7 @@ class DC205:
         return voltage_V if _token(switch, SWITCH) else 0.0
 
     def close(self) -> None:
-        """Give the port back; the output stays as it is."""
+        """Close the port; the output stays as it is."""
         self._link.close()
 
     def _set(self, settings: bytes, what: str) -> None:
@@ -163,10 +164,10 @@ class DC205:
         return words
 
     def _prepare(self, _link: Link) -> None:
-        """Ask for name and state, clear what went wrong before, set the range; moves nothing.
+        """Read name and state, clear earlier errors, set the range; moves nothing.
 
-        An output that was on and is found off, as after a loss of its supply, is not switched on
-        again: each write says so.
+        If an output that was on is found off, as after a loss of its supply, it is not switched on
+        again: each write reports it.
         """
         (name,) = self._ask(b"TERM LF;*IDN?", 1)
         if b",DC205," not in name:
@@ -199,7 +200,7 @@ def _answers_to(queries: tuple[bytes, ...]) -> re.Pattern[bytes]:
 
 
 def _check(what: str, errors: list[bytes]) -> None:
-    """Refuse any pair but 0 and 0: the last execution error, the last command error."""
+    """Raise an error unless both numbers are 0: the last execution and the last command error."""
     for kind, word, meanings in zip(
         ("execution", "command"), errors, (EXECUTION_ERRORS, COMMAND_ERRORS), strict=True
     ):
@@ -242,7 +243,7 @@ def timing(settings: Output) -> Timing:
 
 
 def open_output(settings: Output, link: Link | None = None) -> DC205:
-    """Open the port, or take ``link``, and make sure that the source answers; moves nothing.
+    """Open the port, or use ``link``, and check that the source answers; moves nothing.
 
     While the output is off the range is set, and the voltage with it to 0 V. An output that is on
     is left as it is.

@@ -1,4 +1,4 @@
-"""Lines of the DCON protocol to one channel of an analog output module; see ``icpdas_i7024``."""
+"""Commands of the DCON protocol to one channel of an analog output module; see ``icpdas_i7024``."""
 
 import logging
 import re
@@ -18,7 +18,7 @@ OUTPUT_TYPES = {
     b"34": "0 to +5 V",
     b"35": "-5 to +5 V",
 }
-"""Type codes of the output range. A command carries the same digits whatever the range is."""
+"""Type codes of the output range. A command has the same digits whatever the range is."""
 WANTED_TYPE = b"33"
 FORMATS = ("engineering units", "% of full scale", "hexadecimal")
 """Data formats by bits 0 and 1 of the format code."""
@@ -27,7 +27,7 @@ SLEW_SHIFT, SLEW_MASK = 2, 0x0F
 VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
 STATUS = re.compile(rb"[0-9A-F]{2}")
 NAMED = re.compile(rb"(?![0-9A-F]{2}$|[0-9A-F]{6}$|[+-]\d{2}\.\d{3}$).+")
-"""A name or a firmware version, which is none of the other answers."""
+"""Answer with a name or a firmware version, which differs from all other answers."""
 FORMS: tuple[tuple[re.Pattern[bytes], re.Pattern[bytes]], ...] = (
     (re.compile(rb"\$..[68]\d"), VALUE),
     (re.compile(rb"\$..2"), CONFIGURATION),
@@ -44,14 +44,18 @@ LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
 TRIES = 4
-"""How often a question is asked whose answer is none of its own: a slow module's late one."""
+"""Number of times that a question is asked if the answer belongs to another one, such as a late
+one."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class DconModule:
-    """One channel of a module at an address; ``checksum`` is carried by each line, or by none."""
+    """One channel of a module at an address.
+
+    Either every line carries a ``checksum`` or none does.
+    """
 
     link: Link
     address: int
@@ -124,9 +128,9 @@ class DconModule:
     def ordered(
         self, kind: bytes, order: bytes, what: str, form: re.Pattern[bytes] = NOTHING
     ) -> bytes:
-        """Send ``kind AA order``, answered by ``!AA`` and what is returned; may raise.
+        """Send the command ``kind AA order`` and return the answer after ``!AA``; may raise.
 
-        ``form`` is that of the answer. What is ordered may be said again without harm.
+        ``form`` is that of the answer. The command may be repeated without harm.
         """
         reply = self._answer(kind + b"%02X" % self.address + order, form)
         if not reply.startswith(b"!%02X" % self.address):
@@ -134,7 +138,7 @@ class DconModule:
         return reply[3:]
 
     def _answer(self, body: bytes, form: re.Pattern[bytes]) -> bytes:
-        """Ask until the answer is one to this; the last one, whatever it is."""
+        """Ask until the answer belongs to this request; return the last one, whatever it is."""
         reply, head = b"", b"!%02X" % self.address
         for _ in range(TRIES):
             reply = self.ask(body)
@@ -144,7 +148,7 @@ class DconModule:
         return reply
 
     def ask(self, body: bytes) -> bytes:
-        """Exchange one line, with its checksum where there is one; raises InstrumentError."""
+        """Exchange one line, with its checksum if used; raises InstrumentError."""
         signed = self.link.exchange(self._signed(body))
         if not self.checksum:
             return signed
@@ -159,7 +163,7 @@ class DconModule:
 
     @staticmethod
     def tripped(what: str) -> InstrumentError:
-        """The error of what a module that has tripped ignores."""
+        """Return the error for commands that a tripped module ignores."""
         text = (
             f"I-7024: {what} ignored: the host watchdog has tripped and the output is at its "
             "safe value; reset the rig, or start the program anew"
@@ -168,7 +172,7 @@ class DconModule:
 
     @staticmethod
     def write_bytes(*, checksum: bool) -> int:
-        """Bytes on the line of one ``put_out``, in both directions."""
+        """Return the number of bytes on the line for one ``put_out``, in both directions."""
         return LINE_BYTES + REPLY_BYTES + 2 * CHECKSUM_BYTES * checksum
 
     def _signed(self, body: bytes) -> bytes:

@@ -1,8 +1,8 @@
-"""The host watchdog of a DCON module: armed at the first sign of life, fed, never cleared unasked.
+"""The host watchdog of a DCON module: armed at the first heartbeat, never cleared by itself.
 
-Where the module hears no heartbeat for ``limit_s`` it goes to its safe value by itself and ignores
-what it is told, until the trip is cleared. A trip stays until ``clear``: a voltage that was meant
-for before it is stale, and to put it out would move an arm that has been let go.
+If the module receives no heartbeat for ``limit_s`` it goes to its safe value and ignores commands
+until the trip is cleared. A trip stays until ``clear``: a voltage that was computed before it is
+outdated, and applying it would move an arm that has been released.
 
 Where the module has heard a write and not confirmed it, further writes bring no heartbeat until one
 is confirmed: a host that cannot get its voltage out must not keep the old one there.
@@ -18,21 +18,24 @@ HEARTBEAT = b"~**"
 TICK_S = 0.1
 TRIPPED = 0x04
 UNCONFIRMED = ("garbled", "late", "refused")
-"""How a write went that the module has heard, or may have heard."""
+"""Result of a write that the module has received, or may have received."""
 UNHEARD = ("silent", "late")
-"""How a write went that the module may not have heard."""
+"""Result of a write that the module may not have received."""
 ZERO_V = 0.003
-"""The output stands at 0 V where it is as near as this: two steps of 14 bit over ±10 V."""
+"""Tolerance of 0 V at the output: two steps of 14 bit over ±10 V."""
 
 State = Literal["off", "waiting", "armed", "unsure", "tripped"]
-"""Not wanted; to be armed at the next sign of life; armed; armed, but the module has been silent
-and may have lost it, with its supply; tripped."""
+"""State of the watchdog: not used.
+
+To be armed at the next heartbeat; armed; armed, but the silent module may have lost it with its
+supply; tripped.
+"""
 
 _log = logging.getLogger(__name__)
 
 
 class HostWatchdog:
-    """What the host does about it; with ``limit_s`` = 0 nothing is sent."""
+    """The host's side of the watchdog; with ``limit_s`` = 0 nothing is sent."""
 
     def __init__(self, module: DconModule, limit_s: float) -> None:
         self._module = module
@@ -41,7 +44,7 @@ class HostWatchdog:
         self._unconfirmed = False
 
     def take_over(self) -> None:
-        """Clear a trip of before, and make 0 V the safe value where the output stands there."""
+        """Clear an earlier trip, and make 0 V the safe value if the output is at 0 V."""
         if self._state == "off":
             return
         # That of a host before this one may still run: the first sign of life is yet to come.
@@ -62,9 +65,10 @@ class HostWatchdog:
             self.feed()
 
     def feed(self) -> None:
-        """Send the heartbeat, and arm the watchdog where that is to be done; may raise.
+        """Send the heartbeat, and arm the watchdog if that is due; may raise.
 
-        A trip that is found on arming is told here, once: nobody has written since, who would know.
+        A trip that is found on arming is reported here, once: nobody has written since, so nobody
+        else would notice it.
         """
         if self._state == "off":
             return
@@ -77,7 +81,7 @@ class HostWatchdog:
             raise
 
     def learn(self, code: ErrorCode | None) -> None:
-        """Take note of how a write went; None where it was accepted."""
+        """Note the result of a write; None if it was accepted."""
         if self._state == "off":
             return
         self._unconfirmed = code in UNCONFIRMED
@@ -90,8 +94,10 @@ class HostWatchdog:
             self._state = "unsure"
 
     def resume(self) -> bool:
-        """Arm it anew where the line or the module was away; false where there is a trip, which
-        stays."""
+        """Arm the watchdog again after a lost line or module.
+
+        False if there is a trip, which stays.
+        """
         if self._state == "off":
             return True
         if self._found_tripped():
@@ -109,7 +115,7 @@ class HostWatchdog:
         self._state = "waiting"
 
     def leave(self) -> None:
-        """Switch it off, so that the output stays as it is; a module that is away is left."""
+        """Switch the watchdog off, so that the output stays as it is; ignores an absent module."""
         if self._state not in ("armed", "unsure"):
             return
         self._state = "off"
@@ -120,7 +126,7 @@ class HostWatchdog:
 
     @staticmethod
     def heartbeat_bytes(*, checksum: bool) -> int:
-        """Bytes on the line of one heartbeat."""
+        """Return the number of bytes on the line for one heartbeat."""
         return len(HEARTBEAT) + 1 + CHECKSUM_BYTES * checksum
 
     def _clear(self) -> None:

@@ -1,1 +1,1 @@
-"""What a link is made of: ports, recordings, calls."""
+"""Parts of a link: ports, recordings, calls."""

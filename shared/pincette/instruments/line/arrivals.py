@@ -1,4 +1,4 @@
-"""When the bytes of answers arrive over TCP, and what that says of the device server in between.
+"""Arrival times of answers over TCP, and what they say about the device server in between.
 
 A server that forwards at once lets the bytes arrive one after the other, as the serial line carries
 them. ser2net's ``chardelay``, and what boxes call packing time or inter-character time, holds them

@@ -1,4 +1,4 @@
-"""A TCP connection to a host of which some addresses may not answer."""
+"""TCP connection to a host of which some addresses may not answer."""
 
 import errno
 import socket

@@ -13,15 +13,15 @@ class LineCounts:
     """Totals since the program started, over all lines that it opened."""
 
     late: int = 0
-    """Answers that came after their request had timed out."""
+    """Number of answers that arrived after their request had timed out."""
     lost: int = 0
-    """Answers that never came."""
+    """Number of answers that never arrived."""
     unexpected: int = 0
-    """Answers more than there were requests, as where a line doubles them."""
+    """Number of answers without a request, such as those that a line repeats."""
     reopened: int = 0
-    """Times that a lost or silent port was opened again."""
+    """Number of times that a lost or silent port was reopened."""
     retried: int = 0
-    """Times that opening an instrument failed and was tried again."""
+    """Number of times that opening an instrument failed and was repeated."""
     arrivals: dict[str, Arrivals] = field(default_factory=dict[str, Arrivals])
     """Durations of exchanges at each TCP url that is open."""
 
@@ -31,7 +31,7 @@ _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
 
 @contextmanager
 def counting(counts: LineCounts) -> Generator[None]:
-    """Let every line that is opened within count here for as long as it is open."""
+    """Let every line that is opened within the block count here for as long as it is open."""
     token = _COUNTS.set(counts)
     try:
         yield

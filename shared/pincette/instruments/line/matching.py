@@ -1,11 +1,11 @@
-"""How a driver's answers are told apart, so that a late one is not taken for the next one's."""
+"""How a driver's answers are recognised, so that a late one is not taken for the next one."""
 
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 ANY_LINE = re.compile(rb".*", re.DOTALL)
-"""Pattern of answers that carry nothing of their request."""
+"""Pattern of answers that contain nothing of their request."""
 
 
 def any_line(_request: bytes) -> re.Pattern[bytes]:

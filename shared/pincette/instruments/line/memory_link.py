@@ -1,4 +1,4 @@
-"""A link to an instrument in the same process: the same bytes, no port."""
+"""A link to an instrument in the same process: the same bytes without a port."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ def _every(_line: bytes) -> bool:
 
 
 class MemoryLink:
-    """Hands each request to a function and returns what it says; None is silence.
+    """Passes each request to a function and returns its answer; None means silence.
 
     An answer of several lines holds ``terminator`` between them; the first that ``accept`` takes
     is returned, as over a port. Without a terminator an answer is taken whole.
@@ -28,7 +28,7 @@ class MemoryLink:
         self._closed = False
 
     def exchange(self, request: bytes) -> bytes:
-        """Ask the instrument.
+        """Return the answer of the instrument.
 
         Raises
         ------
@@ -44,11 +44,11 @@ class MemoryLink:
         raise InstrumentError(f"memory: no answer to {request[:40]!r}; check the address", "silent")
 
     def tell(self, line: bytes) -> None:
-        """Tell the instrument; raises InstrumentError where the link has been closed."""
+        """Send a line to the instrument; raises InstrumentError if the link has been closed."""
         self._said(line)
 
     def close(self) -> None:
-        """End it; twice is once."""
+        """Close the link; repeated calls do nothing."""
         self._closed = True
 
     def _said(self, line: bytes) -> bytes | None:

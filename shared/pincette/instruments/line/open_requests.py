@@ -1,4 +1,4 @@
-"""Requests whose answers have not come yet, and which of them a line answers."""
+"""Requests without an answer so far, and which of them a line answers."""
 
 import re
 from collections import deque
@@ -8,7 +8,7 @@ from pincette.instruments.line.counts import LineCounts
 from pincette.instruments.line.matching import ANY_LINE, Matching, confusable
 
 REMEMBERED = 3
-"""Answered requests whose patterns are kept, to recognise an answer that comes twice."""
+"""Number of answered requests whose patterns are kept, to recognise repeated answers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

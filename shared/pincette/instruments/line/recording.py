@@ -1,4 +1,4 @@
-"""Recordings of what was said to an instrument, and what it answered: one line an exchange.
+"""Recordings of exchanges with an instrument, one line for each exchange.
 
 A text file. Lines that begin with ``#`` are the head: the version of the format, the url, the
 terminator. Then, parted by tabs, with bytes as Python escapes them:
@@ -9,7 +9,7 @@ terminator. Then, parted by tabs, with bytes as Python escapes them:
     seconds   !open                           a lost port was opened again, and the driver prepares
 
 ``seconds`` are those since the recording began, at the end of the exchange. Where bytes begin with
-``!`` and a small letter, the ``!`` is written ``\\x21``. Unsolicited lines are not recorded.
+``!`` and a small letter, the ``!`` is written ``\x21``. Unsolicited lines are not recorded.
 """
 
 import logging
@@ -30,12 +30,12 @@ CAUSES: dict[str, ErrorCode] = {cause: cause for cause in get_args(ErrorCode)}
 _log = logging.getLogger(__name__)
 
 Outcome = bytes | InstrumentError | None
-"""The reply, or how it failed; None where no reply was wanted."""
+"""The reply, or how the exchange failed; None if no reply was expected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of a recording; ``request`` is None where a lost port was opened again."""
+    """One line of a recording; ``request`` is None if a lost port was opened again."""
 
     number: int
     request: bytes | None
@@ -43,7 +43,7 @@ class Entry:
 
 
 class Recorder:
-    """Writes a recording, each line at once.
+    """Writes a recording, one line at a time.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class Recorder:
         self._note(columns)
 
     def opening(self, on_open: Callable[[Link], None]) -> Callable[[Link], None]:
-        """Wrap what prepares an instrument, so that what it says is recorded too."""
+        """Wrap the function that prepares an instrument, so that its exchanges are recorded too."""
 
         def recorded(link: Link) -> None:
             self._note([OPENED])
@@ -112,7 +112,7 @@ class Recorder:
 
 
 class RecordingLink:
-    """A link whose exchanges are recorded."""
+    """A link that records its exchanges."""
 
     def __init__(self, link: Link, recorder: Recorder) -> None:
         self._link = link
@@ -138,7 +138,7 @@ class RecordingLink:
         self._recorder.note(line, None)
 
     def close(self) -> None:
-        """Give the port back, and end the recording."""
+        """Close the port and end the recording."""
         self._link.close()
         self._recorder.close()
 

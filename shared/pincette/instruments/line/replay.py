@@ -1,4 +1,4 @@
-"""An instrument that is a recording: the same requests get the same answers."""
+"""An instrument replayed from a recording: equal requests get equal answers."""
 
 import logging
 from collections.abc import Callable
@@ -58,11 +58,11 @@ class ReplayLink:
             raise self._unlike(line, f"wants no answer, recorded with {outcome[:40]!r}")
 
     def close(self) -> None:
-        """End it; twice is once."""
+        """Close the link; repeated calls do nothing."""
         self._closed = True
 
     def _taken(self, request: bytes) -> Entry:
-        """Return the next entry, which is of this request."""
+        """Return the next entry, which must belong to this request."""
         if self._closed:
             raise InstrumentError(f"{self._path}: the port is closed; open it again", "misused")
         if not self.ended and self._entries[self._next].request is None:
@@ -78,14 +78,14 @@ class ReplayLink:
         return entry
 
     def _prepare(self) -> None:
-        """Prepare the instrument where its driver did; a failure is recorded with its request."""
+        """Prepare the instrument if its driver did; a failure is recorded with its request."""
         try:
             self._on_open(self)
         except InstrumentError as error:
             _log.debug("%s: %s", self._path, error)
 
     def _unlike(self, request: bytes, how: str) -> InstrumentError:
-        """Say where the dialogue leaves the recording, and stay there."""
+        """Report where the dialogue differs from the recording, and stay there."""
         self._next -= 1
         number = self._entries[self._next].number
         return InstrumentError(f"{self._path}, line {number}: {request!r} {how}", "misused")

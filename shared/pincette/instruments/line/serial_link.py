@@ -77,11 +77,11 @@ class Port(Protocol):
         ...
 
     def receive(self, wait_s: float, /) -> bytes:
-        """Return what has arrived, waiting for its first byte; empty where none came."""
+        """Return what has arrived, waiting for the first byte; empty if none came."""
         ...
 
     def close(self) -> None:
-        """Give it back."""
+        """Close the port."""
         ...
 
 
@@ -137,7 +137,7 @@ class Line:
     _is_new: bool = field(default=True, init=False)
     """True until the first answer after the port was opened."""
     _greeting: bytes = field(default=b"", init=False)
-    """Newest bytes received from a new port that were no answer, such as a banner."""
+    """Newest bytes from a new port that were no answer, such as a banner."""
     _greets: bool = field(default=False, init=False)
     """True once a new port has sent bytes that were no answer."""
     _reopened_at_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFTEN), init=False)
@@ -316,7 +316,7 @@ class Line:
         return text
 
     def _prepare(self, until_s: float) -> None:
-        """Let the driver bring the instrument to where it can work on."""
+        """Let the driver prepare the instrument to continue its work."""
         self._opening_until_s = until_s
         try:
             self.on_open(self)
@@ -508,7 +508,7 @@ class Line:
         _log.debug("%s: an answer came %.3f s after its request", self.url, self._late_s)
 
     def _code(self) -> ErrorCode:
-        """Return why an answer is missing, by what came instead."""
+        """Return why an answer is missing, based on the bytes that came instead."""
         if self._late_run:
             return "late"
         return "garbled" if self._garbled else "silent"
@@ -545,7 +545,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class _Escaped:
-    """Bytes that are escaped only where a log is written."""
+    """Bytes that are escaped only when a log line is written."""
 
     data: bytes
 

@@ -1,4 +1,4 @@
-"""One line for several drivers: two channels of a module, or modules at several addresses."""
+"""One line shared by several drivers: two channels of a module, or several modules."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -31,12 +31,12 @@ class SharedLine:
         return end
 
     def of(self, end: "LineEnd") -> Link:
-        """Return the line, set to recognise the answers of one end's driver."""
+        """Return the line, set to recognise the answers of one driver."""
         self._matching = end.matching
         return self._link
 
     def leave(self, end: "LineEnd") -> None:
-        """Close one end, and with the last one the line."""
+        """Close one end; the last one closes the line."""
         if end in self._ends:
             self._ends.remove(end)
             if not self._ends:
@@ -52,7 +52,7 @@ class SharedLine:
 
 
 class LineEnd:
-    """What one driver holds of a line that it shares."""
+    """A driver's end of a shared line."""
 
     def __init__(self, line: SharedLine, on_open: Prepare, matching: Matching) -> None:
         self.on_open = on_open
@@ -69,7 +69,7 @@ class LineEnd:
         self._opened().tell(line)
 
     def close(self) -> None:
-        """Give this end back; twice is once."""
+        """Close this end; repeated calls do nothing."""
         self._closed = True
         self._line.leave(self)
 
@@ -84,7 +84,7 @@ _LINES: ContextVar[dict[str, SharedLine] | None] = ContextVar("lines", default=N
 
 @contextmanager
 def one_line_for_each_url() -> Generator[None]:
-    """Within it, what is opened at one url is one line, as the first who opens it wants it."""
+    """Let everything that is opened at one url within the block share one line."""
     token = _LINES.set({})
     try:
         yield
