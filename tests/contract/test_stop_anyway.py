@@ -4,6 +4,7 @@ import json
 import os
 import re
 import socket
+import ssl
 import subprocess
 import sys
 from collections.abc import Callable, Generator
@@ -23,7 +24,10 @@ from pincette.core import rest_stop
 from pincette.core.messages import Ack, Message
 from pincette.core.topics import TRIP, Request
 from pincette.engine.process import loop_services
+from pincette.security.folder import Folder
+from pincette.security.identity import program
 from tests.support.answering import Answering, answering, stopped
+from tests.support.certificates import DAYS, NOW
 from tests.support.rigs import demo_rig, rig_toml
 
 NOBODY = 54321
@@ -217,11 +221,21 @@ def test_one_rig_is_stopped_by_its_name(capsys: pytest.CaptureFixture[str]) -> N
     assert "rig right: stopped" in capsys.readouterr().out
 
 
-def test_a_key_that_is_refused_is_left_out() -> None:
-    """A proxy may refuse a key that a stop does not need."""
-    with answering(401, {"title": "no"}) as proxy:
-        main(["estop", "--url", proxy.url, "--rig", "/nonexistent", "--key", "abc"])
-    assert ["Authorization" in headers for _, headers in proxy.posts] == [True, False]
+@pytest.mark.parametrize("proven", [False, True])
+def test_a_key_is_sent_only_where_a_certificate_proves_who_answers_and_left_out_if_refused(
+    proven: bool, tmp_path: Path
+) -> None:
+    """Any program may have taken the port. A proxy may refuse a key that a stop does not need."""
+    folder = Folder(tmp_path / "pki")
+    folder.begin(NOW, DAYS)
+    institute = folder.issue(program("supervisor", ""), ("127.0.0.1",), NOW, DAYS)
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    tls.load_cert_chain(institute.certificate, institute.private_key)
+    words = ["--rig", "/nonexistent", "--key", "abc", "--authority", str(institute.authority)]
+    with answering(401, {"title": "no"}, tls if proven else None) as proxy:
+        main(["estop", "--url", proxy.url, *words])
+    shown = [headers.get("Authorization") for _, headers in proxy.posts]
+    assert shown == (["Bearer abc", None] if proven else [None])
 
 
 @pytest.fixture
@@ -335,11 +349,10 @@ def test_an_impostor_confirms_no_stop_of_a_rig_that_is_not_there(tmp_path: Path)
     assert len(impostor.posts) == 2
 
 
-def test_a_program_of_another_user_confirms_nothing_and_gets_no_key(
+def test_a_program_of_another_user_confirms_nothing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    words = ["--rig", "/nonexistent", "--key", "secret", "--json"]
     with answering(200, stopped("demo")) as server:
         for uid, believed in ((0, True), (999, True), (1001, False), (65534, True)):
 
@@ -347,10 +360,8 @@ def test_a_program_of_another_user_confirms_nothing_and_gets_no_key(
                 return uid
 
             monkeypatch.setattr(rest_stop, "listener_uid", owner)
-            server.posts.clear()
-            status = main(["estop", "--url", server.url, *words])
+            status = main(["estop", "--url", server.url, "--rig", "/nonexistent", "--json"])
             assert status == (Exit.DONE if believed else Exit.NO_ANSWER)
-            assert ["Authorization" in headers for _, headers in server.posts] == [believed]
             assert json.loads(capsys.readouterr().out)["stopped"].keys() == (
                 {"demo"} if believed else set()
             )

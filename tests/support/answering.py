@@ -1,6 +1,7 @@
 """An HTTP server in a thread that answers every POST as prepared, and keeps what was sent."""
 
 import json
+import ssl
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ class Answering:
 
     status: int = 200
     body: Any = None
+    scheme: str = "http"
     port: int = 0
     posts: list[tuple[str, dict[str, str]]] = field(
         default_factory=list[tuple[str, dict[str, str]]]
@@ -23,7 +25,7 @@ class Answering:
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+        return f"{self.scheme}://127.0.0.1:{self.port}"
 
 
 def stopped(*names: str) -> dict[str, Any]:
@@ -36,9 +38,11 @@ def stopped(*names: str) -> dict[str, Any]:
 
 
 @contextmanager
-def answering(status: int = 200, body: Any = None) -> Generator[Answering]:
+def answering(
+    status: int = 200, body: Any = None, tls: ssl.SSLContext | None = None
+) -> Generator[Answering]:
     """Serve on a free port of this machine."""
-    found = Answering(status, body)
+    found = Answering(status, body, "https" if tls else "http")
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
@@ -54,6 +58,10 @@ def answering(status: int = 200, body: Any = None) -> Generator[Answering]:
             """Say nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    if tls is not None:
+        server.socket = tls.wrap_socket(
+            server.socket, server_side=True, do_handshake_on_connect=False
+        )
     found.port = server.server_address[1]
     thread = Thread(target=server.serve_forever, args=(0.02,), daemon=True)
     thread.start()

@@ -64,9 +64,8 @@ def stop_over_rest(
     """Stop one rig of a supervisor, or all of them.
 
     The address may be any that a person copies: see ``root_of``. Where the supervisor's certificate
-    is not believed the stop is sent without the headers, and nothing counts as confirmed. Over
-    plain HTTP, a program of another user of this machine does not get the key, since it may have
-    taken the supervisor's port.
+    is not believed the stop is sent without the headers, and nothing counts as confirmed. Plain
+    HTTP does not prove who answers, so the key, which a stop does not need, is not sent over it.
 
     Raises
     ------
@@ -77,7 +76,9 @@ def stop_over_rest(
     path = f"{API}/estop" if only is None else f"{API}/rigs/{quote(only, safe='')}/estop"
     notes: list[str] = []
     context: ssl.SSLContext | None = None
-    if url.lower().startswith("https:"):
+    if not url.lower().startswith("https:"):
+        headers = _without_key(headers)
+    else:
         try:
             context = ssl.create_default_context(cafile=authority)
         except OSError as error:
@@ -182,8 +183,7 @@ def _posted(
     try:
         line.connect()
         foreign = "" if context else _foreign_account(line)
-        sent = _without_key(headers) if foreign else dict(headers)
-        line.request("POST", parts.path.rstrip("/") + path, headers=sent)
+        line.request("POST", parts.path.rstrip("/") + path, headers=dict(headers))
         answer = line.getresponse()
         content = answer.read(MOST_BYTES)
     except ssl.SSLCertVerificationError:
