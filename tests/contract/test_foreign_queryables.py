@@ -21,6 +21,7 @@ from pincette.bus.endpoints import (
     tool_endpoint,
 )
 from pincette.bus.endpoints import service_endpoint as loop_endpoint
+from pincette.bus.producer import SILENT_S
 from pincette.bus.protocol import AbsentError, BusError, RefusalError
 from pincette.bus.query import Query
 from pincette.bus.session import open_session
@@ -445,6 +446,41 @@ def test_each_program_of_the_loop_counts_and_shows_what_it_refuses(
         thread.join()
         bus.close()
         asker.close()
+
+
+@pytest.mark.parametrize("states", [False, True], ids=["no session", "its own session"])
+def test_a_valid_sample_of_another_program_is_refused_until_the_producer_is_silent(
+    plain: Site, states: bool
+) -> None:
+    """The stranger is ahead: its number is due, and the producer's own sample comes later."""
+    heard: list[Message] = []
+    bus = ZenohBus(tool_endpoint(plain.rig), "demo", "listener")
+    bus.subscribe(APPLIED, lambda _topic, message: heard.append(message))
+    place, due = key("demo", APPLIED), NEWEST.seq + 1
+
+    def published(message: Applied) -> bool:
+        plain.actuator.publish(message)
+        return message in heard
+
+    with outsider("client", f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}") as tool:
+        publisher = tool.declare_publisher(place)
+        source = zenoh.SourceInfo(publisher.id, 0) if states else None
+
+        def foreign() -> None:
+            publisher.put(encode(replace(NEWEST, seq=due)), source_info=source)
+
+        until(lambda: published(NEWEST))
+        until(lambda: bool(foreign() or published(NEWEST)) and bus.refused.count > 0)
+        assert {message.seq for message in heard if isinstance(message, Applied)} == {NEWEST.seq}
+        assert "not of the actuator" in bus.refused.reason
+        assert bus.refused.finding() is not None
+        until(lambda: published(replace(NEWEST, seq=due)))
+        heard.clear()
+        sleep(1.2 * SILENT_S)
+        foreign()  # of the same program, started again, as far as anybody can know
+        until(lambda: bool(heard) if states else bus.refused.count > 1)
+        assert bool(heard) is states
+    bus.close()
 
 
 def _status(bus: ZenohBus, service: str) -> Status | None:

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from pincette.bus.delivery import deliver_each, ring
+from pincette.bus.producer import producer_of
 from pincette.bus.protocol import AbsentError, BusError, RefusalError, RequestHandler, Sink
 from pincette.bus.query import MESSAGE, Query, mark_of, refuse, respond
 from pincette.bus.refused import RefusedMessages
@@ -237,7 +238,7 @@ class ZenohBus:
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
         """Deliver every valid message to ``sink``, and refuse the others; see Bus."""
-        place = key(self._rig, topic)
+        place, producer = key(self._rig, topic), producer_of(topic)
 
         def way(session: zenoh.Session) -> Any:
             def deliver(sample: zenoh.Sample) -> None:
@@ -247,6 +248,9 @@ class ZenohBus:
                     message = _decode(topic.message, sample.payload)
                 except CodecError as error:
                     why = explained(error, str(sample.encoding), topic.producer)
+                    self.refused.note(place, why)
+                    return
+                if producer is not None and (why := producer.refusal(sample.source_info)):
                     self.refused.note(place, why)
                     return
                 sink(topic, message)
@@ -373,9 +377,10 @@ class ZenohBus:
 class _Publisher:
     """Publishes one topic, and keeps the newest payload for queries."""
 
-    __slots__ = ("_newest", "_patient", "_place", "_publisher", "_topic")
+    __slots__ = ("_newest", "_patient", "_place", "_publisher", "_source", "_topic")
 
     _publisher: zenoh.Publisher
+    _source: zenoh.SourceInfo
 
     def __init__(self, place: str, topic: Topic, config: SessionConfig) -> None:
         self._place, self._topic, self._patient = place, topic, config.patient
@@ -390,12 +395,13 @@ class _Publisher:
             congestion_control=control.BLOCK if self._patient else control.DROP,
             priority=priority.INTERACTIVE_HIGH if self._topic.bulky else priority.REAL_TIME,
         )
+        self._source = zenoh.SourceInfo(self._publisher.id, 0)
         return session.declare_queryable(self._place, self.reply)
 
     def send(self, payload: bytes) -> None:
         self._newest, publisher = payload, self._publisher
         try:
-            publisher.put(payload)
+            publisher.put(payload, source_info=self._source)
         except zenoh.ZError:
             if publisher is self._publisher:
                 raise

@@ -1,0 +1,48 @@
+"""Tells the program that publishes a topic from others, by the session that each sample states."""
+
+from collections.abc import Callable
+from time import monotonic
+
+import zenoh
+
+from pincette.core.topics import COMMAND, LOOP, Topic
+
+SILENT_S = 0.5
+"""Silence of a program after which another one may publish its topic; a restart takes longer."""
+
+
+class Producer:
+    """The session of which samples of one topic are taken.
+
+    Programs state their session with every sample. The first one heard keeps the topic until it is
+    silent. A program that states another one's session cannot be told from it.
+    """
+
+    __slots__ = ("_clock", "_heard_s", "_name", "_session")
+
+    _session: zenoh.ZenohId
+
+    def __init__(self, name: str, clock: Callable[[], float] = monotonic) -> None:
+        """``name``: of the program that publishes the topic."""
+        self._name, self._clock = name, clock
+        self._heard_s = float("-inf")
+        """Time of the newest sample that was taken."""
+
+    def refusal(self, source: zenoh.SourceInfo | None) -> str:
+        """Return why a sample is refused; empty where it is taken."""
+        if source is None:
+            return f"sample without the session that programs state: not of the {self._name}"
+        session, now_s = source.source_id.zid, self._clock()
+        if now_s - self._heard_s <= SILENT_S and session != self._session:
+            return f"sample of the session {session}: not of the {self._name}"
+        self._session, self._heard_s = session, now_s
+        return ""
+
+
+def producer_of(topic: Topic) -> Producer | None:
+    """Return whose samples of a topic are taken; None where every program's are.
+
+    Commands state an owner, by which the actuator knows a second controller.
+    """
+    checked = topic.producer in LOOP and topic is not COMMAND
+    return Producer(topic.producer) if checked else None
