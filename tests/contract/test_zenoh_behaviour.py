@@ -177,6 +177,27 @@ def test_a_liveliness_token_with_wildcards_is_found_among_those_it_intersects(ne
         token.undeclare()
 
 
+def test_a_sample_states_a_session_only_if_the_sender_does_and_it_may_be_another_ones(
+    net: Net,
+) -> None:
+    program, tool, listener = (net.join("client") for _ in range(3))
+    stated: dict[bytes, Any] = {}
+
+    def take(sample: zenoh.Sample) -> None:
+        stated[sample.payload.to_bytes()] = sample.source_info
+
+    subscriber, publisher = listener.declare_subscriber(KEY, take), program.declare_publisher(KEY)
+    source = zenoh.SourceInfo(publisher.id, 0)
+    until(lambda: bool(publisher.put(b"none") or b"none" in stated))
+    until(lambda: bool(publisher.put(b"own", source_info=source) or b"own" in stated))
+    copied = stated[b"own"]
+    until(lambda: bool(tool.put(KEY, b"copied", source_info=copied) or b"copied" in stated))
+    assert stated[b"none"] is None
+    sessions = {stated[name].source_id.zid for name in (b"own", b"copied")}
+    assert sessions == {program.zid()} != {tool.zid()}
+    subscriber.undeclare()
+
+
 def test_a_downsampling_rule_has_one_clock_for_all_keys_it_covers() -> None:
     """Of two topics that are published one after the other, the second one is dropped."""
 
