@@ -68,7 +68,7 @@ def test_what_both_arms_carry_into_an_epoch_is_in_its_record() -> None:
         for item in played()["after a grip"]
         if isinstance(item, RequestLog) and item.arm is not None
     }
-    assert '"second":{' in snapshots["estimator"]
+    assert '"arms":[{' in snapshots["estimator"]
     assert '"memories":[{' in snapshots["controller"]
     assert '"arms":[{' in snapshots["actuator"]
 

@@ -16,8 +16,8 @@ from pincette_estimator.state import moved_V
 
 
 @dataclass(frozen=True, slots=True)
-class EstimatorConfig:
-    """The arm as identified, and what its free response is trusted for."""
+class ArmConfig:
+    """An arm as identified, and what its free response is trusted for."""
 
     period_s: float
     unseen_V: float
@@ -68,40 +68,38 @@ class EstimatorConfig:
     with another one: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None: it is alone."""
     arm: int = 0
     """Index of this arm in messages."""
-    second: "EstimatorConfig | None" = None
-    """Of the second arm."""
 
-    @property
-    def arms(self) -> int:
-        """Return the number of arms that the rig has."""
-        return 1 if self.second is None else 2
+
+@dataclass(frozen=True, slots=True)
+class EstimatorConfig:
+    """The arms of a rig."""
+
+    arms: tuple[ArmConfig, ...]
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
     """Take the estimator's part of a rig file; raises ConfigError for an impossible observer."""
-    first, *others = map(_of_arm, rig.arms)
-    if not others:
-        return first
-    one, two = (arm.model for arm in rig.arms)
-    s_1, s_2, d_1, d_2 = (
-        one.compliance_um_per_mN,
-        two.compliance_um_per_mN,
-        one.piezo_um_per_V,
-        two.piezo_um_per_V,
-    )
+    arms = tuple(map(_of_arm, rig.arms))
+    if len(arms) == 1:
+        return EstimatorConfig(arms)
+    models = [arm.model for arm in rig.arms]
+    s_1, s_2 = (model.compliance_um_per_mN for model in models)
     squeeze = s_1 + s_2 + 1.0 / rig.part.stiffness_mN_per_um
-    moving = [(1.0 - s_1 / squeeze, -s_1 / squeeze * d_2 / d_1)]
-    moving.append((1.0 - s_2 / squeeze, -s_2 / squeeze * d_1 / d_2))
-    return replace(first, moving=moving[0], second=replace(others[0], arm=1, moving=moving[1]))
+    joint: list[ArmConfig] = []
+    for index, (one, other) in enumerate(zip(models, reversed(models), strict=True)):
+        share = one.compliance_um_per_mN / squeeze
+        moving = 1.0 - share, -share * other.piezo_um_per_V / one.piezo_um_per_V
+        joint.append(replace(arms[index], arm=index, moving=moving))
+    return EstimatorConfig(tuple(joint))
 
 
-def _of_arm(rig: RigFile) -> EstimatorConfig:
+def _of_arm(rig: RigFile) -> ArmConfig:
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     observer = derived.force_observer(rig)
     s_p = model.compliance_um_per_mN
     response = derived.free_response(model)
     unknown = unknown_past(response, (rig.limits.voltage_min_V, rig.limits.voltage_max_V))
-    return EstimatorConfig(
+    return ArmConfig(
         period_s=period_s,
         unseen_V=SMALL_V + (rig.limits.slew_V_per_s * period_s if rig.lockstep else 0.0),
         plant=discretize(model.arm(), period_s),

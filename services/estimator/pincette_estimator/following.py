@@ -11,8 +11,8 @@ from pincette.control.response.residual_table import Residual
 from pincette.control.response.voltage_memory import VoltageMemory
 from pincette.core.faults import Cause
 from pincette.core.messages import Applied, Estimate, Message
-from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import Followed, Foreseen, Ringing, State
+from pincette_estimator.config import ArmConfig, EstimatorConfig
+from pincette_estimator.state import ArmState, Followed, Foreseen, Ringing, State
 from pincette_estimator.statements import within
 from pincette_estimator.uncertainty import uncertainty_mN
 
@@ -26,24 +26,21 @@ takes to be started anew, more than lost messages make."""
 def ahead(config: EstimatorConfig, state: State, told: Message) -> State:
     """Catch up with what an estimate did not wait for; lead the memories by a voltage as soon as
     it is applied, before the sample after it."""
+    arms: tuple[ArmState, ...] = ()
     if isinstance(told, Estimate):
-        second = state.second
-        if second is not None:
-            state = replace(state, second=second.caught_up())
-        return state.caught_up()
-    return _ahead_of_sample(config, state, told) if isinstance(told, Applied) else state
-
-
-def _ahead_of_sample(config: EstimatorConfig, state: State, applied: Applied) -> State:
-    if applied.epoch != state.epoch or len(applied.arms) != config.arms:
+        for arm in state.arms:
+            arms += (arm.caught_up(),)
+        return replace(state, arms=arms)
+    if not isinstance(told, Applied) or told.epoch != state.epoch:
         return state
-    state = _led_ahead(config, state, applied)
-    if state.second is None or config.second is None:
+    if len(told.arms) != len(config.arms):
         return state
-    return replace(state, second=_led_ahead(config.second, state.second, applied))
+    for of_arm, arm in zip(config.arms, state.arms, strict=True):
+        arms += (_led_ahead(of_arm, arm, told),)
+    return replace(state, arms=arms)
 
 
-def _led_ahead(config: EstimatorConfig, state: State, applied: Applied) -> State:
+def _led_ahead(config: ArmConfig, state: ArmState, applied: Applied) -> ArmState:
     voltage_V = applied.arms[config.arm].voltage_V
     if not within(config.voltage_V, voltage_V) or applied.seq < state.followed_seq:
         return state
@@ -54,7 +51,7 @@ def _led_ahead(config: EstimatorConfig, state: State, applied: Applied) -> State
     return replace(state, followed=followed, foreseen=foreseen)
 
 
-def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Followed:
+def _followed(config: ArmConfig, state: ArmState, applied: Applied) -> Followed:
     """What a voltage makes of the memories, over all samples since the last that had one."""
     voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
@@ -70,7 +67,7 @@ def _followed(config: EstimatorConfig, state: State, applied: Applied) -> Follow
 
 
 def _ringing(
-    config: EstimatorConfig, state: State, response: FreeResponse, applied: Applied
+    config: ArmConfig, state: ArmState, response: FreeResponse, applied: Applied
 ) -> Ringing:
     """Add the ring that a step of the free position excites to the ring of earlier steps."""
     shares = config.ring_shares
@@ -80,7 +77,7 @@ def _ringing(
     return Ringing(abs(step_um) + shares.kept * state.ringing.free_um, applied.part_held)
 
 
-def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied | None) -> State:
+def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | None) -> ArmState:
     """Forget the arm's past where its voltage was not known: it may have been anywhere within the
     limits, and goes straight from there to the next one that is told."""
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
@@ -94,7 +91,7 @@ def unfollowed(config: EstimatorConfig, state: State, seq: int, applied: Applied
     return replace(state, unknown=config.unknown, past=VoltageMemory(), highest_V=0.0, known_V=0.0)
 
 
-def follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> State:
+def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmState:
     """Take in the voltage applied, as it may have been followed ahead, and its tick."""
     found = state.followed
     if (
@@ -117,7 +114,7 @@ def follow_voltage(config: EstimatorConfig, state: State, applied: Applied) -> S
     )
 
 
-def _missed(config: EstimatorConfig, state: State, applied: Applied) -> Residual | None:
+def _missed(config: ArmConfig, state: ArmState, applied: Applied) -> Residual | None:
     """What x_1 misses at the tick that the voltage is of; without one it stays."""
     if config.residual is None or applied.segment is None:
         return state.missed

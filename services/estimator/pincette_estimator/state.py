@@ -141,8 +141,8 @@ class Foreseen(FrozenRecord, frozen=True):
     """The memories that it is of."""
 
 
-class State(FrozenRecord, frozen=True):
-    """The free response in use, the samples behind it, and the past that a force needs."""
+class ArmState(FrozenRecord, frozen=True):
+    """The free response of an arm, the samples behind it, and the past that a force needs."""
 
     response: FreeResponse
     """Its memory outlives an arming, as the arm's does."""
@@ -151,7 +151,6 @@ class State(FrozenRecord, frozen=True):
     observer: ForceObserver
     unknown: UnknownPast
     """Possible history of the arm before the start, or since it was last followed."""
-    epoch: int = 0
     followed_seq: int = -1
     """The sample up to which ``response`` has followed the voltage."""
     observed_seq: int | None = None
@@ -186,7 +185,6 @@ class State(FrozenRecord, frozen=True):
     """What x_1 misses at the newest tick, by the residual table; None: nothing is known of it."""
     known_V: float = 0.0
     """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
-    refused: int = 0
     ringing: Ringing = Ringing()
     stuck: StuckWatch = field(default_factory=StuckWatch)
     """Whether the sensor follows the voltage at all."""
@@ -195,10 +193,6 @@ class State(FrozenRecord, frozen=True):
     followed: Followed | None = None
     """By a voltage whose sample has not come yet."""
     foreseen: Foreseen | None = None
-    second: "State | None" = None
-    """State of the second arm; None for a rig of one arm."""
-    apart: ForcesApart = field(default_factory=ForcesApart)
-    """How far the forces of two arms differ."""
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
     way_base: Base | None = None
@@ -206,7 +200,7 @@ class State(FrozenRecord, frozen=True):
     stroke: StrokeChange | None = None
     """Change of the stroke as compared last; None: not compared since the start."""
 
-    def caught_up(self) -> "State":
+    def caught_up(self) -> "ArmState":
         """Take in the newest sample of free motion, which its own estimate did not wait for."""
         if self.unseen is None:
             return self
@@ -226,15 +220,7 @@ class State(FrozenRecord, frozen=True):
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Faults of this program that people see."""
-        if self.second is None:
-            return self._findings
-        apart = self.apart.finding
-        both = (*self._findings, *self.second.findings)
-        return both if apart is None else (*both, apart)
-
-    @property
-    def _findings(self) -> tuple[Fault, ...]:
+        """Faults of this arm that people see."""
         stuck = self.stuck.fault
         found = () if stuck is None else (stuck,)
         if self.stroke is not None and self.stroke.significant:
@@ -244,6 +230,23 @@ class State(FrozenRecord, frozen=True):
         error_um, highest_V = self.unknown.worst_um(self.response), self.highest_V
         unknown = fault(FaultCode.MEMORY_UNKNOWN, error_um=error_um, highest_V=highest_V)
         return (*found, unknown)
+
+
+class State(FrozenRecord, frozen=True):
+    """State of each arm, and what concerns both."""
+
+    arms: tuple[ArmState, ...]
+    epoch: int = 0
+    refused: int = 0
+    apart: ForcesApart = field(default_factory=ForcesApart)
+    """How far the forces of two arms differ."""
+
+    @property
+    def findings(self) -> tuple[Fault, ...]:
+        """Faults of this program that people see."""
+        found = tuple(fault for arm in self.arms for fault in arm.findings)
+        apart = self.apart.finding
+        return found if apart is None else (*found, apart)
 
 
 def stroke_fault(found: StrokeChange) -> Fault:
@@ -257,7 +260,7 @@ def stroke_fault(found: StrokeChange) -> Fault:
 
 
 def touched(
-    state: State,
+    state: ArmState,
     *,
     compliance_um_per_mN: float,
     step_um: float,

@@ -6,14 +6,14 @@ from pincette.control.force.estimation import COVERAGE
 from pincette.core.faults import TRIPPED, Fault, FaultCode, fault
 from pincette.core.messages import Applied, Estimate, Position
 from pincette.core.messages.arms import ArmEstimate
-from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import State, touched
+from pincette_estimator.config import ArmConfig
+from pincette_estimator.state import ArmState, touched
 from pincette_estimator.uncertainty import stroke_uncertainty_mN, uncertainty_mN
 
 
 def estimate(
-    config: EstimatorConfig,
-    state: State,
+    config: ArmConfig,
+    state: ArmState,
     position: Position,
     applied: Applied,
     F_mN: float,
@@ -60,7 +60,7 @@ def estimate(
     )
 
 
-def _uncertainty_mN(config: EstimatorConfig, state: State, seq: int) -> float:
+def _uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     """As it was foreseen, unless a zero or a rest has come between."""
     found = state.foreseen
     if (
@@ -79,7 +79,7 @@ def within(range_: tuple[float, float], value: float) -> bool:
 
 
 def degraded(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+    config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Estimate:
     """An estimate that must not be used for control: the voltage or the measurement is missing."""
     x_um = position.arms[config.arm].x_um
@@ -107,7 +107,7 @@ def degraded(
 
 
 def _fault(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied | None
+    config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Fault | None:
     """Why there is no force to be had from a sample."""
     sample = position.arms[config.arm]

@@ -23,9 +23,9 @@ from pincette.core.messages import Ack, Applied, Arm, Estimate, Message, Positio
 from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.both_arms import joined, moving_V
-from pincette_estimator.config import EstimatorConfig, configure
+from pincette_estimator.config import ArmConfig, EstimatorConfig, configure
 from pincette_estimator.following import ahead, follow_voltage, unfollowed
-from pincette_estimator.state import FreeMotion, Inputs, State, stroke_fault
+from pincette_estimator.state import ArmState, FreeMotion, Inputs, State, stroke_fault
 from pincette_estimator.statements import degraded, estimate, within
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
@@ -38,8 +38,11 @@ KEPT_ZERO_S = 86_400.0
 
 def start(config: EstimatorConfig) -> State:
     """Nothing has been applied and nothing measured."""
-    second = None if config.second is None else start(config.second)
-    return State(config.response, config.response, config.observer, config.unknown, second=second)
+    return State(
+        tuple(
+            ArmState(arm.response, arm.response, arm.observer, arm.unknown) for arm in config.arms
+        )
+    )
 
 
 def step(
@@ -50,31 +53,36 @@ def step(
     position, applied = inputs.position, inputs.applied
     if position is None:
         return state, ()
-    if position.epoch != state.epoch or len(position.arms) != config.arms:
-        return replace(state, refused=state.refused + 1), ()
-    if applied is not None and len(applied.arms) != config.arms:
-        state, applied = replace(state, refused=state.refused + 1), None
-    second, second_config = state.second, config.second
-    state, first = _estimated(config, state, position, applied)
-    if second is None or second_config is None:
-        return state, (first,)
-    second, of_second = _estimated(second_config, second, position, applied)
-    both = joined(first, of_second)
-    held = applied is not None and applied.part_held
-    apart = state.apart.follow(both, config.period_s, held=held)
-    return replace(state, second=second, apart=apart), (both,)
+    refused, count = state.refused, len(config.arms)
+    if position.epoch != state.epoch or len(position.arms) != count:
+        return replace(state, refused=refused + 1), ()
+    if applied is not None and len(applied.arms) != count:
+        refused, applied = refused + 1, None
+    found, apart = None, state.apart
+    arms: tuple[ArmState, ...] = ()
+    for of_arm, before in zip(config.arms, state.arms, strict=True):
+        told = applied
+        if told is not None and not within(of_arm.voltage_V, told.arms[of_arm.arm].voltage_V):
+            # Followed once, it would stay in the memory of the arm.
+            refused, told = refused + 1, None
+        arm, one = _estimated(of_arm, before, position, told)
+        arms += (arm,)
+        found = one if found is None else joined(found, one)
+    if found is None:
+        return state, ()
+    if count == 2:
+        held = applied is not None and applied.part_held
+        apart = apart.follow(found, config.arms[0].period_s, held=held)
+    return replace(state, arms=arms, refused=refused, apart=apart), (found,)
 
 
 def _estimated(
-    config: EstimatorConfig,
-    state: State,
+    config: ArmConfig,
+    state: ArmState,
     position: Position,
     applied: Applied | None,
-) -> tuple[State, Estimate]:
+) -> tuple[ArmState, Estimate]:
     """Estimate the force of one arm."""
-    if applied is not None and not within(config.voltage_V, applied.arms[config.arm].voltage_V):
-        # Followed once, it would stay in the memory of the arm.
-        state, applied = replace(state, refused=state.refused + 1), None
     state = unfollowed(config, state, position.seq, applied)
     if applied is None:
         return state, degraded(config, state, position, None)
@@ -100,7 +108,7 @@ def _estimated(
     return state, estimate(config, state, position, applied, F_mN, p_mN)
 
 
-def _zero_due_V(config: EstimatorConfig, state: State, applied: Applied) -> float | None:
+def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float | None:
     """Return the voltage of a zero that this sample has to take; None: there is none.
 
     A zero whose sample was not measured stays due while the output keeps its voltage and no other
@@ -114,8 +122,8 @@ def _zero_due_V(config: EstimatorConfig, state: State, applied: Applied) -> floa
 
 
 def _take_sample(
-    config: EstimatorConfig, state: State, position: Position, applied: Applied
-) -> tuple[State, float, float]:
+    config: ArmConfig, state: ArmState, position: Position, applied: Applied
+) -> tuple[ArmState, float, float]:
     """Take in a measurement; the next state, the force (53) and the perturbation (6) in mN."""
     x_um, voltage_V = position.arms[config.arm].x_um, applied.arms[config.arm].voltage_V
     first = state.observed_seq is None
@@ -146,7 +154,7 @@ def _take_sample(
 
 
 def _found_in_place(
-    config: EstimatorConfig, state: State, applied: Applied, x_um: float, F_mN: float
+    config: ArmConfig, state: ArmState, applied: Applied, x_um: float, F_mN: float
 ) -> bool:
     """Return whether the place of contact of a held part shows that its zero was taken before it.
 
@@ -158,7 +166,7 @@ def _found_in_place(
     return x_um - F_mN / config.part_stiffness_mN_per_um >= config.zero_limits.first_touch_um
 
 
-def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied) -> State:
+def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) -> ArmState:
     """Put x_1 through the first sample of an epoch, unless it goes through an earlier zero.
 
     An earlier zero stays where a part is held, and where the arm stands on it or behind it: what
@@ -180,7 +188,7 @@ def _begin(config: EstimatorConfig, state: State, x_um: float, applied: Applied)
 
 
 def _begun_detector(
-    state: State, x_um: float, nominal_um: float, applied: Applied
+    state: ArmState, x_um: float, nominal_um: float, applied: Applied
 ) -> ContactDetector:
     """Begin the search for a touch at the first sample of an epoch.
 
@@ -193,8 +201,8 @@ def _begun_detector(
 
 
 def _follow_free_motion(
-    config: EstimatorConfig, state: State, x_um: float, applied: Applied
-) -> State:
+    config: ArmConfig, state: ArmState, x_um: float, applied: Applied
+) -> ArmState:
     """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
     first = state.observed_seq is None
     # What x_1 is known to miss is no matter of its offset.
@@ -231,7 +239,7 @@ def _follow_free_motion(
     return followed
 
 
-def _zero(config: EstimatorConfig, state: State, position: Position, applied: Applied) -> State:
+def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Applied) -> ArmState:
     """Zero the force at this sample, or note why it cannot be zeroed."""
     response, t_s = state.response, position.seq * config.period_s
     compared = _compare_stroke(config, state)
@@ -271,7 +279,7 @@ def _zero(config: EstimatorConfig, state: State, position: Position, applied: Ap
     )
 
 
-def _compare_stroke(config: EstimatorConfig, state: State) -> StrokeChange | None:
+def _compare_stroke(config: ArmConfig, state: ArmState) -> StrokeChange | None:
     """Compare the way that ends at the present rest with that of the calibration.
 
     It begins at the rest after the conditioning strokes, or, for the zero at that rest, at the
@@ -298,7 +306,7 @@ def _compare_stroke(config: EstimatorConfig, state: State) -> StrokeChange | Non
     return stroke_change(response, base, rest_mean(samples, count), count, doubt)
 
 
-def _stroke_um(state: State, compared: StrokeChange | None) -> float:
+def _stroke_um(state: ArmState, compared: StrokeChange | None) -> float:
     """Return how far a changed stroke, which the zero corrects, has moved x_1 on its way.
 
     At the rest after the strokes the arm is compared with its last zero there, so that a change of
@@ -311,7 +319,7 @@ def _stroke_um(state: State, compared: StrokeChange | None) -> float:
     return abs(compared.change) * compared.way_um
 
 
-def _with_stroke(config: EstimatorConfig, state: State, compared: StrokeChange | None) -> State:
+def _with_stroke(config: ArmConfig, state: ArmState, compared: StrokeChange | None) -> ArmState:
     """Correct the stroke, and note the rest after the conditioning strokes."""
     response, count = state.response, config.zero_limits.rest_samples
     if not isinstance(response, IdentifiedResponse):
@@ -325,7 +333,7 @@ def _with_stroke(config: EstimatorConfig, state: State, compared: StrokeChange |
     return replace(state, stroke=compared, response=response, way_base=base)
 
 
-def _rezeroed(config: EstimatorConfig, state: State, before: FreeResponse) -> FreeResponse:
+def _rezeroed(config: ArmConfig, state: ArmState, before: FreeResponse) -> FreeResponse:
     """Return x_1 put through the rest at the end of the free motion.
 
     The samples of that rest have displacements by the response before the stroke was corrected.
@@ -344,7 +352,7 @@ def _rezeroed(config: EstimatorConfig, state: State, before: FreeResponse) -> Fr
     return response.rezero(samples, count)
 
 
-def _drift_um(config: EstimatorConfig, state: State, t_s: float) -> float:
+def _drift_um(config: ArmConfig, state: ArmState, t_s: float) -> float:
     """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm.
 
     How long a zero of an earlier epoch has waited between two jobs is not known. The drift of the
@@ -373,13 +381,15 @@ def handle(
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
-    begun = _begun(config, state, request)
-    if config.second is not None and state.second is not None:
-        begun = replace(begun, second=_begun(config.second, state.second, request))
-    return begun, Ack(0), ()
+    carries = request.zero_kept and len(config.arms) == 1
+    begun = tuple(
+        _begun(of_arm, arm, request, carries=carries)
+        for of_arm, arm in zip(config.arms, state.arms, strict=True)
+    )
+    return State(begun, request.epoch, state.refused), Ack(0), ()
 
 
-def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
+def _begun(config: ArmConfig, state: ArmState, request: Arm, *, carries: bool) -> ArmState:
     same = config.response == state.model
     response = state.response if same else state.past.replayed(config.response)
     kept = (state.zero_kept or state.observed_seq is not None) and not request.zero_confirmed
@@ -387,13 +397,12 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
         response = response.begin(state.response.position_um())
     unknown = state.unknown if same else config.unknown.led_through(state.past)
     played_s = _played_s(config, state) if kept else 0.0
-    carried = request.zero_kept and kept and same and config.arms == 1
-    return State(
+    carried = carries and kept and same
+    return ArmState(
         response,
         config.response,
         config.observer,
         unknown.judged(response),
-        epoch=request.epoch,
         reversal_memory=state.reversal_memory,
         highest_V=state.highest_V,
         known_V=state.highest_V,
@@ -401,13 +410,12 @@ def _begun(config: EstimatorConfig, state: State, request: Arm) -> State:
         zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
         kept_age_s=played_s,
         zero_s=-played_s if carried and state.zero_s is not None else None,
-        refused=state.refused,
         past=state.past,
         stroke=state.stroke if same else None,
     )
 
 
-def _played_s(config: EstimatorConfig, state: State) -> float:
+def _played_s(config: ArmConfig, state: ArmState) -> float:
     """Return the time that has been played since the last zero, earlier epochs included."""
     epoch_s = (state.observed_seq or 0) * config.period_s
     return state.kept_age_s + epoch_s if state.zero_s is None else epoch_s - state.zero_s
@@ -425,17 +433,5 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     step=step,
     handle=handle,
     ahead=ahead,
-    state_snapshot=(
-        "response",
-        "unknown",
-        "reversal_memory",
-        "highest_V",
-        "known_V",
-        "zero_s",
-        "zero_kept",
-        "kept_age_s",
-        "zero_confirmed",
-        "stroke",
-        "second",
-    ),
+    state_snapshot=("arms",),
 )

@@ -9,13 +9,13 @@ from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
-from pincette_estimator.config import EstimatorConfig
-from pincette_estimator.state import Followed, Ringing, State
+from pincette_estimator.config import ArmConfig
+from pincette_estimator.state import ArmState, Followed, Ringing
 
 
 def uncertainty_mN(
-    config: EstimatorConfig,
-    memories: State | Followed,
+    config: ArmConfig,
+    memories: ArmState | Followed,
     missed: Residual | None,
     zero_s: float | None,
     seq: int,
@@ -55,13 +55,13 @@ def uncertainty_mN(
     )
 
 
-def ring_um(config: EstimatorConfig, ringing: Ringing) -> float:
+def ring_um(config: ArmConfig, ringing: Ringing) -> float:
     """Return the standard uncertainty of the position by the ring after steps of the voltage."""
     shares = config.ring_shares
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
 
-def _free_error_um(config: EstimatorConfig, response: FreeResponse) -> float:
+def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
     """Return the standard error of x_1 since the zero, in µm.
 
     The error by the way since a zero was measured on ways up, that on the way back at the place of
@@ -79,7 +79,7 @@ def _free_error_um(config: EstimatorConfig, response: FreeResponse) -> float:
     return sqrt(error_um**2 + share * (config.return_error_um**2 - error_um**2))
 
 
-def past_creep_um(config: EstimatorConfig, response: FreeResponse) -> float:
+def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
     """Return the standard uncertainty by creep from before the conditioning strokes, in µm."""
     if not isinstance(response, IdentifiedResponse) or not response.strokes.conditioned:
         return 0.0
@@ -98,7 +98,7 @@ def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
     return abs(response.factor - 1.0) * abs(F_mN) / sqrt(3.0)
 
 
-def creep_um(config: EstimatorConfig, age_s: float, most_drift_um: float = inf) -> float:
+def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> float:
     """Return how far creep and drift may have moved the reading since a zero of this age, in µm.
 
     Creep counts at two standard errors, drift at its largest, up to ``most_drift_um``.
@@ -109,7 +109,7 @@ def creep_um(config: EstimatorConfig, age_s: float, most_drift_um: float = inf) 
     return COVERAGE * creep_mN * config.compliance_um_per_mN + drift_um
 
 
-def rested_past(config: EstimatorConfig, state: State) -> UnknownPast:
+def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
     """What a free arm at rest tells of its creep since another rest.
 
     Between them there may have been strokes over the whole range, so that x_1 errs by what the
@@ -123,7 +123,7 @@ def rested_past(config: EstimatorConfig, state: State) -> UnknownPast:
     return state.unknown.rested(response, rest, standard_um)
 
 
-def narrowed_past(config: EstimatorConfig, state: State, t_s: float) -> UnknownPast:
+def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
     """What a free arm has told of its past since the last zero; nothing before the first.
 
     An arm that can be conditioned is believed after its strokes alone: its approach does not show

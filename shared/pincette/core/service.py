@@ -152,8 +152,7 @@ class Service(Generic[R, C, S, I]):
     ending: Callable[[S], Predecessor] | None = None
     """Message to the next program when this one is told to end; None: there is none."""
     state_snapshot: tuple[str, ...] = ()
-    """Fields of the state that an arming carries over because outputs depend on them; a dot
-    separates nested fields."""
+    """Fields of the state that an arming carries over because outputs depend on them."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
     """Whether an instrument with a watchdog may be told that its host works; None: always."""
     shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None

@@ -20,15 +20,7 @@ from pincette.core.topics import TOPIC_OF
 
 def snapshot(service: AnyService, config: Any, state: Any) -> Document:
     """JSON of the snapshot fields that differ from a start; empty where none does."""
-    start_state = service.start(config)
-    changes: dict[str, Any] = {}
-    for path in service.state_snapshot:
-        head, _, inner = path.partition(".")
-        if not inner:
-            changes |= _changes(state, start_state, (head,))
-        elif getattr(state, head) is not None:
-            of_field = _changes(getattr(state, head), getattr(start_state, head), (inner,))
-            changes |= {head: of_field} if of_field else {}
+    changes = _changes(state, service.start(config), service.state_snapshot)
     return Document(json.dumps(changes, separators=(",", ":")) if changes else "")
 
 
@@ -39,16 +31,10 @@ def restored(service: AnyService, config: Any, state: Any, text: str) -> Any:
     if not isinstance(tree, dict):
         raise TypeError(f"carried: {text[:60]!r} is not a map")
     changes = cast("dict[str, Any]", tree)
-    if odd := changes.keys() - {path.partition(".")[0] for path in service.state_snapshot}:
+    if odd := changes.keys() - set(service.state_snapshot):
         raise ValueError(f"carried: the {service.name} carries no {', '.join(sorted(odd))}")
     whole = _changed(start_state, changes)
-    for path in service.state_snapshot:
-        head, _, inner = path.partition(".")
-        value: Any = getattr(whole, head)
-        if inner and value is not None:
-            value = replace(getattr(state, head), **{inner: getattr(value, inner)})
-        state = replace(state, **{head: value})
-    return state
+    return replace(state, **{name: getattr(whole, name) for name in service.state_snapshot})
 
 
 def _changes(value: Any, start_state: Any, names: tuple[str, ...]) -> dict[str, Any]:

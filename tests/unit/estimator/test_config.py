@@ -19,8 +19,10 @@ OBSERVERS = {
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_the_rig_file_names_the_observer(name: str) -> None:
     config = configure(a_rig(None, force_observer=name))
-    assert isinstance(config.observer, OBSERVERS[name])
-    assert config.noise_um == pytest.approx(DEMO.sensor.noise_um * config.observer.noise_gain)
+    assert isinstance(config.arms[0].observer, OBSERVERS[name])
+    assert config.arms[0].noise_um == pytest.approx(
+        DEMO.sensor.noise_um * config.arms[0].observer.noise_gain
+    )
 
 
 def test_a_short_period_is_no_matter_for_quasi_static() -> None:
@@ -52,10 +54,10 @@ def test_printed_ages_belong_to_the_quasi_static_observer() -> None:
 def test_a_rest_lasts_a_fifth_of_a_second_within_bounds() -> None:
     for period_s, count in ((0.05, 10), (0.02, 10), (0.01, 20), (0.001, 64)):
         rig = a_rig(None, period_s=period_s, force_observer="kalman")
-        assert configure(rig).zero_limits.rest_samples == count
+        assert configure(rig).arms[0].zero_limits.rest_samples == count
 
 
 def test_the_zero_limits_come_from_the_part() -> None:
-    limits = configure(a_rig(None)).zero_limits
+    limits = configure(a_rig(None)).arms[0].zero_limits
     assert limits.first_touch_um == pytest.approx(27.0)
     assert limits.touch_um == pytest.approx(0.46 * 2.0)

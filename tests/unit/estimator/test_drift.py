@@ -42,7 +42,7 @@ def test_a_drift_makes_no_zero_implausible() -> None:
     rig = a_rig(TAUGHT)
     sensor = rig.sensor.model_copy(update={"drift_um_per_min": UM_PER_MIN})
     config = configure(rig.model_copy(update={"sensor": sensor}))
-    more_um = creep_um(config, AGE_S) - creep_um(configure(rig), AGE_S)
+    more_um = creep_um(config.arms[0], AGE_S) - creep_um(configure(rig).arms[0], AGE_S)
     assert more_um == pytest.approx(UM_PER_MIN / 60.0 * AGE_S)
 
 
@@ -56,14 +56,14 @@ def test_the_drift_of_a_long_hold_does_not_refuse_the_next_zero() -> None:
     played_s = 60.0
     for _ in range(round(played_s / rig.rig.period_s)):
         bench.feed(0.0, 0.0)
-    assert bench.state.zero_s is not None
+    assert bench.state.arms[0].zero_s is not None
     bench.arm(2)
-    assert bench.state.kept_age_s == pytest.approx(played_s, abs=0.1)
+    assert bench.state.arms[0].kept_age_s == pytest.approx(played_s, abs=0.1)
     bench.arm(3)
-    assert bench.state.kept_age_s == pytest.approx(played_s, abs=0.1)
+    assert bench.state.arms[0].kept_age_s == pytest.approx(played_s, abs=0.1)
     drifted_um = -0.9 * 6.0 / 60.0 * played_s
     for _ in range(40):
         bench.feed(drifted_um, 0.0)
     bench.feed(drifted_um, 0.0, zero=True)
-    assert bench.state.zero_refusal is None
-    assert bench.state.kept_age_s == 0.0
+    assert bench.state.arms[0].zero_refusal is None
+    assert bench.state.arms[0].kept_age_s == 0.0

@@ -42,10 +42,10 @@ def test_a_voltage_that_no_output_has_is_not_followed(
     before = bench.state
     estimate = bench.feed(0.0, voltage_V)
     assert (estimate.valid, estimate.degraded) == (False, True)
-    assert estimate.arms[0].applied_V == before.response.voltage_V
+    assert estimate.arms[0].applied_V == before.arms[0].response.voltage_V
     assert bench.state.refused == before.refused + 1
-    assert bench.state.response == before.response
-    assert bench.state.past == before.past
+    assert bench.state.arms[0].response == before.arms[0].response
+    assert bench.state.arms[0].past == before.arms[0].past
     assert bench.feed(0.0, 0.2).valid
 
 
@@ -58,4 +58,7 @@ def test_the_range_is_that_of_the_arm_where_the_sensor_looks_from_the_other_side
     sensor = DEMO.sensor.model_copy(
         update={"minimum_um": -100.0, "maximum_um": 300.0, "offset_um": 50.0, "direction": -1}
     )
-    assert configure(DEMO.model_copy(update={"sensor": sensor})).position_um == (-250.0, 150.0)
+    assert configure(DEMO.model_copy(update={"sensor": sensor})).arms[0].position_um == (
+        -250.0,
+        150.0,
+    )

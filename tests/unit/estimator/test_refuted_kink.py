@@ -10,7 +10,7 @@ from pincette_estimator.step import State
 from tests.unit.estimator.bench import TAUGHT, Bench, a_rig
 
 CONFIG, LINEAR = configure(a_rig(TAUGHT)), configure(a_rig(None))
-S_P, K_E = CONFIG.compliance_um_per_mN, 2.17
+S_P, K_E = CONFIG.arms[0].compliance_um_per_mN, 2.17
 TOUCH_MN, SAMPLES = 2.0, 3
 STEP_V, HIGHEST_V, NOISE_UM = 0.004, 4.0, 0.03
 BENT = (155, 442, 854, 1035, 1502)
@@ -22,11 +22,11 @@ def followed() -> tuple[State, int]:
     """An estimator that has led x_1 over the range, is armed anew, and zeroed."""
     bench = Bench(CONFIG)
     for voltage_V in (*np.arange(0.0, HIGHEST_V, 0.02), *np.arange(HIGHEST_V, 0.0, -0.02)):
-        free_um = bench.state.response.follow(float(voltage_V), 0.02).position_um()
+        free_um = bench.state.arms[0].response.follow(float(voltage_V), 0.02).position_um()
         bench.feed(free_um, float(voltage_V))
     bench.arm(2)
     for zero in (*12 * [False], True):
-        bench.feed(bench.state.response.follow(0.0, 0.02).position_um(), 0.0, zero=zero)
+        bench.feed(bench.state.arms[0].response.follow(0.0, 0.02).position_um(), 0.0, zero=zero)
     return bench.state, bench.seq
 
 
@@ -40,10 +40,10 @@ def touched_with_mN(
     bench = Bench(CONFIG)
     (bench.state, bench.seq), bench.epoch, count = followed(), 2, 0
     noises_um = np.random.default_rng(seed).normal(0.0, NOISE_UM, round(HIGHEST_V / STEP_V))
-    from_um = bench.state.response.position_um()
+    from_um = bench.state.arms[0].response.position_um()
     for tick, noise_um in enumerate(noises_um.tolist(), start=1):
         voltage_V = STEP_V * tick
-        model_um = bench.state.response.follow(voltage_V, 0.02).position_um()
+        model_um = bench.state.arms[0].response.follow(voltage_V, 0.02).position_um()
         free_um = from_um + gain * (model_um - from_um)
         pressed_um = max(0.0, free_um - contact_um) * S_P * K_e / (1.0 + S_P * K_e)
         estimate = bench.feed(free_um - pressed_um + noise_um, voltage_V)
@@ -77,7 +77,7 @@ def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
     bench, contact_um, kappa = Bench(config), -8.0, S_P * K_E
     voltages_V = (*np.arange(0.0, -1.0, -0.01), *np.arange(-1.0, 2.0, 0.01))
     for tick, voltage_V in enumerate(voltages_V):
-        response = bench.state.response.follow(float(voltage_V), 0.02)
+        response = bench.state.arms[0].response.follow(float(voltage_V), 0.02)
         free_um = response.displacement_um() if response.remembers else 19.0 * float(voltage_V)
         pressed_um = max(0.0, free_um - contact_um) * kappa / (1.0 + kappa)
         estimate = bench.feed(free_um - pressed_um, float(voltage_V), held=held and tick < 5)

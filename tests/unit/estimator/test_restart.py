@@ -135,7 +135,7 @@ def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> No
     arm.rest(600.0)
     arm.bench.arm(2)
     assert arm.bench.state.findings == ()
-    assert arm.bench.state.unknown.known
+    assert arm.bench.state.arms[0].unknown.known
 
 
 def test_in_lockstep_a_new_arm_is_not_taken_for_the_models() -> None:
@@ -144,7 +144,7 @@ def test_in_lockstep_a_new_arm_is_not_taken_for_the_models() -> None:
 
 
 def test_a_line_has_no_memory_to_lose() -> None:
-    assert Bench(configure(a_rig(None))).state.unknown.known
+    assert Bench(configure(a_rig(None))).state.arms[0].unknown.known
 
 
 def test_another_model_does_not_make_the_past_known() -> None:
@@ -154,8 +154,12 @@ def test_another_model_does_not_make_the_past_known() -> None:
         bench.rest(0.0, to_V)
     other = configure(a_rig(TAUGHT))
     bench.state, _, _ = handle(other, bench.state, Arm(2, 1, ""), 0.0)
-    assert not bench.state.unknown.known
-    assert bench.state.unknown.lowest.voltage_V == bench.state.response.voltage_V == 0.2
+    assert not bench.state.arms[0].unknown.known
+    assert (
+        bench.state.arms[0].unknown.lowest.voltage_V
+        == bench.state.arms[0].response.voltage_V
+        == 0.2
+    )
 
 
 def test_a_replay_begins_with_the_same_past(free: PlantParameters) -> None:
@@ -163,8 +167,7 @@ def test_a_replay_begins_with_the_same_past(free: PlantParameters) -> None:
     arm.stroke(1)
     arm.bench.arm(2)
     config, state = arm.bench.config, arm.bench.state
-    assert not state.unknown.known
+    assert not state.arms[0].unknown.known
     fresh = Bench(config).state
-    assert (
-        restored(SERVICE, config, fresh, snapshot(SERVICE, config, state)).unknown == state.unknown
-    )
+    found = restored(SERVICE, config, fresh, snapshot(SERVICE, config, state))
+    assert found.arms[0].unknown == state.arms[0].unknown

@@ -33,7 +33,7 @@ def test_position_and_voltage_of_matched_ages_read_no_force() -> None:
 def test_pressing_reads_a_compressive_force(config: EstimatorConfig) -> None:
     bench = Bench(config)
     bench.rest(0.0, 0.0)
-    free_um = bench.state.response.position_um()
+    free_um = bench.state.arms[0].response.position_um()
     assert bench.feed(free_um - 4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
 
 
@@ -73,17 +73,19 @@ def test_memory_and_offset_outlive_an_arming() -> None:
     bench.feed(0.0, 0.0, zero=True)
     for voltage_V in (1.0, 2.0, 1.0):
         bench.feed(0.0, voltage_V, held=True)
-    before = bench.state.response
+    before = bench.state.arms[0].response
     bench.arm(2)
-    assert bench.state.response == before
-    pushed_um = 3.0 * IDENTIFIED.compliance_um_per_mN
+    assert bench.state.arms[0].response == before
+    pushed_um = 3.0 * IDENTIFIED.arms[0].compliance_um_per_mN
     estimate = bench.feed(before.follow(1.0, 0.02).position_um() - pushed_um, 1.0)
     assert estimate.arms[0].zero_age_s is None
     assert estimate.arms[0].zero_refusal is None
     assert estimate.arms[0].force_mN == pytest.approx(3.0)
     # Falling from 2 V the play of 0.5 V rests until 1 V, then moves: 15 µm/V from there.
-    fallen = bench.state.response.follow(0.9, 0.0).position_um()
-    assert bench.state.response.position_um() - fallen == pytest.approx(0.1 * 15.0, rel=0.01)
+    fallen = bench.state.arms[0].response.follow(0.9, 0.0).position_um()
+    assert bench.state.arms[0].response.position_um() - fallen == pytest.approx(
+        0.1 * 15.0, rel=0.01
+    )
 
 
 def test_a_confirmed_zero_gives_up_the_offset_of_earlier_epochs() -> None:
@@ -99,7 +101,7 @@ def test_a_part_that_presses_at_rest_is_never_zeroed_away(config: EstimatorConfi
     bench = Bench(config)
     bench.rest(0.0, 0.0)
     assert bench.feed(0.0, 0.0, zero=True).arms[0].zero_refusal is None
-    pushed_um = 25.0 * config.compliance_um_per_mN
+    pushed_um = 25.0 * config.arms[0].compliance_um_per_mN
     for epoch in range(2, 7):
         bench.arm(epoch)
         bench.rest(-pushed_um, 0.0)
@@ -130,7 +132,7 @@ def test_the_force_of_a_held_part_outlives_an_arming() -> None:
     for held_um in (-6.9, 6.9):
         bench.arm(bench.epoch + 1)
         estimate = bench.feed(held_um, 0.0, held=True)
-        wanted_mN = -held_um / IDENTIFIED.compliance_um_per_mN
+        wanted_mN = -held_um / IDENTIFIED.arms[0].compliance_um_per_mN
         assert estimate.arms[0].force_mN == pytest.approx(wanted_mN, abs=0.05)
 
 
@@ -140,15 +142,17 @@ def test_another_model_is_led_through_what_the_arm_has_been_through() -> None:
         for voltage_V in (0.0, 1.0, 2.0, 1.0):
             one.feed(0.0, voltage_V)
     bench.config = IDENTIFIED
-    offset_um = bench.state.response.position_um()
+    offset_um = bench.state.arms[0].response.position_um()
     for one in (bench, other):
         one.arm(2, zero_confirmed=one is other)
-    assert bench.state.response.position_um() == pytest.approx(offset_um)
+    assert bench.state.arms[0].response.position_um() == pytest.approx(offset_um)
     bench.arm(3, zero_confirmed=True)
     for one in (bench, other):
         one.feed(12.0, 1.0)
-    assert bench.state.model == IDENTIFIED.response
-    there, wanted = (one.state.response.follow(0.2, 0.0).position_um() for one in (bench, other))
+    assert bench.state.arms[0].model == IDENTIFIED.arms[0].response
+    there, wanted = (
+        one.state.arms[0].response.follow(0.2, 0.0).position_um() for one in (bench, other)
+    )
     assert there == pytest.approx(wanted, abs=1e-3)
 
 
@@ -177,7 +181,9 @@ def test_the_memory_advances_over_samples_without_a_position() -> None:
     other.feed(0.0, 0.0)
     bench.feed(5.0, 1.0)
     assert not other.feed(nan, 1.0).valid
-    assert bench.state.response.follow(0.0, 0.0) == other.state.response.follow(0.0, 0.0)
+    assert bench.state.arms[0].response.follow(0.0, 0.0) == other.state.arms[0].response.follow(
+        0.0, 0.0
+    )
 
 
 @BOTH
@@ -214,16 +220,16 @@ def test_it_answers_arming_alone() -> None:
 def test_the_published_force_has_no_low_pass() -> None:
     bench = Bench(configure(a_rig(TAUGHT, force_filter_s=0.5)))
     bench.rest(0.0, 0.0)
-    free_um = bench.state.response.position_um()
+    free_um = bench.state.arms[0].response.position_um()
     assert bench.feed(free_um - 4.6, 0.0).arms[0].force_mN == pytest.approx(10.0)
-    free_um = bench.state.response.position_um()
+    free_um = bench.state.arms[0].response.position_um()
     assert bench.feed(free_um, 0.0).arms[0].force_mN == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_perturbation_is_that_of_its_own_force() -> None:
     bench = Bench(LINEAR)
     bench.rest(0.0, 0.0)
-    plant = LINEAR.plant
+    plant = LINEAR.arms[0].plant
     for x_um, voltage_V in ((1.0, 0.1), (2.5, 0.2), (3.0, 0.3)):
         estimate = bench.feed(x_um, voltage_V)
     wanted_mN = (
@@ -237,7 +243,8 @@ def test_the_perturbation_is_that_of_its_own_force() -> None:
 
 
 def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
-    bench = Bench(replace(IDENTIFIED, forgotten_mN=3.0))
+    (arm,) = IDENTIFIED.arms
+    bench = Bench(replace(IDENTIFIED, arms=(replace(arm, forgotten_mN=3.0),)))
     bench.rest(0.0, 0.0)
     bench.feed(0.0, 0.0, zero=True)
     before = bench.feed(0.0, 0.0).arms[0].force_uncertainty_mN

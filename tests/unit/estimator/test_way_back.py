@@ -19,7 +19,7 @@ def stated_mN(return_error_um: float | None) -> dict[str, float]:
     bench = Bench(configure(a_rig(taught)))
 
     def at(voltage_V: float, *, zero: bool = False) -> float:
-        x_um = bench.state.response.position_um()
+        x_um = bench.state.arms[0].response.position_um()
         return bench.feed(x_um, voltage_V, zero=zero).arms[0].force_uncertainty_mN
 
     for _ in range(40):

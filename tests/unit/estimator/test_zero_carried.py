@@ -72,6 +72,6 @@ def test_a_replay_begins_with_the_same_zero() -> None:
     state, _, _ = handle(bench.config, bench.state, request, 0.0)
     text = snapshot(SERVICE, bench.config, state)
     again = restored(SERVICE, bench.config, start(bench.config), text)
-    assert again.zero_s == state.zero_s
-    assert again.zero_s is not None
-    assert again.zero_s < 0.0
+    assert again.arms[0].zero_s == state.arms[0].zero_s
+    assert again.arms[0].zero_s is not None
+    assert again.arms[0].zero_s < 0.0
