@@ -8,15 +8,13 @@ from typing import Any
 import mcap.records as mcap
 
 from pincette.core.files import DRAFT, publish
-from pincette.core.topics import POSITION
 from pincette.records import folder as files
 from pincette.records import mcap_reading, record_times
-from pincette.records.mcap_file import CLOSING, NAME, SEQUENCE_LIMIT, Chunks, Unbuffered
+from pincette.records.finished_copy import FinishedCopy
+from pincette.records.mcap_file import NAME, Unbuffered
 from pincette.records.tables import Written, write_tables_of_file
 
 log = logging.getLogger(__name__)
-BOUNDED = 10_000
-"""Messages after which the index of a copy is bounded."""
 KILLED = "the recorder ended while this was being recorded"
 LOST_LATER = f"{NAME} has lost data after it was closed; the tables have all samples"
 TABLES = frozenset((files.SAMPLES, files.BURST, files.TIMING))
@@ -159,8 +157,10 @@ def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
     # The file is replaced only once the copy of it is complete and on the disk.
     draft = path.with_name(path.name + DRAFT)
     stream = Unbuffered(draft, "wb")
+    copy = FinishedCopy(path, closing)
     try:
-        written = _copy(path, stream, closing)
+        for part in copy:
+            stream.write(part)
         stream.sync()
     except BaseException:
         stream.close()
@@ -168,54 +168,4 @@ def repair(path: Path, closing: Mapping[str, str]) -> dict[str, str]:
         raise
     stream.close()
     publish(draft, path)
-    return written
-
-
-def _copy(path: Path, stream: Unbuffered, closing: Mapping[str, str]) -> dict[str, str]:
-    chunks = Chunks(stream)
-    writer = chunks.writer
-    schemas: dict[int, int] = {0: 0}
-    channels: dict[int, int] = {}
-    samples: set[int] = set()
-    """Channels of the topic of which each sample has one."""
-    kept, first, last = 0, SEQUENCE_LIMIT, -1
-    for entry in mcap_reading.entries(path):
-        match entry:
-            case mcap.Schema() if entry.id not in schemas:
-                number = writer.register_schema(entry.name, entry.encoding, entry.data)
-                schemas[entry.id] = number
-            case mcap.Channel() if entry.id not in channels:
-                if entry.topic == POSITION.name:
-                    samples.add(entry.id)
-                channels[entry.id] = writer.register_channel(
-                    entry.topic, entry.message_encoding, schemas[entry.schema_id], entry.metadata
-                )
-            case mcap.Message():
-                writer.add_message(
-                    channels[entry.channel_id],
-                    entry.log_time,
-                    entry.data,
-                    entry.publish_time,
-                    entry.sequence,
-                )
-                kept += 1
-                if entry.channel_id in samples:
-                    first, last = min(first, entry.sequence), max(last, entry.sequence)
-                if kept % BOUNDED == 0:
-                    chunks.bound()
-            case mcap.Metadata() if entry.name != CLOSING:
-                writer.add_metadata(entry.name, entry.metadata)
-            case mcap.Attachment():
-                writer.add_attachment(
-                    entry.create_time, entry.log_time, entry.name, entry.media_type, entry.data
-                )
-            case _:
-                pass
-    chunks.flush()
-    written = {**closing, "messages": str(kept)}
-    if last >= 0:
-        detail = f"{closing.get('detail', '')}; samples {first} to {last} are recorded"
-        written |= {"first_seq": str(first), "last_seq": str(last), "detail": detail}
-    writer.add_metadata(CLOSING, written)
-    writer.finish()
-    return written
+    return copy.closing

@@ -1,5 +1,6 @@
 """``pincette job list``, ``export``, ``describe``: jobs found again, and what is said of them."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from pincette.cli.options import MOMENTS, Limit, moment
 from pincette.cli.output_file import write_output
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
-from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
+from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def export(
         "jobs.csv"
     ),
     spreadsheet: ForSpreadsheet = None,
+    numbers: NumbersAlone = False,
 ) -> None:
     """Write many jobs as one table: what was said and asked, and every figure."""
     form = FORMATS.get(out.suffix)
@@ -129,8 +131,15 @@ def export(
         raise CliError(f"{out}: give a name that ends in {' or '.join(FORMATS)}", Exit.USAGE)
     if spreadsheet is not None and form != "csv":
         raise CliError(f"--spreadsheet writes CSV: give a name that ends in .csv, not {out}")
+    if numbers and (spreadsheet is not None or form != "csv"):
+        raise CliError(f"{NOT_BOTH}, with a name that ends in .csv", Exit.USAGE)
+    supervisor = wanted.supervisor()
     with patience("exporting"):
-        content = wanted.supervisor().export(form, **wanted.filters)
+        content = supervisor.export("numbers.csv" if numbers else form, **wanted.filters)
+        if numbers:
+            tree = json.loads(supervisor.export("numbers.csv-metadata.json", **wanted.filters))
+            text = json.dumps({**tree, "url": out.name}, indent=1, ensure_ascii=False)
+            write_output(out.with_name(f"{out.name}-metadata.json"), text.encode())
     if spreadsheet is not None and form == "csv":
         content = for_spreadsheet(content, spreadsheet)
     write_output(out, content)

@@ -11,7 +11,7 @@ from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.output_file import write_output
 from pincette.cli.readers import choice
-from pincette.cli.spreadsheet import ForSpreadsheet, for_spreadsheet
+from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
 from pincette.cli.terminal import Json, command, emit, group, patience, screen, table
 from pincette.core import plugins
 from pincette.engine.replay.steps import STEPS
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from pincette.records.mcap_reading import Recording
 
 
-SAMPLES = "samples.csv"
+SAMPLES, SNAPSHOT = "samples.csv", "snapshot.mcap"
+NUMBERS = ("numbers.csv", "numbers.csv-metadata.json")
 JobName = Annotated[str, Argument(metavar="JOB", help="its id, or `last`")]
 Out = Annotated[
     Path | None,
@@ -50,11 +51,28 @@ def get(
 
 
 @command(records_app, "csv")
-def csv(target: Target, name: JobName, out: Out = None, spreadsheet: ForSpreadsheet = None) -> None:
+def csv(
+    target: Target,
+    name: JobName,
+    out: Out = None,
+    spreadsheet: ForSpreadsheet = None,
+    numbers: NumbersAlone = False,
+) -> None:
     """Download the samples of a record as CSV."""
+    if numbers:
+        if spreadsheet is not None:
+            raise CliError(NOT_BOTH, Exit.USAGE)
+        _download(target, target.job(name), [*NUMBERS], out)
+        return
     for path in _download(target, target.job(name), [SAMPLES], out):
         if spreadsheet is not None:
             write_output(path, for_spreadsheet(path.read_bytes(), spreadsheet))
+
+
+@command(records_app, "snapshot")
+def snapshot(target: Target, name: JobName, out: Out = None) -> None:
+    """Download a finished copy of the record of a job that runs, or whose recorder was killed."""
+    _download(target, target.job(name), [SNAPSHOT], out)
 
 
 @command(records_app, "delete")

@@ -22,6 +22,12 @@ ForSpreadsheet = Annotated[
     ),
 ]
 
+NumbersAlone = Annotated[
+    bool,
+    Option("--numbers", help="numbers alone, and a file of metadata that says what they mean"),
+]
+NOT_BOTH = "give --numbers or --spreadsheet, not both"
+
 
 def for_spreadsheet(content: bytes, separator: str) -> bytes:
     """Return a CSV with the mark of UTF-8 and another separator between its cells.

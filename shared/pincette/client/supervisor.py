@@ -23,6 +23,8 @@ from pincette.client.transport import AsyncConnection, Transport, client_setting
 TIMEOUT_S = 10.0
 """Default time limit of one reply, in s."""
 
+ExportForm = Literal["csv", "parquet", "numbers.csv", "numbers.csv-metadata.json"]
+
 
 class AsyncSupervisor:
     """Where to begin: ``AsyncSupervisor(url).rig()``.
@@ -128,8 +130,11 @@ class AsyncSupervisor:
         """
         return await jobs(self.transport, limit, **filters)
 
-    async def export(self, form: Literal["csv", "parquet"] = "csv", **filters: str | int) -> bytes:
-        """Many jobs as one table, by the filters of ``jobs``."""
+    async def export(self, form: ExportForm = "csv", **filters: str | int) -> bytes:
+        """Return many jobs as one table, by the filters of ``jobs``.
+
+        ``numbers.csv`` has numbers alone; ``numbers.csv-metadata.json`` says what they mean.
+        """
         call = Call("GET", f"/jobs/export.{form}", content, filters, repeatable=True)
         return await self.transport.send(call)
 

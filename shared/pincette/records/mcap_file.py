@@ -19,6 +19,7 @@ from pincette.core.topics import TOPIC_OF, TOPICS, Topic, key
 from pincette.core.units import unit_of
 from pincette.records import record_times
 from pincette.records.columns import ARMS
+from pincette.records.memory_file import MemoryFile
 from pincette.records.record_times import LAST_NS, sample_0_ns, utc_text
 from pincette.records.schemas import SCHEMAS
 
@@ -87,7 +88,7 @@ class Chunks:
     # The library keeps the index of all chunks in memory until the end, 1 kB for each chunk. An
     # index of some chunks would make readers overlook the others.
 
-    def __init__(self, stream: Unbuffered) -> None:
+    def __init__(self, stream: Unbuffered | MemoryFile) -> None:
         self.writer = Writer(cast("IO[bytes]", stream), chunk_size=CHUNK_BYTES)
         self.writer.start(PROFILE, f"pincette {__version__}")
         self._state = vars(self.writer)

@@ -23,6 +23,8 @@ class Field:
 
 COLUMNS = "columns"
 """Key of a file for readers without Arrow's metadata: unit and meaning of each column, as JSON."""
+KINDS: Mapping[str, Kind] = {"double": "float", "int64": "int", "bool": "bool", "string": "text"}
+"""Kind of a column by the name of its type in Arrow."""
 PART_ROWS = 8192
 """Rows that are read at once where a table is read part by part."""
 GROUP_ROWS = 65_536
@@ -155,6 +157,15 @@ def read_about(path: Path) -> dict[str, str]:
 def about_of(schema: Any) -> dict[str, str]:
     """Return the metadata with which a table was written, without that of its columns."""
     return {name: text for name, text in texts(schema.metadata).items() if name != COLUMNS}
+
+
+def fields_of(schema: Any) -> list[Field]:
+    """Return what a table's columns are."""
+    about = [texts(one.metadata) for one in schema]
+    return [
+        Field(one.name, told.get("unit", ""), told.get("meaning", ""), KINDS[str(one.type)])
+        for one, told in zip(schema, about, strict=True)
+    ]
 
 
 def texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:

@@ -226,9 +226,28 @@ def test_a_record_is_brought_here(
     assert main(["records", "get", NAME, "--out", str(out)]) == Exit.DONE
     assert (out / "result.json").read_bytes() == b"{}"
     assert capsys.readouterr().out == f"{out / 'result.json'}\n"
-    supervisor = at(desk.job(), listed, httpx.Response(200, content=b"t_s\n"))
-    assert main(["records", "csv", NAME, "--out", str(out)]) == Exit.DONE
-    assert supervisor.paths()[-1].endswith("/artifacts/samples.csv")
+    text = httpx.Response(200, content=b"t_s\n")
+    for words, names in (
+        (["csv"], ["samples.csv"]),
+        (["csv", "--numbers"], ["numbers.csv", "numbers.csv-metadata.json"]),
+        (["snapshot"], ["snapshot.mcap"]),
+    ):
+        supervisor = at(desk.job(), *[listed, text] * len(names))
+        assert main(["records", *words, NAME, "--out", str(out)]) == Exit.DONE
+        paths = [path for path in supervisor.paths() if "/artifacts/" in path]
+        assert [path.rpartition("/")[2] for path in paths] == names
+        assert {one.name for one in out.iterdir()} >= {*names}
+
+
+def test_jobs_are_exported_as_numbers(at: At, tmp_path: Path) -> None:
+    out = tmp_path / "wafer.csv"
+    at(httpx.Response(200, content=b"id\n1\n"), httpx.Response(200, json={"url": "export.csv"}))
+    assert main(["job", "export", "--numbers", "--out", str(out)]) == Exit.DONE
+    assert out.read_bytes() == b"id\n1\n"
+    assert json.loads((tmp_path / "wafer.csv-metadata.json").read_bytes()) == {"url": "wafer.csv"}
+    words = ["--numbers", "--spreadsheet", "tab"]
+    assert main(["job", "export", "--out", str(out), *words]) == Exit.USAGE
+    assert main(["job", "export", "--out", str(tmp_path / "a.parquet"), "--numbers"]) == Exit.USAGE
 
 
 def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:

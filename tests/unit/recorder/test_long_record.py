@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from msgspec.structs import replace
 
 from pincette.core.messages import Ack, GroundTruth, Message, Position, Recorded, Sample
-from pincette.records import mcap_file, mcap_reading, parquet
+from pincette.records import finished_copy, mcap_file, mcap_reading, parquet
 from pincette.records.mcap_file import NAME
 from pincette.records.row_blocks import RowBlocks
 from pincette_recorder import record_repair
@@ -31,7 +31,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(RowBlocks.__init__, "__kwdefaults__", {"every_tick": True, "rows": 256})
     monkeypatch.setattr(parquet.writer, "__defaults__", (1024,))
     monkeypatch.setattr(mcap_file, "INDEXED_CHUNKS", 100)
-    monkeypatch.setattr(record_repair, "BOUNDED", 500)
+    monkeypatch.setattr(finished_copy, "AT_ONCE", 500)
 
 
 class LongRecord:

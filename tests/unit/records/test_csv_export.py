@@ -1,14 +1,19 @@
 """Samples as CSV."""
 
 import csv
+import json
+from collections.abc import Callable, Iterator
+from io import StringIO
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 import pandas
 import pytest
 
+from pincette.records import parquet
 from pincette.records.columns import columns
-from pincette.records.csv_export import csv_rows
+from pincette.records.csv_export import csv_rows, number_metadata, number_rows
 from pincette.records.folder import write_samples
 from tests.support.recorded import ABOUT, PERIOD_S, loop
 
@@ -46,6 +51,32 @@ def test_pandas_reads_it(samples: Path, tmp_path: Path) -> None:
     assert list(frame["seq"]) == list(range(30))
 
 
-def test_a_file_that_is_not_there_is_told_before_the_first_line(tmp_path: Path) -> None:
+def test_numbers_alone_are_described_by_their_metadata(samples: Path) -> None:
+    frame: Any = pandas.read_csv(StringIO("".join(number_rows(samples))))
+    assert [str(kind) for kind in frame.dtypes if kind not in ("int64", "float64")] == []
+    tree = json.loads("".join(number_metadata(samples)))
+    described = {column["titles"]: column for column in tree["tableSchema"]["columns"]}
+    assert list(described) == list(frame.columns)
+    assert described["force_mN"]["schema:unitText"] == "mN"
+    words = {name: _words(column) for name, column in described.items()}
+    (table,) = parquet.parts(samples)
+    for name, values in table.items():
+        wanted = [words[name][one] if isinstance(one, str) else one for one in values]
+        found: list[float] = frame[name].tolist()
+        assert [None if isnan(one) else one for one in found] == wanted, name
+    assert words["phase"]["approach"] == 0
+    assert {"schema:name": "job", "schema:value": "j-1"} in tree["schema:additionalProperty"]
+
+
+def _words(column: dict[str, Any]) -> dict[str, float]:
+    return {
+        one["schema:name"]: one["schema:value"] for one in column.get("schema:valueReference", ())
+    }
+
+
+@pytest.mark.parametrize("make", [csv_rows, number_rows, number_metadata])
+def test_a_file_that_is_not_there_is_told_before_the_first_line(
+    make: Callable[[Path], Iterator[str]], tmp_path: Path
+) -> None:
     with pytest.raises(OSError, match=r"samples\.parquet"):
-        csv_rows(tmp_path / "samples.parquet")
+        make(tmp_path / "samples.parquet")

@@ -4,7 +4,9 @@ import asyncio
 import csv
 import tracemalloc
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,8 @@ from .streams import Stream
 PAGE = 25
 """Jobs read at once in these tests; a supervisor reads ten times as many."""
 FEW, MANY = 2 * PAGE, 8 * PAGE
+
+FORMS = [job_table.csv_of, job_table.numbers_of, job_table.parquet_of]
 
 
 @pytest.fixture
@@ -54,6 +58,45 @@ def test_every_job_is_in_the_table(journal: Harness, tmp_path: Path) -> None:
     assert len(limited.splitlines()) == 1 + PAGE + 3
 
 
+def test_the_table_of_numbers_is_described_by_its_metadata(
+    journal: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_table, "MOST_WORDS", 10)  # fewer than there are samples
+    path = "/api/v1/jobs/export"
+    text = {row["id"]: row for row in table(journal, f"{path}.csv")}
+    rows = table(journal, f"{path}.numbers.csv")
+    tree = journal.call("GET", f"{path}.numbers.csv-metadata.json").json()
+    described = {column["titles"]: column for column in tree["tableSchema"]["columns"]}
+    words = {
+        name: {one["schema:value"]: one["schema:name"] for one in column["schema:valueReference"]}
+        for name, column in described.items()
+        if "schema:valueReference" in column
+    }
+    assert list(described) == list(rows[0])
+    (left_out,) = tree["schema:additionalProperty"]
+    assert "sample" in left_out["schema:value"].split(", ")
+    assert [int(row["id"]) for row in rows] == [*range(MANY, 0, -1)]  # from the oldest job on
+    for row in rows:
+        plain = text[words["id"][int(row["id"])]]
+        assert words["kind"][int(row["kind"])] == plain["kind"]
+        created_at = datetime.fromisoformat(plain["created_at"])
+        assert float(row["created_at"]) == created_at.timestamp()
+        assert row["result.force_held_mN"] == plain["result.force_held_mN"]
+        assert row["result.extra_mN"] == (plain["result.extra_mN"] or "nan")
+        assert {value for value in row.values() if not is_number(value)} == set()
+
+
+def table(journal: Harness, path: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(journal.call("GET", path).text.splitlines()))
+
+
+def is_number(text: str) -> bool:
+    with suppress(ValueError):
+        float(text)
+        return True
+    return False
+
+
 def counted_pages(journal: Harness, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list that grows with each page that is read from the journal."""
     read = list[int]()
@@ -68,7 +111,7 @@ def counted_pages(journal: Harness, monkeypatch: pytest.MonkeyPatch) -> list[int
     return read
 
 
-@pytest.mark.parametrize("form", [job_table.csv_of, job_table.parquet_of])
+@pytest.mark.parametrize("form", FORMS)
 def test_the_first_bytes_do_not_wait_for_the_journal(
     journal: Harness,
     monkeypatch: pytest.MonkeyPatch,
@@ -92,7 +135,7 @@ def test_a_client_that_hangs_up_ends_the_export(
     assert len(read) < MANY / PAGE, "it has read all jobs once"
 
 
-@pytest.mark.parametrize("form", [job_table.csv_of, job_table.parquet_of])
+@pytest.mark.parametrize("form", FORMS)
 def test_memory_of_an_export_does_not_grow_with_the_jobs(
     journal: Harness, form: Callable[[job_table.Rows], Iterator[bytes]]
 ) -> None:

@@ -11,6 +11,7 @@ from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette.records import folder
 from tests.support.partitions import composing
+from tests.support.recorded import loop, write
 
 from . import samples
 from .canned import IN_APPROACH, IN_HOLD
@@ -44,7 +45,8 @@ def test_the_record_is_complete_when_the_job_has_ended(harness: Harness) -> None
     response = harness.call("GET", f"/api/v1/jobs/{job['id']}/artifacts/grip.png")
     assert response.headers["content-type"] == "image/png"
     assert len(response.content) == next(e["bytes"] for e in listed if e["name"] == "grip.png")
-    for name in ("grip.png", "samples.parquet", "samples.csv"):
+    write(Path(job["record"]) / folder.LIVE, loop(3), finish=False)  # its recorder was killed
+    for name in ("grip.png", "samples.parquet", "samples.csv", "numbers.csv", "snapshot.mcap"):
         path = f"/api/v1/jobs/{job['id']}/artifacts/{name}"
         binary = harness.call("GET", f"{path}/content")
         assert binary.headers["content-type"] == "application/octet-stream"

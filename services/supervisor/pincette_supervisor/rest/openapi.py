@@ -119,4 +119,5 @@ _BYTES = {"schema": {"type": "string", "format": "binary"}}
 CSV: Content = {"text/csv; charset=utf-8": {"schema": {"type": "string"}}}
 BINARY: Content = {"application/octet-stream": _BYTES}
 """Content of Parquet files; generated clients have bytes for this media type."""
+OBJECT: Content = {"application/json": {"schema": {"type": "object"}}}
 PNG: Content = {"image/png": _BYTES}

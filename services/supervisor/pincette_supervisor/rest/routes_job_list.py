@@ -13,6 +13,7 @@ from pincette.api.jobs import Job, JobEdit, JobList
 from pincette.api.problems import responses
 from pincette.api.requests import LABEL_NAME
 from pincette.api.states import JobState
+from pincette.records import number_table
 from pincette_supervisor.jobs import keeping
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.tables import utc_text
@@ -28,7 +29,7 @@ from pincette_supervisor.rest.dependencies import (
     etag,
 )
 from pincette_supervisor.rest.limits import LARGE
-from pincette_supervisor.rest.openapi import BINARY, CSV, Content
+from pincette_supervisor.rest.openapi import BINARY, CSV, OBJECT, Content
 from pincette_supervisor.rest.routes_artifacts import WRITTEN
 from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table
@@ -108,6 +109,9 @@ Wanted = Annotated[JobFilter, Depends(_filter)]
 """Which jobs are asked for."""
 
 TABLE = "a row for each job: what was said and asked, and every figure; units are in the names"
+NUMBERS = "a row for each job, in numbers: 1 yes, 0 no, nan none, times in seconds since 1970"
+METADATA = "metadata in the form of CSVW; name it as the table, with -metadata.json at the end"
+NUMBERS_CSV = "export.numbers.csv"
 MostJobs = Annotated[
     int | None, Query(ge=1, description="the newest ones alone; all of them by default")
 ]
@@ -153,6 +157,29 @@ def export_csv(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Respons
 def export_parquet(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
     """Jobs as one table, the newest first, as Parquet; those alone that are as named."""
     return _attached(job_table.parquet_of(rigs.table_rows(wanted, limit)), BINARY, "jobs.parquet")
+
+
+@router.get(
+    "/export.numbers.csv",
+    response_class=Response,
+    responses={200: {"description": NUMBERS, "content": CSV}, **responses(404)},
+    dependencies=[OBSERVE],
+)
+def export_numbers(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
+    """Jobs as one table of numbers alone, the newest first; those alone that are as named."""
+    return _attached(job_table.numbers_of(rigs.table_rows(wanted, limit)), CSV, NUMBERS_CSV)
+
+
+@router.get(
+    "/export.numbers.csv-metadata.json",
+    response_class=Response,
+    responses={200: {"description": METADATA, "content": OBJECT}, **responses(404)},
+    dependencies=[OBSERVE],
+)
+def export_metadata(rigs: AllRigs, wanted: Wanted, limit: MostJobs = None) -> Response:
+    """Columns of that table of numbers, with the word that each number stands for."""
+    parts = job_table.metadata_of(rigs.table_rows(wanted, limit), NUMBERS_CSV)
+    return _attached(parts, OBJECT, f"{NUMBERS_CSV}{number_table.METADATA}")
 
 
 def _attached(parts: Iterator[bytes], content: Content, name: str) -> Response:

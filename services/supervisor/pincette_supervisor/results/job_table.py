@@ -2,13 +2,15 @@
 
 import csv
 import io
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import IO, Any, cast
 
 from pincette.api.jobs import Job
 from pincette.core.units import unit_of
-from pincette.records import parquet
+from pincette.records import number_table, parquet
+from pincette.records.memory_file import MemoryFile
 
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
@@ -26,6 +28,9 @@ EXACT: Mapping[parquet.Kind, frozenset[type[Any]]] = {
     "float": frozenset({float, type(None)}),
 }
 """Types that a column holds as they are."""
+TIMES = tuple(name for name in FIXED if name.endswith("_at"))
+MOST_WORDS = 1_000
+"""Different words of a column of numbers at most; a column with more, but ``id``, is left out."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Begins of texts that a spreadsheet would work out."""
 Rows = Callable[[], Iterator[Sequence[Mapping[str, Any]]]]
@@ -83,7 +88,29 @@ class _Table:
             yield [self.flattener.flat(row) for row in page]
 
 
-def _scan(rows: Rows) -> Generator[bytes, None, _Table]:
+class _Words:
+    """The words of each column, numbered from the oldest job on."""
+
+    def __init__(self) -> None:
+        self._newest_first: dict[str, dict[str, None]] = {}
+
+    def add(self, name: str, word: str) -> None:
+        """Note a word of the next older job."""
+        found = self._newest_first.setdefault(name, {})
+        if len(found) <= MOST_WORDS or name == FIXED[0]:
+            found.pop(word, None)
+            found[word] = None
+
+    def codes(self) -> dict[str, dict[str, int]]:
+        """Return the number of each word, by the column, without columns of too many words."""
+        return {
+            name: {word: code for code, word in enumerate(reversed(found), start=1)}
+            for name, found in self._newest_first.items()
+            if len(found) <= MOST_WORDS or name == FIXED[0]
+        }
+
+
+def _scan(rows: Rows, words: _Words | None = None) -> Generator[bytes, None, _Table]:
     """Find the columns; yields nothing (``b""``) after each page, so that a client can hang up."""
     flattener = _Flattener()
     found: dict[str, set[type[Any]]] = {name: set() for name in FIXED}
@@ -94,6 +121,8 @@ def _scan(rows: Rows) -> Generator[bytes, None, _Table]:
                 if kinds is None:
                     kinds = found[name] = set()
                 kinds.add(value.__class__)
+                if words is not None and value.__class__ is str and name not in TIMES:
+                    words.add(name, value)
         yield b""
     more = sorted([*found][len(FIXED) :], key=lambda name: [*TREES].index(name.partition(".")[0]))
     columns = {name: frozenset(found[name] - {type(None)}) for name in (*FIXED, *more)}
@@ -135,31 +164,59 @@ def _lines(rows: Any) -> str:
     return stream.getvalue()
 
 
-class _Parts:
-    """File in memory for what was written since the last ``take``; no disk is needed."""
+@dataclass(frozen=True, slots=True)
+class _Numbers:
+    """A table of numbers alone; see ``number_table``."""
 
-    closed = False
+    table: _Table
+    fields: Sequence[parquet.Field]
+    codes: Mapping[str, Mapping[str, int]]
 
-    def __init__(self, skipped_bytes: int) -> None:
-        """``skipped_bytes``: bytes at the begin of the file that ``take`` leaves out."""
-        self._parts: list[bytes] = []
-        self._skipped_bytes = skipped_bytes
+    def column(self, page: Sequence[Mapping[str, Any]], field: parquet.Field) -> Iterable[Any]:
+        """Return the numbers of one column of a page."""
+        values = [row.get(field.name) for row in page]
+        if field.name in TIMES:
+            return number_table.cells([_seconds(value) for value in values], {})
+        kept = [_value(value, field) for value in values]
+        return number_table.cells(kept, self.codes.get(field.name, {}))
 
-    def write(self, part: bytes) -> int:
-        """Append a part."""
-        self._parts.append(bytes(part))
-        return len(part)
 
-    def flush(self) -> None:
-        """Do nothing: no part waits elsewhere."""
+def _numbers(rows: Rows) -> Generator[bytes, None, _Numbers]:
+    words = _Words()
+    table = yield from _scan(rows, words)
+    codes = words.codes()
+    fields = [
+        parquet.Field(name, "s", "seconds since 1970 in UTC", "float")
+        if name in TIMES
+        else _field(name, kinds)
+        for name, kinds in table.columns.items()
+    ]
+    return _Numbers(
+        table, [one for one in fields if one.kind != "text" or one.name in codes], codes
+    )
 
-    def take(self) -> bytes:
-        """Return what was written since the last call."""
-        found = b"".join(self._parts)
-        self._parts.clear()
-        skipped = min(self._skipped_bytes, len(found))
-        self._skipped_bytes -= skipped
-        return found[skipped:]
+
+def _seconds(time: str | None) -> float | None:
+    return None if time is None else datetime.fromisoformat(time).timestamp()
+
+
+def numbers_of(rows: Rows) -> Iterator[bytes]:
+    """Parts of a CSV of numbers alone; see ``csv_of``."""
+    yield FIXED[0].encode()
+    numbers = yield from _numbers(rows)
+    yield _lines([[one.name for one in numbers.fields]])[len(FIXED[0]) :].encode()
+    for page in numbers.table.pages(rows):
+        columns = [numbers.column(page, field) for field in numbers.fields]
+        yield _lines(zip(*columns, strict=True)).encode()
+
+
+def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
+    """Parts of the CSVW metadata of that table, which has a name."""
+    numbers = yield from _numbers(rows)
+    kept = {one.name for one in numbers.fields}
+    left_out = [one for one in numbers.table.columns if one not in kept]
+    about = {"left out": ", ".join(left_out)} if left_out else {}
+    yield number_table.metadata(name, numbers.fields, numbers.codes, about).encode()
 
 
 def parquet_of(rows: Rows) -> Iterator[bytes]:
@@ -167,7 +224,7 @@ def parquet_of(rows: Rows) -> Iterator[bytes]:
     yield MAGIC
     table = yield from _scan(rows)
     fields = [_field(name, kinds) for name, kinds in table.columns.items()]
-    file = _Parts(len(MAGIC))
+    file = MemoryFile(len(MAGIC))
     with parquet.writing(cast("IO[bytes]", file), fields, {}, GROUP_ROWS) as writer:
         for page in table.pages(rows):
             writer.add({one.name: _column(page, one) for one in fields})
