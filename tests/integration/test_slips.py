@@ -3,7 +3,7 @@
 import pytest
 
 from pincette.records.columns import columns
-from pincette_supervisor.plugin.position_step import position_step_of, with_ring
+from pincette_supervisor.plugin.result import position_step_of, with_ring
 from tests.support.rigs import Tree
 from tests.support.slips import Played, played, retrying
 

@@ -5,13 +5,13 @@ from functools import lru_cache
 import pytest
 
 from pincette.config import IdentifiedFreeResponse, RigFile
-from pincette.control.arm.plant import discretize
 from pincette.core.messages import Message, Sample
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import columns
 from pincette_supervisor.kinds.track import TrackJobRequest, TrackResult
-from pincette_supervisor.kinds.track.functions import track_result
+from pincette_supervisor.kinds.track.functions import evaluate
 from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin import Run
 from tests.support.rigs import demo_rig
 
 STIFFNESS, CONTACT_UM, GAIN = 2.11, 31.2, 19.0
@@ -21,19 +21,13 @@ def tracked(rig: RigFile, shape: str) -> TrackResult:
     request = TrackJobRequest.model_validate({"kind": "track", "shape": shape})
     planned = plan_job(request, rig)
     assert planned.plan.violations == []
-    assert planned.path is not None
     published = ComposedLoop(rig).play(planned.program)
     samples: list[Message] = [
         message for message in published if not isinstance(message, Sample) or message.seq >= 0
     ]
-    table = columns(samples, rig.rig.period_s)
-    return track_result(
-        table,
-        plant=discretize(rig.model.arm(), rig.rig.period_s),
-        path=planned.path,
-        period_s=rig.rig.period_s,
-        dropped=0,
-    )
+    result = evaluate(Run(rig, planned, columns(samples, rig.rig.period_s))).result
+    assert isinstance(result, TrackResult)
+    return result
 
 
 def known_rig(seed: int) -> RigFile:

@@ -4,11 +4,11 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from pincette.api import Model, example
+from pincette.api import example
 from pincette.api.plans import LAW, Curves, JobPlan, Law
 from pincette.api.predictions import Peaks, PredictedCurves, Prediction
 from pincette.api.requests import Duration, Gains, PolicyRequest, Positive, Speed
-from pincette.api.results import JobResult, ZeroReturn
+from pincette.api.results import JobResult, Tracking, ZeroReturn
 
 COURSE = {
     "t_s": [0.0, 1.0],
@@ -60,19 +60,6 @@ class PairCurves(Curves):
     second_voltage_V: list[float]
 
 
-class PairErrors(Model):
-    """Errors of place or force over the hold or the path; the unit is that of the member's name."""
-
-    model_config = example(rmse=0.014, rmse_percent=0.16, maximum=0.05)
-
-    rmse: float
-    rmse_percent: float | None
-    """Root mean square error relative to the reference's peak-to-peak range; null if the reference
-    rests."""
-    maximum: float
-    """Largest magnitude."""
-
-
 class PairResult(JobResult):
     """Result of a job of both arms. A value is null if the job did not reach that phase."""
 
@@ -111,13 +98,13 @@ class PairResult(JobResult):
     """Mean force of both estimates over the same time."""
     force_uncertainty_mN: float | None
     """Expanded uncertainty of that mean, from what both estimators state for single samples."""
-    place_um: PairErrors | None
+    place_um: Tracking | None
     """Measured q less its reference, over the hold or the path."""
-    force_mN: PairErrors | None
+    force_mN: Tracking | None
     """Mean of both estimated forces less F_r; null if no zero was taken."""
-    true_place_um: PairErrors | None
+    true_place_um: Tracking | None
     """The same from the true positions of the tips, which only a simulated rig knows."""
-    true_force_mN: PairErrors | None
+    true_force_mN: Tracking | None
     difference_mN: float | None
     """Mean of F̂_1 - F̂_2 over the same time: 0 if nothing else holds the part."""
     difference_uncertainty_mN: float | None

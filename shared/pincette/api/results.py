@@ -47,6 +47,19 @@ class ActionTaken(Model):
     seq: int
 
 
+class Tracking(Model):
+    """Errors over a hold or a path: actual less reference, in the unit of the member's name."""
+
+    model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
+
+    rmse: float
+    rmse_percent: float | None
+    """Root mean square error relative to the reference's peak-to-peak range; null if the reference
+    rests."""
+    maximum: float
+    """Largest magnitude."""
+
+
 CAUSES: dict[str, Any] = {
     "total": 0.039,
     "noise": 0.036,

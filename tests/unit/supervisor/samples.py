@@ -6,6 +6,7 @@ from functools import lru_cache
 from math import sin
 from random import Random
 
+from pincette.config import read_rig
 from pincette.control.arm.plant import consistent_arm, discretize
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.record import replace
@@ -28,8 +29,13 @@ from pincette.core.messages.arms import (
     ArmTelemetry,
     ArmTruth,
 )
+from pincette.records.columns import Columns
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin import Planned, Run
 from tests.support import recorded
 from tests.support.arms import with_arm
+from tests.support.rigs import DEMO
 
 PERIOD_S = 0.02
 PLANT = discretize(consistent_arm(2437.8, 0.026, 19.0, 0.46), PERIOD_S)
@@ -51,6 +57,19 @@ TRUE_ERROR_MN = -0.4
 """Of the true force along the path."""
 UNCERTAINTY_MN = 0.5
 HANG_TICKS = 5
+
+
+@lru_cache
+def planned(kind: str) -> Planned:
+    """Return the plan of a grip with 20 mN, or of a track along ``PATH``, on the demo rig."""
+    path = {"force_mean_mN": 12.0, "force_pp_mN": 20.0, "frequency_hz": 0.5, "cycles": 2}
+    body = {"kind": kind, **({"force_mN": 20.0} if kind == "grip" else path)}
+    return plan_job(REQUEST.validate_python(body), read_rig(DEMO))
+
+
+def run_of(kind: str, table: Columns) -> Run:
+    """Return what such a job has gathered."""
+    return Run(planned(kind).model.rig, planned(kind), table)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pincette.control.arm.plant import discretize, printed_arm
 from pincette.control.record import replace
 from pincette.core.messages import Message
 from pincette.records.columns import columns
-from pincette_supervisor.plugin.law_result import law_figures, true_perturbation_error
+from pincette_supervisor.plugin.result import law_figures, true_perturbation_error
 from tests.support.arms import with_arm
 from tests.unit.control.laws.model_loop import ModelArm
 

@@ -7,7 +7,7 @@ import pytest
 from pincette.api.predictions import Violation
 from pincette.control.planning import feasibility
 from pincette.control.vocabulary import LimitedQuantity
-from pincette_supervisor.plugin.contact_plans import violation_view
+from pincette_supervisor.plugin.plans import violation_view
 
 from .harness import Harness
 

@@ -2,15 +2,27 @@
 
 import ast
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from pincette_supervisor.plugin import drawing
+from pincette_supervisor import plugin
 
 ROOT = Path(__file__).resolve().parents[3]
-PUBLIC = ("", ".plans", ".figures", ".drawing")
+PLUGIN = "pincette_supervisor.plugin"
+PUBLIC = {PLUGIN} | {
+    f"{PLUGIN}.{name}"
+    for name in (
+        "drawing",
+        "error_sources",
+        "figures",
+        "goal",
+        "laws",
+        "pair_plans",
+        "plans",
+        "result",
+    )
+}
 KINDS = ROOT / "services/supervisor/pincette_supervisor/kinds"
 EXAMPLE = ROOT / "docs/examples/job_kind/pincette_example_tap"
 
@@ -28,27 +40,15 @@ def imported(folder: Path) -> Iterator[tuple[str, str]]:
                 yield from ((node.module or "", alias.name) for alias in node.names)
 
 
-@pytest.fixture(scope="module")
-def public() -> set[tuple[str, str]]:
-    """Every name that a kind of job may import."""
-    root = "pincette_supervisor.plugin"
-    found = {(root, name.removeprefix(".")) for name in PUBLIC[1:]}
-    for module in PUBLIC[:-1]:
-        found |= {(root + module, name) for name in import_module(root + module).__all__}
-    return found | {(drawing.__name__, name) for name in vars(drawing) if not name.startswith("_")}
-
-
-def test_kinds_of_the_product_import_the_public_api_alone(public: set[tuple[str, str]]) -> None:
+@pytest.mark.parametrize("folder", [KINDS, EXAMPLE])
+def test_kinds_import_the_public_api_alone(folder: Path) -> None:
     found = {
         (module, name)
-        for module, name in imported(KINDS)
+        for module, name in imported(folder)
         if not module.startswith("pincette_supervisor.kinds")
     }
     assert found
-    assert found <= public, sorted(found - public)
-
-
-def test_the_example_kind_imports_the_public_api_alone(public: set[tuple[str, str]]) -> None:
-    found = set(imported(EXAMPLE))
-    assert found
-    assert found <= public, sorted(found - public)
+    for module, name in found:
+        assert module in PUBLIC
+        assert not name.startswith("_")
+        assert module != PLUGIN or name in plugin.__all__ or f"{PLUGIN}.{name}" in PUBLIC

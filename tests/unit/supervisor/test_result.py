@@ -14,32 +14,33 @@ from pincette.core.faults import Acted, Cause, Mode, Outcome
 from pincette.core.messages import Applied, Estimate, Message
 from pincette.records.columns import ARMS, COLUMNS, SECOND_COLUMNS, columns, missed
 from pincette_supervisor.kinds.grip import GripResult
-from pincette_supervisor.kinds.grip.functions import grip_result, held_uncertainty_mN
+from pincette_supervisor.kinds.grip.functions import evaluate
 from pincette_supervisor.results.documents import verdict
 from tests.support.arms import with_arm
 from tests.support.rigs import DEMO
 
 from . import samples
-from .samples import PERIOD_S, PLANT, Tick
+from .samples import PERIOD_S, Tick, run_of
 
 
 def result_of(ticks: list[Tick]) -> GripResult:
-    table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
-    return grip_result(table, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+    return result_from([m for tick in ticks for m in tick.messages()])
+
+
+def result_from(messages: list[Message]) -> GripResult:
+    result = evaluate(run_of("grip", columns(messages, PERIOD_S))).result
+    assert isinstance(result, GripResult)
+    return result
 
 
 def test_the_force_held_is_a_mean_in_which_noise_is_averaged() -> None:
     rig = read_rig(DEMO)
     reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
-    table = columns([m for tick in samples.grip() for m in tick.messages()], PERIOD_S)
-    u_mN = held_uncertainty_mN(table, rig, PERIOD_S)
+    u_mN = result_of(samples.grip()).force_uncertainty_mN
     assert u_mN is not None
     g = derived.force_observer(rig).noise_gain
     without_mN = sqrt(samples.UNCERTAINTY_MN**2 - (COVERAGE * g * reading_mN) ** 2)
     assert without_mN < u_mN < 0.5 * (without_mN + samples.UNCERTAINTY_MN)
-    assert (
-        held_uncertainty_mN({**table, "phase": ["load"] * len(table["phase"])}, rig, 0.02) is None
-    )
 
 
 def test_a_grip_has_the_figures_it_was_made_with() -> None:
@@ -48,7 +49,6 @@ def test_a_grip_has_the_figures_it_was_made_with() -> None:
     assert result.force_held_mN == pytest.approx(20.0 + samples.FORCE_ERROR_MN)
     assert result.force_error_mN == pytest.approx(samples.FORCE_ERROR_MN)
     assert result.rmse_force_mN == pytest.approx(samples.FORCE_ERROR_MN)
-    assert result.force_uncertainty_mN == samples.UNCERTAINTY_MN
     assert result.rmse_position_um == pytest.approx(0.03 / sqrt(2.0), rel=0.02)
     assert result.contact_rmse_force_mN == pytest.approx(samples.FORCE_ERROR_MN / sqrt(2.0))
     assert result.peak_force_mN == pytest.approx(20.0 + samples.FORCE_ERROR_MN)
@@ -75,8 +75,7 @@ def test_a_changed_stroke_marks_the_result(change: float | None, *, mismatch: bo
         for tick in samples.grip()
         for message in tick.messages()
     ]
-    table = columns(messages, PERIOD_S)
-    result = grip_result(table, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0)
+    result = result_from(messages)
     assert result.model_mismatch is mismatch
     percent = None if change is None else pytest.approx(100.0 * change)
     assert result.stroke_change_percent == percent
@@ -109,6 +108,7 @@ def test_a_grip_that_never_held_has_no_force_held() -> None:
     result = result_of(samples.grip()[:100])
     assert result.outcome == "unfinished"
     assert result.force_held_mN is None
+    assert result.force_uncertainty_mN is None
     assert result.rmse_force_mN is None
     assert result.contact_x_um is None
 

@@ -6,13 +6,13 @@ from msgspec.structs import replace
 from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Sample
 from pincette.records.columns import columns
 from pincette.records.row_blocks import RowBlocks
-from pincette_supervisor.kinds.grip.functions import grip_result
+from pincette_supervisor.kinds.grip.functions import evaluate
 from pincette_supervisor.results import run_samples
 from pincette_supervisor.results.run_samples import RunSamples, RunTables, completed
 from tests.support.arms import with_arm
 
 from . import samples
-from .samples import PERIOD_S, PLANT
+from .samples import PERIOD_S, run_of
 
 HOLD_TICKS = 10_000
 PEAK_MN, LIMITED = 31.0, 3
@@ -52,9 +52,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def result_of(tables: RunTables) -> dict[str, object]:
-    made = grip_result(
-        tables.even, plant=PLANT, period_s=PERIOD_S, target_mN=20.0, dropped=0, force_assumed=()
-    )
+    made = evaluate(run_of("grip", tables.even)).result
     return completed(made, tables, PERIOD_S).model_dump()
 
 

@@ -5,20 +5,27 @@ from math import sqrt
 import pytest
 
 from pincette.control.record import replace
+from pincette.core.messages import Message
 from pincette.records.columns import columns
 from pincette_supervisor.kinds.track import TrackResult
-from pincette_supervisor.kinds.track.functions import full_amplitude, track_result
+from pincette_supervisor.kinds.track.functions import evaluate
+from pincette_supervisor.plugin.result import full_amplitude
 from tests.support.arms import with_arm
 
 from . import samples
-from .samples import PATH, PERIOD_S, PLANT, Tick
+from .samples import PATH, PERIOD_S, Tick, run_of
 
 X_PP_UM = 20.0 / samples.STIFFNESS
 
 
 def result_of(ticks: list[Tick]) -> TrackResult:
-    table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
-    return track_result(table, plant=PLANT, path=PATH, period_s=PERIOD_S, dropped=0)
+    return result_from([m for tick in ticks for m in tick.messages()])
+
+
+def result_from(messages: list[Message]) -> TrackResult:
+    result = evaluate(run_of("track", columns(messages, PERIOD_S))).result
+    assert isinstance(result, TrackResult)
+    return result
 
 
 def test_a_track_has_the_figures_it_was_made_with() -> None:
@@ -45,7 +52,7 @@ def test_a_track_has_the_figures_it_was_made_with() -> None:
 def test_full_amplitude_begins_and_ends_with_whole_cycles() -> None:
     ticks = samples.track()
     table = columns([m for tick in ticks for m in tick.messages()], PERIOD_S)
-    full = full_amplitude(table, PATH, PERIOD_S)
+    full = full_amplitude(run_of("track", table), [PATH])
     forces = [f for f, there in zip(table["force_r_mN"], full, strict=True) if there]
     assert forces[0] == pytest.approx(12.0)
     assert forces[1] > 12.0
@@ -64,8 +71,7 @@ def test_an_error_in_the_blend_does_not_count() -> None:
 def test_on_a_real_rig_no_true_force_is_known() -> None:
     ticks = samples.track()
     messages = [m for tick in ticks for m in tick.messages()[:-1]]
-    table = columns(messages, PERIOD_S)
-    result = track_result(table, plant=PLANT, path=PATH, period_s=PERIOD_S, dropped=0)
+    result = result_from(messages)
     assert result.true_force_mN is None
     assert result.true_perturbation_error_mN is None
 

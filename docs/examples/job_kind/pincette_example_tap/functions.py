@@ -12,13 +12,14 @@ from pincette_supervisor.plugin import (
     Run,
     drawing,
 )
-from pincette_supervisor.plugin.figures import common, series, within
+from pincette_supervisor.plugin.figures import series, within
 from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
     contact_job,
     contact_values,
     part_values,
 )
+from pincette_supervisor.plugin.result import common
 
 HOLD_S = 0.2
 
@@ -34,13 +35,7 @@ def plan(request: TapRequest, model: ModelInUse, _present: Present) -> Planned:
 
 def evaluate(run: Run) -> Evaluation:
     """Take the contact from the figures that every job at a part has."""
-    found = common(
-        run.table,
-        plant=run.plant,
-        period_s=run.period_s,
-        dropped=run.dropped,
-        force_assumed=run.force_assumed,
-    )
+    found = common(run)
     return Evaluation(TapResult(**{name: found[name] for name in TapResult.model_fields}))
 
 

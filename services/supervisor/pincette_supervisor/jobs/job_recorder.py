@@ -32,7 +32,7 @@ from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import JobRow, StoreError, utc_now
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.plugin import Planned, Run, learning_digest
-from pincette_supervisor.plugin.figures import course
+from pincette_supervisor.plugin.result import course
 from pincette_supervisor.results import archive
 from pincette_supervisor.results.archive import Record as Gathered
 from pincette_supervisor.results.archive import Take, gather

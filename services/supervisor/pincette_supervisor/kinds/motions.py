@@ -7,7 +7,8 @@ from pincette.api.results import MotionResult
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin import Evaluation, Run, drawing, figures
 from pincette_supervisor.plugin.drawing import Picture, Sheet
-from pincette_supervisor.plugin.figures import Mask, common, series, within
+from pincette_supervisor.plugin.figures import Mask, series, within
+from pincette_supervisor.plugin.result import common
 
 REST_S = 0.3
 """The last part of a motion, over which its pose is taken."""
@@ -20,14 +21,8 @@ def evaluate(run: Run) -> Evaluation:
     x_um, to_um = figures.mean(series(table, "x_um"), ends), values.get("to_um")
     held, hold = [item for item in table["held"] if item is not None], within(table, ["hold"])
     zero_age_s = figures.last(table["zero_age_s"])
-    shared = common(
-        table,
-        plant=run.plant,
-        period_s=period_s,
-        dropped=run.dropped,
-        force_assumed=run.force_assumed,
-    )
     # No contact line is followed.
+    shared = common(run)
     shared |= dict.fromkeys(("contact_rmse_position_um", "contact_rmse_force_mN"))
     spread_mN = figures.mean(series(table, "force_uncertainty_mN"), ends)
     result = MotionResult(

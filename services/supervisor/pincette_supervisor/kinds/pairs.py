@@ -5,20 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from pincette.api.pairs import PairErrors, PairResult
+from pincette.api.pairs import PairResult
 from pincette.control.planning.paths import Path
 from pincette.control.planning.segments import Track
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin import Evaluation, Run, drawing, figures
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, SECOND, TRUE, Picture, Sheet
-from pincette_supervisor.plugin.figures import (
-    Mask,
-    Series,
+from pincette_supervisor.plugin.figures import Mask, Series, series, table_of_arm, within
+from pincette_supervisor.plugin.result import (
     course,
-    series,
+    full_amplitude,
     stroke_of,
-    table_of_arm,
-    within,
+    tracking,
     zero_unconfirmed,
 )
 
@@ -57,10 +55,10 @@ def evaluate(run: Run) -> Evaluation:
         held_place_um=figures.mean(place, chosen),
         force_held_mN=figures.mean(force, known),
         force_uncertainty_mN=None if apart_mN is None else 0.5 * apart_mN,
-        place_um=_errors(place - place_r, chosen, place_pp),
-        force_mN=_errors(force - force_r, known, force_pp),
-        true_place_um=_errors(true_place - place_r, chosen, place_pp),
-        true_force_mN=_errors(true_force - force_r, known, force_pp),
+        place_um=tracking(place - place_r, chosen, place_pp),
+        force_mN=tracking(force - force_r, known, force_pp),
+        true_place_um=tracking(true_place - place_r, chosen, place_pp),
+        true_force_mN=tracking(true_force - force_r, known, force_pp),
         difference_mN=difference_mN,
         difference_uncertainty_mN=apart_mN,
         forces_agree=agree,
@@ -78,18 +76,11 @@ def evaluate(run: Run) -> Evaluation:
 
 def evaluated(run: Run) -> Mask:
     """Samples that the errors are of: the path at full amplitude, else the hold or the rest."""
-    table, period_s = run.table, run.period_s
     known: list[Path] = [path for path in _paths(run) if path is not None]
-    if not known:
-        hold = within(table, ["hold"]) if "hold" in table["phase"] else within(table, ["rest"])
-        return figures.settled(hold, period_s)
-    from_s = max(path.full_from_s for path in known)
-    to_s = min(path.full_to_s for path in known)
-    # The references of a sample are those of the tick before it.
-    t_s = (series(table, "segment_tick") - 1.0) * period_s
-    slack_s = 1e-6 * period_s
-    full = (t_s >= 0.0) & (t_s > from_s - slack_s) & (t_s < to_s - slack_s)
-    return within(table, ["track"]) & full
+    if known:
+        return full_amplitude(run, known)
+    phase = "hold" if "hold" in run.table["phase"] else "rest"
+    return figures.settled(within(run.table, [phase]), run.period_s)
 
 
 def _paths(run: Run) -> tuple[Path | None, Path | None]:
@@ -97,13 +88,6 @@ def _paths(run: Run) -> tuple[Path | None, Path | None]:
     tracks = (one for one in run.planned.program.segments if isinstance(one, Track))
     track = next(tracks, None)
     return (None, None) if track is None else (track.place, track.force)
-
-
-def _errors(error: Series, mask: Mask, pp: float | None) -> PairErrors | None:
-    rmse, most = figures.rms(error, mask), figures.largest(np.abs(error), mask)
-    if rmse is None or most is None:
-        return None
-    return PairErrors(rmse=rmse, rmse_percent=100.0 * rmse / pp if pp else None, maximum=most)
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:

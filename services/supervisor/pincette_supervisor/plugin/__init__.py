@@ -1,8 +1,9 @@
 """Public API of the supervisor for kinds of job.
 
-A kind of job imports this module, its modules ``plans``, ``figures`` and ``drawing``, and
-``pincette``, but nothing else of the supervisor. Names in ``__all__`` of these modules, and those
-of ``drawing`` without an underscore, change only with a new major version of pincette.
+A kind of job imports this module, its modules ``plans``, ``pair_plans``, ``laws``, ``goal``,
+``figures``, ``result``, ``error_sources`` and ``drawing``, and ``pincette``, but nothing else of
+the supervisor. Names in ``__all__`` of this module, and those of the others without an underscore,
+change only with a new major version of pincette.
 """
 
 from pincette_supervisor.plugin.errors import (

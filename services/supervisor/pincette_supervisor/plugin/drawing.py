@@ -9,7 +9,7 @@ import numpy as np
 
 from pincette.api.results import ClosedLoopResult, JobResult
 from pincette.records.columns import Columns
-from pincette_supervisor.plugin.sample_figures import Series, series
+from pincette_supervisor.plugin.figures import Series, series
 
 # Matplotlib's keyword arguments carry no types.
 Axis = Any

@@ -16,9 +16,9 @@ from pincette.control.laws.error_sources import (
     error_sources,
 )
 from pincette.records.columns import Columns
-from pincette_supervisor.plugin import drawing, sample_figures
+from pincette_supervisor.plugin import drawing, figures
 from pincette_supervisor.plugin.drawing import INK, Axis
-from pincette_supervisor.plugin.sample_figures import MOST_MISSING, Mask, Series, series
+from pincette_supervisor.plugin.figures import MOST_MISSING, Mask, Series, series
 
 NOISY = 1.5
 """Scatter over the sensor's stated noise from which it is not the sensor's own: a loop with the
@@ -70,7 +70,7 @@ def sources_of(
 
     ``cycle_ticks``: samples of a cycle, where the references swing; 0: they do not.
     """
-    K_e = sample_figures.last(table["contact_stiffness_mN_per_um"])
+    K_e = figures.last(table["contact_stiffness_mN_per_um"])
     if not K_e or int(samples.sum()) < LEAST:
         return None
     names = ("x_um", "x_r_um", "x_d_um", "correction_um", "force_mN", "force_r_mN")

@@ -1,58 +1,115 @@
-"""Functions that evaluate the samples of a job."""
+"""Columns of a job as series of numbers, and figures over some of their samples; pure."""
 
-from pincette_supervisor.plugin.error_sources import draw_sources, sources_of
-from pincette_supervisor.plugin.result import (
-    PRESSED,
-    common,
-    course,
-    force_error,
-    outcome_of,
-    position_error,
-    stroke_of,
-    zero_unconfirmed,
-)
-from pincette_supervisor.plugin.sample_figures import (
-    MOST_MISSING,
-    Mask,
-    Series,
-    chosen,
-    largest,
-    last,
-    last_of,
-    mean,
-    peak_to_peak,
-    percentiles,
-    rms,
-    series,
-    settled,
-    within,
-)
-from pincette_supervisor.plugin.second_arm import table_of_arm
+from collections.abc import Sequence
+from math import isnan
+from typing import Any
 
-__all__ = [
-    "MOST_MISSING",
-    "PRESSED",
-    "Mask",
-    "Series",
-    "chosen",
-    "common",
-    "course",
-    "draw_sources",
-    "force_error",
-    "largest",
-    "last",
-    "last_of",
-    "mean",
-    "outcome_of",
-    "peak_to_peak",
-    "percentiles",
-    "position_error",
-    "rms",
-    "series",
-    "settled",
-    "sources_of",
-    "stroke_of",
-    "table_of_arm",
-    "within",
-    "zero_unconfirmed",
-]
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.api.results import Percentiles
+from pincette.records.columns import Columns
+
+Series = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+MOST_MISSING = 0.02
+"""Share of the samples that may be missing; values are interpolated between the others."""
+SETTLE_S = 0.5
+"""Left out at the begin of a hold, or a quarter of it where it is shorter than 2 s."""
+
+
+def series(table: Columns, name: str) -> Series:
+    """A column as numbers, NaN where a sample never came."""
+    return np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64)
+
+
+def within(table: Columns, phases: Sequence[str]) -> Mask:
+    """Samples of some phases."""
+    return np.array([name in phases for name in table["phase"]], dtype=np.bool_)
+
+
+def settled(mask: Mask, period_s: float) -> Mask:
+    """The same samples without the first ``SETTLE_S``, or quarter, of them."""
+    places = np.flatnonzero(mask)
+    skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
+    found = mask.copy()
+    found[places[:skipped]] = False
+    return found
+
+
+def chosen(values: Series, mask: Mask) -> Series:
+    """Values of the samples chosen that are there."""
+    found = values[mask]
+    return found[~np.isnan(found)]
+
+
+def mean(values: Series, mask: Mask) -> float | None:
+    """Mean; None without a value."""
+    found = chosen(values, mask)
+    return float(found.mean()) if found.size else None
+
+
+def rms(values: Series, mask: Mask) -> float | None:
+    """Root of the mean square; None without a value."""
+    found = chosen(values, mask)
+    return float(np.sqrt(np.mean(found**2))) if found.size else None
+
+
+def largest(values: Series, mask: Mask) -> float | None:
+    """Largest value; None without one."""
+    found = chosen(values, mask)
+    return float(found.max()) if found.size else None
+
+
+def peak_to_peak(values: Series, mask: Mask) -> float | None:
+    """Largest less smallest; None without a value."""
+    found = chosen(values, mask)
+    return float(found.max() - found.min()) if found.size else None
+
+
+def percentiles(values: Series) -> Percentiles | None:
+    """Percentiles of the magnitude; None without a value."""
+    found = np.abs(values[~np.isnan(values)])
+    if not found.size:
+        return None
+    p50, p95, p99 = (float(value) for value in np.percentile(found, (50.0, 95.0, 99.0)))
+    return Percentiles(p50=p50, p95=p95, p99=p99)
+
+
+def last(values: Sequence[Any]) -> float | None:
+    """The last value that is there."""
+    for value in reversed(values):
+        if value is not None and not isnan(value):
+            return float(value)
+    return None
+
+
+def last_of(table: Columns, name: str, mask: Mask) -> float | None:
+    """The last value of a column among the samples chosen."""
+    return last([value for value, there in zip(table[name], mask, strict=True) if there])
+
+
+OF_SECOND = {
+    "x_um": "second_x_um",
+    "position_valid": "second_position_valid",
+    "force_mN": "second_force_mN",
+    "force_uncertainty_mN": "second_force_uncertainty_mN",
+    "zero_age_s": "second_zero_age_s",
+    "stroke_change": "second_stroke_change",
+    "stroke_limit": "second_stroke_limit",
+    "zero_unconfirmed": "second_zero_unconfirmed",
+    "command_V": "second_command_V",
+    "voltage_V": "second_voltage_V",
+    "limits_active": "second_limits_active",
+    "true_x_um": "true_second_x_um",
+    "true_force_mN": "true_second_force_mN",
+    "true_voltage_V": "true_second_voltage_V",
+}
+"""Columns of the second arm, by the names of the first."""
+
+
+def table_of_arm(table: Columns, arm: int) -> Columns:
+    """Return the columns as if this arm were the only one."""
+    if arm == 1:
+        return table
+    return {**table, **{name: table[other] for name, other in OF_SECOND.items()}}

@@ -11,8 +11,8 @@ from pincette.api.results import Goal
 from pincette.config import RigFile, derived
 from pincette.control.planning.program import Program
 from pincette.records.columns import Columns
+from pincette_supervisor.plugin.figures import Series, within
 from pincette_supervisor.plugin.result import force_error, position_error
-from pincette_supervisor.plugin.sample_figures import Series, within
 
 SETTLING_S = 0.5
 """Where a request names no time."""

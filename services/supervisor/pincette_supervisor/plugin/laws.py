@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pincette.api.plans import GainsFrom, Law
 from pincette.api.predictions import Quantity, Violation
@@ -12,6 +12,7 @@ from pincette.config.gains import judged, tuned
 from pincette.config.laws import law_definition
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.assessment import Assessment
+from pincette.control.stability.two_arms import TwoArmAssessment
 from pincette_supervisor.plugin.errors import FaultyRequestError
 
 SPECTRAL_RADIUS: Quantity = "spectral_radius"
@@ -34,30 +35,43 @@ class ChosenLaw(NamedTuple):
             gains=self.settings.gains,
             force_age=self.settings.force_age,
             gains_from=self.gains_from,
-            spectral_radius=self.assessment.radius,
-            spectral_radius_limit=self.assessment.limit_radius,
-            sensitivity_peak=_finite(self.assessment.sensitivity_peak),
-            sensitivity_peak_limit=_finite(self.assessment.limit_peak),
+            **judgement(self.assessment),
         )
 
-    def violation(self) -> Violation:
-        """The loop's spectral radius or M_s as a limit that a plan breaks before it begins."""
-        judged = self.assessment
-        by_radius = judged.radius >= judged.limit_radius
-        return Violation(
+
+def judgement(judged: Assessment | TwoArmAssessment) -> dict[str, Any]:
+    """Return how stable a loop is at the worst, by the members of ``Law``."""
+    peaks = judged.sensitivity_peak, judged.limit_peak
+    peak, limit_peak = (value if value < inf else None for value in peaks)
+    return {
+        "spectral_radius": judged.radius,
+        "spectral_radius_limit": judged.limit_radius,
+        "sensitivity_peak": peak,
+        "sensitivity_peak_limit": limit_peak,
+    }
+
+
+def unstable(judged: Assessment | TwoArmAssessment) -> list[Violation]:
+    """Return that a loop is not stable enough, which a plan breaks before it begins; or nothing."""
+    if not judged.reason:
+        return []
+    quantity, value, limit = SPECTRAL_RADIUS, judged.radius, judged.limit_radius
+    if value < limit and judged.sensitivity_peak > judged.limit_peak:
+        quantity, value, limit = SENSITIVITY_PEAK, judged.sensitivity_peak, judged.limit_peak
+    elif value < limit and isinstance(judged, TwoArmAssessment):
+        value, limit = judged.untold_radius, judged.limit_untold_radius
+    return [
+        Violation(
             pointer="/gains",
-            quantity=SPECTRAL_RADIUS if by_radius else SENSITIVITY_PEAK,
+            quantity=quantity,
             side="above",
-            value=judged.radius if by_radius else judged.sensitivity_peak,
-            limit=judged.limit_radius if by_radius else judged.limit_peak,
+            value=value,
+            limit=limit,
             unit="",
             at_s=0.0,
             message=judged.reason,
         )
-
-
-def _finite(value: float) -> float | None:
-    return value if value < inf else None
+    ]
 
 
 def rig_law(rig: RigFile) -> ChosenLaw:

@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, inf
 from typing import Any
 
 from msgspec.structs import replace
 
 from pincette.api.pairs import PairCurves, PairJobRequest, PairPlan
 from pincette.api.plans import Law
-from pincette.api.predictions import Violation
 from pincette.api.requests import ContactJobRequest, Gains, JobRequest
 from pincette.config import RigFile, derived
 from pincette.config.derived import X_START_UM
@@ -33,24 +31,24 @@ from pincette.control.planning.planned_arm import PlannedArm
 from pincette.control.planning.program import PlannedRange, Program
 from pincette.control.planning.sampling import unsampled
 from pincette.control.planning.touch_force import SafeTouch, weak_force
-from pincette.control.stability.two_arms import TwoArmAssessment, TwoArmLoop, assess_two_arms
+from pincette.control.stability.two_arms import TwoArmLoop, assess_two_arms
 from pincette.core.wording import fault_text
-from pincette_supervisor.plugin.contact_plans import (
+from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin.laws import judgement, unstable
+from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.planned import Planned, decimated, stride_of
+from pincette_supervisor.plugin.plans import (
+    CONTACT_FIELDS,
     planned_phase,
     unconditioned,
     unidentified,
     usual_conditioning_V,
     violation_view,
 )
-from pincette_supervisor.plugin.errors import FaultyRequestError
-from pincette_supervisor.plugin.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
-from pincette_supervisor.plugin.model_in_use import ModelInUse
-from pincette_supervisor.plugin.planned import CURVE_POINTS, Planned
 from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
 
 ForPair = PairJobRequest | ContactJobRequest
-FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
 STARTS_UM: Pair = (X_START_UM, X_START_UM)
 assessed = lru_cache(maxsize=16)(assess_two_arms)
 
@@ -62,21 +60,13 @@ def contacts_um(rig: RigFile) -> Pair:
     return rig.part.contact_um, rig.second.contact_um
 
 
-def pair_values(request: ForPair, rig: RigFile) -> dict[str, Any]:
-    """Members of a request by their names, those left out as the rig file's grip has them."""
-    return {
-        name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
-        for name in FIELDS
-    }
-
-
 def pair_request(
     values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
 ) -> PairRequest:
     """How the part is met; raises ValueError for an impossible number."""
     first, second = rig.arms
     return PairRequest(
-        **{name: values[name] for name in FIELDS},
+        **{name: values[name] for name in CONTACT_FIELDS},
         force_mN=force_mN,
         zero_s=rig.grip.zero_s,
         contacts_um=contacts_um(rig),
@@ -199,8 +189,7 @@ def pair_job(
         )
         early = pair_hasty(values, rig, force_mN, pointers.get("load", ""))
         violations = [*map(violation_view, (*weak, *early)), *violations]
-    if assessment.reason:
-        violations.append(_unstable(assessment))
+    violations += unstable(assessment)
     plan = PairPlan(
         kind=request.kind,
         rig=rig.rig.name,
@@ -209,7 +198,14 @@ def pair_job(
         phases=[planned_phase(phase) for phase in course.phases],
         violations=violations,
         curves=_curves(course),
-        law=_law_view(loop, assessment, request),
+        law=Law(
+            scheme=LAW.name,
+            set="identified",
+            gains=dict(loop.gains),
+            force_age="newest",
+            gains_from="default" if request.gains is None else "request",
+            **judgement(assessment),
+        ),
         warnings=list(
             dict.fromkeys(
                 [
@@ -275,47 +271,11 @@ def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
     return LAW.spec(gains), loop
 
 
-def _law_view(loop: TwoArmLoop, judged: TwoArmAssessment, request: ForPair) -> Law:
-    return Law(
-        scheme=LAW.name,
-        set="identified",
-        gains=dict(loop.gains),
-        force_age="newest",
-        gains_from="default" if request.gains is None else "request",
-        spectral_radius=judged.radius,
-        spectral_radius_limit=judged.limit_radius,
-        sensitivity_peak=judged.sensitivity_peak if judged.sensitivity_peak < inf else None,
-        sensitivity_peak_limit=judged.limit_peak if judged.limit_peak < inf else None,
-    )
-
-
-def _unstable(judged: TwoArmAssessment) -> Violation:
-    by_peak = judged.radius < judged.limit_radius and (judged.sensitivity_peak > judged.limit_peak)
-    value, limit = judged.radius, judged.limit_radius
-    if by_peak:
-        value, limit = judged.sensitivity_peak, judged.limit_peak
-    elif judged.radius < judged.limit_radius:
-        value, limit = judged.untold_radius, judged.limit_untold_radius
-    return Violation(
-        pointer="/gains",
-        quantity=SENSITIVITY_PEAK if by_peak else SPECTRAL_RADIUS,
-        side="above",
-        value=value,
-        limit=limit,
-        unit="",
-        at_s=0.0,
-        message=judged.reason,
-    )
-
-
 def _curves(course: PairCourse) -> PairCurves:
     first, second = course.arms
-    stride = max(1, ceil((len(first.t_s) - 1) / CURVE_POINTS))
+    stride = stride_of(first)
     return PairCurves(
-        t_s=first.t_s[::stride],
-        x_r_um=first.x_r_um[::stride],
-        force_r_mN=first.force_r_mN[::stride],
-        voltage_V=first.voltage_V[::stride],
+        **decimated(first).model_dump(),
         place_r_um=course.place_um[::stride],
         second_x_r_um=second.x_r_um[::stride],
         second_voltage_V=second.voltage_V[::stride],

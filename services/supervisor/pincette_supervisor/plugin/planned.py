@@ -77,9 +77,14 @@ class Planned:
         return next((track.force for track in tracks if track.force is not None), None)
 
 
+def stride_of(course: Course) -> int:
+    """Return which samples of a course are sent: each of so many."""
+    return max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
+
+
 def decimated(course: Course) -> Curves:
     """A course as it is sent."""
-    stride = max(1, ceil((len(course.t_s) - 1) / CURVE_POINTS))
+    stride = stride_of(course)
     return Curves(
         t_s=course.t_s[::stride],
         x_r_um=course.x_r_um[::stride],

@@ -1,59 +1,365 @@
-"""Functions that build the plans of kinds of job: at a part, in free air, and with two arms."""
+"""What plans of one arm have in common: at a part, and in free air."""
 
-from pincette_supervisor.plugin.contact_plans import (
-    CONTACT_FIELDS,
-    arm_touch,
-    conditioning_V,
-    contact_job,
-    contact_pointer,
-    contact_values,
-    part_values,
-    slowed,
-    usual_conditioning_V,
-)
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from msgspec.structs import replace
+from pydantic import BaseModel
+
+from pincette.api.job_kinds import job_kinds
+from pincette.api.plans import MotionPlan as PlanView
+from pincette.api.plans import Plan, PlannedGoal, PlannedPhase, Pose, SteadyErrors
+from pincette.api.predictions import Violation
+from pincette.api.requests import ContactJobRequest, JobRequest
+from pincette.config import RigFile, derived
+from pincette.control.laws.definition import LawSettings
+from pincette.control.laws.parameters import LawSpec
+from pincette.control.laws.steady import steady_error_ranges
+from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
+from pincette.control.planning.conditioning import PHASE
+from pincette.control.planning.contact_plan import ContactPlan, MotionPlan, PlannedRig
+from pincette.control.planning.feasibility import Violation as Broken
+from pincette.control.planning.motion_plan import Stand
+from pincette.control.planning.prediction import PlannedPhase as CoursePhase
+from pincette.control.planning.profiles import minimum_duration
+from pincette.control.planning.program import Program
+from pincette.control.planning.sampling import unsampled
+from pincette.control.planning.segments import Drive
+from pincette.control.planning.touch_force import SafeTouch
+from pincette.core.wording import fault_text
+from pincette_supervisor.plugin.errors import FaultyRequestError
 from pincette_supervisor.plugin.goal import goal_warnings, planned_goal, tolerances
-from pincette_supervisor.plugin.laws import rig_law
-from pincette_supervisor.plugin.motion_plans import (
-    GAIN_GROWTH,
-    SPEED_FACTOR,
-    motion_job,
-    releasing_job,
-    stand_of,
-)
-from pincette_supervisor.plugin.pair_plans import (
-    STARTS_UM,
-    contacts_um,
-    homes_um,
-    most_mN,
-    pair_job,
-    pair_request,
-    pair_values,
+from pincette_supervisor.plugin.laws import choose_law, rig_law, unstable
+from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.planned import Planned, decimated
+from pincette_supervisor.plugin.present import Present
+from pincette_supervisor.plugin.ring_term import ring_term, ring_violation, ring_warning
+from pincette_supervisor.plugin.stated_uncertainty import (
+    hidden_by_past,
+    past_uncertainty_mN,
+    uncertain_forces,
 )
 
-__all__ = [
-    "CONTACT_FIELDS",
-    "GAIN_GROWTH",
-    "SPEED_FACTOR",
-    "STARTS_UM",
-    "arm_touch",
-    "conditioning_V",
-    "contact_job",
-    "contact_pointer",
-    "contact_values",
-    "contacts_um",
-    "goal_warnings",
-    "homes_um",
-    "most_mN",
-    "motion_job",
-    "pair_job",
-    "pair_request",
-    "pair_values",
-    "part_values",
-    "planned_goal",
-    "releasing_job",
-    "rig_law",
-    "slowed",
-    "stand_of",
-    "tolerances",
-    "usual_conditioning_V",
-]
+CONTACT_FIELDS = ("load_s", "approach_um_per_s", "seek_um_per_s", "contact_force_mN")
+
+
+def contact_values(request: BaseModel, names: tuple[str, ...], rig: RigFile) -> dict[str, Any]:
+    """Members of a request by their names, those left out as the rig file's grip has them."""
+    return {
+        name: given if (given := getattr(request, name)) is not None else getattr(rig.grip, name)
+        for name in names
+    }
+
+
+def slowed(values: dict[str, Any], request: BaseModel, touch: SafeTouch) -> dict[str, Any]:
+    """Return values whose speeds are safe at the touch where the request states none.
+
+    A speed that the request states is kept; the plan refuses it where it is too high.
+    """
+    safe = {
+        name: min(values[name], touch.limit(name))
+        for name in ("approach_um_per_s", "seek_um_per_s")
+        if getattr(request, name) is None
+    }
+    return {**values, **safe}
+
+
+def arm_touch(rig: RigFile, force_mN: float, contact_force_mN: float) -> SafeTouch:
+    """Return what bounds the speeds of a plan of one arm with this highest force."""
+    part = rig.part
+    return SafeTouch(
+        force_mN,
+        contact_force_mN,
+        part.stiffness_mN_per_um * (1.0 + part.stiffness_tolerance),
+        rig.model.compliance_um_per_mN,
+        rig.rig.period_s,
+    )
+
+
+def conditioning_V(request: ContactJobRequest, rig: RigFile) -> float | None:
+    """Return the lowest voltage of the conditioning strokes of a plan; None: it has none.
+
+    ``auto`` makes strokes before each approach, not only after an unknown past. A known past is
+    followed by the model, which errs by more after other motion than after the grips that it was
+    rehearsed with. The strokes also compare the stroke of the arm with that of its calibration.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the request asks for strokes that the model in use does not allow.
+    """
+    low_V, condition = derived.conditioning_V(rig), request.condition or rig.grip.condition
+    if condition == "always" and low_V is None and rig.limits.voltage_min_V >= 0.0:
+        raise FaultyRequestError(
+            "/condition",
+            f"limits.voltage_min_V = {rig.limits.voltage_min_V:g} V leaves no room for "
+            "conditioning strokes below 0 V: this rig cannot be conditioned; ask for condition = "
+            '"auto" or "never"',
+        )
+    if condition == "always" and low_V is None:
+        raise FaultyRequestError(
+            "/condition",
+            'condition = "always" needs a free response that was identified down to a voltage '
+            "below 0 V, and the model in use is not: calibrate free_response with voltage_min_V "
+            'below 0, or ask for condition = "never"',
+        )
+    return None if condition == "never" else low_V
+
+
+def usual_conditioning_V(rig: RigFile) -> float | None:
+    """Return that voltage for a plan whose request has no ``condition``: by the rig file's grip."""
+    return None if rig.grip.condition == "never" else derived.conditioning_V(rig)
+
+
+def unconditioned(
+    strokes: bool, rig: RigFile, present: Present, force_mN: float | None = None
+) -> list[str]:
+    """Return what the strokes of an arm assume, or a warning where it needs them and has none.
+
+    ``force_mN`` is the highest force of the plan, for which the warning states the uncertainty.
+    """
+    if strokes:
+        return [
+            "the conditioning strokes assume that the voltage has stayed within the limits and has "
+            "been at the highest one of the calibration since; after a first installation, or "
+            "where another program has driven the arm, make a full stroke without the part first"
+        ]
+    if present.memory_known is not False:
+        return []
+    size = "some mN at the most"
+    if force_mN is not None:
+        size = f"±{past_uncertainty_mN(rig, force_mN):.2g} mN by the past alone"
+    if rig.limits.voltage_min_V >= 0.0:
+        return [
+            f"the arm's past is not known, and limits.voltage_min_V = {rig.limits.voltage_min_V:g} "
+            "V leaves no room for conditioning strokes below 0 V: the force may be off by what the "
+            f"uncertainty says, {size}"
+        ]
+    return [
+        "the arm's past is not known and no conditioning strokes come first: the force may be "
+        f"off by what the uncertainty says, {size}"
+    ]
+
+
+def part_values(rig: RigFile) -> dict[str, Any]:
+    """What the rig file says of the contact."""
+    part = rig.part
+    return {
+        "zero_s": rig.grip.zero_s,
+        "contact_um": part.contact_um,
+        "contact_tolerance_um": part.contact_tolerance_um,
+        "stiffness_mN_per_um": part.stiffness_mN_per_um,
+        "stiffness_tolerance": part.stiffness_tolerance,
+    }
+
+
+def violation_view(found: Broken) -> Violation:
+    """A broken limit as REST has it."""
+    return Violation.model_validate({**asdict(found), "side": found.side})
+
+
+def contact_job(
+    request: ContactJobRequest,
+    model: ModelInUse,
+    made: ContactPlan,
+    forces_mN: tuple[float, float],
+    values: dict[str, Any],
+    present: Present | None = None,
+    pointer: str = "/force_mN",
+) -> Planned:
+    """Add the law to a plan; one whose loop is not stable enough is one more violation.
+
+    Parameters
+    ----------
+    forces_mN
+        Lowest and highest force of the plan.
+    pointer
+        Member of the request that the highest force comes from.
+    """
+    rig = model.rig
+    law = choose_law(request, rig)
+    conditioned = made.program.segments[0].phase == PHASE
+    unsure = uncertain_forces(
+        rig, values["contact_force_mN"], forces_mN[1], pointer, conditioned=conditioned
+    )
+    if not conditioned and present is not None and present.memory_known is False:
+        unsure = (*unsure, *hidden_by_past(rig, forces_mN[1], pointer))
+    violations = [violation_view(found) for found in (*unsure, *made.violations)]
+    violations += unstable(law.assessment)
+    phase, wanted = job_kinds()[request.kind].goal_phase, tolerances(request)
+    ring = ring_term(made, rig, phase, wanted.get("settling_s", 0.0))
+    violations += ring_violation(ring, rig, request.force_tolerance_mN)
+    plan = Plan(
+        kind=request.kind,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=made.duration_s,
+        phases=[planned_phase(phase) for phase in made.phases],
+        violations=violations,
+        curves=decimated(made.course),
+        steady_errors=_steady_errors(rig, law.settings, forces_mN),
+        law=law.view(),
+        warnings=[
+            *unidentified(rig),
+            *unconditioned(conditioned, rig, present or Present(), forces_mN[1]),
+            *([] if present is None or present.stroke is None else [fault_text(present.stroke)]),
+            *unsampled(made.program.segments, rig.rig.period_s),
+            *ring_warning(ring, rig),
+            *goal_warnings(wanted, made.program, phase, rig),
+        ],
+        goal=planned_goal(wanted, made.program, phase),
+    )
+    program = replace(made.program, laws=(law.settings.spec(),), slip_retries=request.retries)
+    values = {**values, **wanted, "law": plan.law.model_dump()}
+    return Planned(plan, program, values, model)
+
+
+def unidentified(rig: RigFile) -> list[str]:
+    """Say how far the force may be off where no calibration has found the free response."""
+    arm = rig.model
+    if arm.free_response is not None or arm.recorded_response is not None:
+        return []
+    error_mN = arm.hysteresis_fraction * abs(rig.part.contact_um) / arm.compliance_um_per_mN
+    return [
+        "no free response has been identified, a straight line is assumed: at first touch the "
+        f"force may be off by {error_mN:.1f} mN (one standard uncertainty) and more, and the part "
+        "seem softer or harder than it is; calibrate free_response first"
+    ]
+
+
+def contact_pointer(quantity: str, phase: str) -> str:
+    """Member of a request that leads beyond a limit on the way to the part; empty: none does."""
+    if phase == "contact" and quantity == "force":
+        return "/contact_force_mN"
+    if phase in ("open", "approach", "retreat") and quantity == "slew":
+        return "/approach_um_per_s"
+    return ""
+
+
+def _steady_errors(rig: RigFile, law: LawSettings, forces_mN: tuple[float, float]) -> SteadyErrors:
+    """Where the impedance would rest if the part differed within its tolerances."""
+    part, impedance = rig.part, law.definition.impedance(law.gains)
+    found = steady_error_ranges(
+        forces_r_mN=forces_mN,
+        x_e_um=part.contact_um,
+        x_e_tolerance_um=part.contact_tolerance_um,
+        K_e=part.stiffness_mN_per_um,
+        K_e_tolerance=part.stiffness_tolerance,
+        K=impedance.K,
+        K_f=impedance.K_f,
+    )
+    return SteadyErrors(**asdict(found))
+
+
+def planned_phase(phase: CoursePhase) -> PlannedPhase:
+    """Return a phase of a plan as it is sent."""
+    return PlannedPhase(**asdict(phase))
+
+
+GAIN_GROWTH = 1.3
+"""By which the gain over a wide stroke may exceed d_p, that at 2 V peak to peak; assumed, and that
+of a loop of 18.5 % of the stroke."""
+SPEED_FACTOR = 3.0
+"""Fastest part of a free motion against the approach."""
+
+
+def stand_of(present: Present, rig: RigFile) -> Stand:
+    """Where a motion begins."""
+    return Stand(present.stand_um(rig), present.stand_V(rig))
+
+
+def motion_job(
+    request: JobRequest,
+    model: ModelInUse,
+    present: Present,
+    made: MotionPlan,
+    values: dict[str, Any],
+    warnings: list[str],
+    *,
+    meets_part: bool,
+    goal: PlannedGoal | None = None,
+) -> Planned:
+    """Add the law to a motion; one whose loop is not stable enough is one more violation."""
+    rig = model.rig
+    law = rig_law(rig)
+    leads = any(not segment.open_loop for segment in made.program.segments)
+    violations = [violation_view(found) for found in made.violations]
+    if leads:
+        violations += unstable(law.assessment)
+    plan = PlanView(
+        kind=request.kind,
+        rig=rig.rig.name,
+        feasible=not violations,
+        duration_s=made.duration_s,
+        begins_at=Pose(x_um=present.x_um, voltage_V=present.voltage_V),
+        phases=[planned_phase(phase) for phase in made.phases],
+        violations=violations,
+        curves=decimated(made.course),
+        law=law.view() if leads else None,
+        warnings=[
+            *_unknown(present, rig),
+            *unsampled(made.program.segments, rig.rig.period_s),
+            *warnings,
+        ],
+        goal=goal,
+    )
+    # A stop is under the law even where the motion is not.
+    program = replace(made.program, laws=(law.settings.spec(),))
+    if rig.second is not None:
+        program = _of_both(made.program)
+    return Planned(plan, program, values, model, meets_part=meets_part)
+
+
+def releasing_job(
+    request: JobRequest,
+    model: ModelInUse,
+    present: Present,
+    release_s: float | None,
+    make: Callable[[float, PlannedRig, Stand, float, Mapping[str, str]], MotionPlan],
+    values: dict[str, Any],
+) -> Planned:
+    """Plan a motion that begins with a part held and ends with its release at the safe voltage."""
+    rig, safe_V = model.rig, model.rig.safety.safe_V
+    release_s = release_s or _release_duration_s(rig, present)
+    pointers = {"unload slew": "/release_s"}
+    made = make(release_s, derived.planned_rig(rig), stand_of(present, rig), safe_V, pointers)
+    values = {**values, "release_s": release_s, "safe_V": safe_V}
+    warnings = _held_warnings(present)
+    return motion_job(request, model, present, made, values, warnings, meets_part=True)
+
+
+def _of_both(program: Program) -> Program:
+    """The same motion of the voltages of both arms, with the law of both."""
+    segments = tuple(
+        replace(one, courses=2 * one.courses) if isinstance(one, Drive) else one
+        for one in program.segments
+    )
+    return replace(program, segments=segments, laws=(LawSpec(TWO_ARMS.name),))
+
+
+def _unknown(present: Present, rig: RigFile) -> list[str]:
+    if present.voltage_V is not None:
+        return []
+    return [
+        f"nothing has been heard of the arm: it is taken to stand at {rig.safety.safe_V:g} V, "
+        f"{present.stand_um(rig):g} µm"
+    ]
+
+
+def _release_duration_s(rig: RigFile, present: Present) -> float:
+    """As long as a grip unloads, or where the way is far as the slew limit allows."""
+    limits, safe_V = rig.limits, rig.safety.safe_V
+    way_V = max(limits.voltage_max_V - safe_V, safe_V - limits.voltage_min_V)
+    known = [each for each in (present.voltage_V, present.second_V) if each is not None]
+    if len(known) == len(rig.arms):
+        way_V = max(abs(voltage_V - safe_V) for voltage_V in known)
+    return max(rig.grip.load_s, minimum_duration(way_V, limits.slew_V_per_s))
+
+
+def _held_warnings(present: Present) -> list[str]:
+    """What a person should know where the rig does not say that a part is held."""
+    if present.held:
+        return []
+    known = "is not known" if present.held is None else "is not told by the rig"
+    return [f"that a part is held {known}: the operator is taken at their word"]

@@ -1,24 +1,37 @@
-"""What a job came to, from its columns; pure."""
+"""What a job came to, from its columns; pure.
+
+Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
+"""
 
 from collections.abc import Sequence
-from math import fsum, hypot, sqrt
+from math import fsum, hypot, nan, sqrt
 from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 
-from pincette.api.results import ActionTaken, LimitActed, LoadForces, Phase
+from pincette.api.results import (
+    ActionTaken,
+    LimitActed,
+    LoadForces,
+    PositionStep,
+    StepCause,
+    Tracking,
+)
+from pincette.api.results import Phase as PlayedPhase
 from pincette.api.states import ActionType
-from pincette.control.arm.plant import DifferenceEquation
+from pincette.config import RigFile
+from pincette.control.arm.plant import DifferenceEquation, perturbation
 from pincette.control.calibration.lines import correlated_samples
 from pincette.control.force.estimation import COVERAGE
+from pincette.control.force.ring_after_step import RESTED, ring_samples, rings
 from pincette.control.planning.contact_line import ContactFit, ContactLine
+from pincette.control.planning.paths import Path
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
-from pincette.core.faults import TRIPPED
+from pincette.core.faults import TRIPPED, Outcome, Phase
 from pincette.records.columns import Columns, missed
-from pincette_supervisor.plugin import sample_figures
-from pincette_supervisor.plugin.law_result import law_figures
-from pincette_supervisor.plugin.position_step import position_step_of
-from pincette_supervisor.plugin.sample_figures import Series, series, within
+from pincette_supervisor.plugin import figures
+from pincette_supervisor.plugin.figures import Mask, Series, series, within
+from pincette_supervisor.plugin.functions import Run
 
 PRESSED = ("load", "hold", "settle", "track", "unload", "stopped")
 LIMITS = {
@@ -32,40 +45,31 @@ ACTIONS = get_args(ActionType)
 """Words of ``acted`` that are actions: ``lease`` stands before a stop that nobody has asked for."""
 
 
-def common(
-    table: Columns,
-    *,
-    plant: DifferenceEquation,
-    period_s: float,
-    dropped: int,
-    force_assumed: Sequence[str],
-) -> dict[str, Any]:
-    """Figures that every job has, by the fields of ``ClosedLoopResult``.
-
-    ``force_assumed`` names what the force's uncertainty takes for granted.
-    """
+def common(run: Run) -> dict[str, Any]:
+    """Figures that every job of one arm has, by the fields of ``ClosedLoopResult``."""
+    table = run.table
     pressed = within(table, PRESSED)
     force, zeroed = series(table, "force_mN"), ~np.isnan(series(table, "zero_age_s"))
     line = contact_fit(table)
     stroke = stroke_of(table)
     return {
-        **course(table, period_s=period_s, dropped=dropped),
-        "force_assumed": list(force_assumed),
+        **course(table, period_s=run.period_s, dropped=run.dropped),
+        "force_assumed": run.force_assumed,
         "contact_load": load_forces(table),
-        "contact_x_um": sample_figures.last(table["contact_x_um"]),
+        "contact_x_um": figures.last(table["contact_x_um"]),
         "contact_x_error_um": None if line is None else line.x_e_error_um,
-        "contact_stiffness_mN_per_um": sample_figures.last(table["contact_stiffness_mN_per_um"]),
+        "contact_stiffness_mN_per_um": figures.last(table["contact_stiffness_mN_per_um"]),
         "contact_stiffness_error_mN_per_um": None if line is None else line.K_e_error_mN_per_um,
         "stroke_change_percent": stroke.change_percent,
         "stroke_limit_percent": stroke.limit_percent,
         "model_mismatch": stroke.mismatch,
         "zero_unconfirmed": zero_unconfirmed(table),
-        "peak_force_mN": sample_figures.largest(force, zeroed),
+        "peak_force_mN": figures.largest(force, zeroed),
         # Without a zero the estimate has no reference, and the force is not known.
-        "final_force_mN": sample_figures.last(np.where(zeroed, force, np.nan).tolist()),
-        "contact_rmse_position_um": sample_figures.rms(position_error(table), pressed),
-        "contact_rmse_force_mN": sample_figures.rms(force_error(table), pressed),
-        **law_figures(table, plant),
+        "final_force_mN": figures.last(np.where(zeroed, force, np.nan).tolist()),
+        "contact_rmse_position_um": figures.rms(position_error(table), pressed),
+        "contact_rmse_force_mN": figures.rms(force_error(table), pressed),
+        **law_figures(table, run.plant),
     }
 
 
@@ -98,7 +102,7 @@ def zero_unconfirmed(table: Columns) -> bool:
 
 def _percent(shares: Sequence[float | None]) -> float | None:
     """Return the last share in percent; None where there is none."""
-    share = sample_figures.last(shares)
+    share = figures.last(shares)
     return None if share is None else 100.0 * share
 
 
@@ -120,10 +124,44 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
         "missed_ticks": missed(table),
         "unanswered_ticks": answered.count(False),
         "dropped_messages": dropped,
-        "touch_x_um": sample_figures.last(table["touch_x_um"]),
-        "touch_force_mN": sample_figures.last(table["touch_mN"]),
+        "touch_x_um": figures.last(table["touch_x_um"]),
+        "touch_force_mN": figures.last(table["touch_mN"]),
         "position_step": position_step_of(table),
     }
+
+
+def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
+    """Errors over the samples chosen; None without one.
+
+    Parameters
+    ----------
+    pp
+        Height of the reference, peak to peak; None: it rests.
+    """
+    rmse, most = figures.rms(error, mask), figures.largest(np.abs(error), mask)
+    if rmse is None or most is None:
+        return None
+    return Tracking(rmse=rmse, rmse_percent=100.0 * rmse / pp if pp else None, maximum=most)
+
+
+def full_amplitude(run: Run, paths: Sequence[Path], cycles: int = 0) -> Mask:
+    """Samples whose references are on all paths at full amplitude, whole cycles where they swing.
+
+    The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
+
+    Parameters
+    ----------
+    cycles
+        Number of the last cycles that count, of a path that has some; 0: all.
+    """
+    table, slack_s = run.table, 1e-6 * run.period_s
+    t_s = (series(table, "segment_tick") - 1.0) * run.period_s
+    from_s = max(path.full_from_s for path in paths)
+    to_s = min(path.full_to_s for path in paths)
+    if cycles:
+        from_s = max(from_s, to_s - cycles * paths[0].cycle_s)
+    since, until = t_s > from_s - slack_s, t_s < to_s - slack_s
+    return within(table, ["track"]) & (t_s >= 0.0) & since & until
 
 
 def position_error(table: Columns) -> Series:
@@ -180,7 +218,7 @@ def contact_fit(table: Columns) -> ContactFit | None:
     )
 
 
-def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[Phase]:
+def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -> list[PlayedPhase]:
     """Runs of one phase, in order; a sample without a name belongs to the phase before it."""
     found: list[tuple[str, float, float]] = []
     for name, start_s in zip(names, t_s, strict=True):
@@ -189,7 +227,7 @@ def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -
         if found:
             found[-1] = (*found[-1][:2], start_s + period_s)
     return [
-        Phase(phase=name, start_s=start_s, duration_s=end_s - start_s)
+        PlayedPhase(phase=name, start_s=start_s, duration_s=end_s - start_s)
         for name, start_s, end_s in found
     ]
 
@@ -214,3 +252,154 @@ def _limits(table: Columns) -> list[LimitActed]:
     return [
         LimitActed(limit=name, first_seq=seqs[0], samples=len(seqs)) for name, seqs in acted.items()
     ]
+
+
+def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
+    """Figures of the law, by the fields of ``ClosedLoopResult``.
+
+    Parameters
+    ----------
+    table
+        Columns of the epoch, a row for each sample; see ``columns``.
+    plant
+        The arm as the law's parameter set has it.
+    """
+    return {
+        "sliding_um": figures.percentiles(series(table, "sliding_um")),
+        "sliding_in_band": _share_in_band(table),
+        "residual_um": figures.percentiles(series(table, "residual_um")),
+        "law_perturbation_mN": figures.percentiles(series(table, "law_perturbation_mN")),
+        "perturbation_error_mN": figures.percentiles(series(table, "perturbation_error_mN")),
+        "true_perturbation_error_mN": figures.percentiles(true_perturbation_error(table, plant)),
+    }
+
+
+def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series:
+    """p̃ in mN from position as measured, voltage as applied and force as it truly was.
+
+        p̃_k = p̂_k - p_k = p_{k-1} - p_k,  p by (6)                                       (8)
+
+    Where F is estimated from the same x and u, p̃ holds model against model; this one holds the
+    law's plant against the arm. NaN where one of its samples never came or was no measurement,
+    and throughout where no simulated rig tells the force.
+    """
+    measured = series(table, "position_valid") == 1.0
+    x_um = np.where(measured, series(table, "x_um"), np.nan)
+    # The voltage of a row is put out after its position was measured: it led to the next one.
+    rows = zip(
+        x_um.tolist(),
+        _before(table, x_um, 1).tolist(),
+        _before(table, x_um, 2).tolist(),
+        _before(table, series(table, "voltage_V"), 1).tolist(),
+        series(table, "true_force_mN").tolist(),
+        strict=True,
+    )
+    p_mN = np.array(
+        [
+            perturbation(
+                plant, x_um=x, x_1_um=x_1, x_2_um=x_2, voltage_V=voltage_V, force_mN=force_mN
+            )
+            for x, x_1, x_2, voltage_V, force_mN in rows
+        ],
+        dtype=np.float64,
+    )
+    return _before(table, p_mN, 1) - p_mN
+
+
+def _before(table: Columns, values: Series, ticks: int) -> Series:
+    """Values so many ticks before each row's; NaN where that sample never came."""
+    of_seq = dict(zip(table["seq"], values.tolist(), strict=True))
+    found = [of_seq.get(seq - ticks, nan) for seq in table["seq"]]
+    return np.array(found, dtype=np.float64)
+
+
+def _share_in_band(table: Columns) -> float | None:
+    """Share of the samples with |s| within its band; None without one."""
+    within = np.abs(series(table, "sliding_um")) - series(table, "band_um")
+    found = within[~np.isnan(within)]
+    return float(np.mean(found <= 0.0)) if found.size else None
+
+
+RETURN_SAMPLES = 10
+"""Samples at the end of the way back whose mean force decides."""
+
+
+def position_step_of(table: Columns) -> PositionStep | None:
+    """Return the step of the position that the voltage does not explain; None without one.
+
+    The controller reports the step, the force just before it, F, and just after it, F'. If the part
+    gave way by δ, F' is the force and δ = r + (F - F')/K_e; if the sensor jumped by r, the force is
+    F still and the free arm reads F' - F afterwards. So the force that is read on the way back
+    decides, as far as its uncertainty allows.
+    """
+    steps_um = table["step_um"]
+    row = next((place for place, step_um in enumerate(steps_um) if step_um is not None), None)
+    if row is None:
+        return None
+    step_um, x_um, before_mN, after_mN = (
+        float(figures.last(table[name]) or 0.0)
+        for name in ("step_um", "step_x_um", "step_mN", "step_after_mN")
+    )
+    stiffness, slips = table["contact_stiffness_mN_per_um"][row], _newest(table["slips"]) or 0
+    source = _source(table, step_um, before_mN - after_mN)
+    slip_um = None
+    if source != "sensor" and stiffness:
+        slip_um = step_um + (before_mN - after_mN) / stiffness
+    return PositionStep(
+        cause=source,
+        at_s=table["t_s"][row],
+        x_um=x_um,
+        step_um=step_um,
+        slip_um=slip_um,
+        slips=slips,
+        force_mN=before_mN,
+        force_if_slip_mN=None if source == "sensor" else after_mN,
+        force_if_sensor_mN=None if source == "slip" else before_mN,
+    )
+
+
+def with_ring(found: PositionStep, table: Columns, rig: RigFile) -> PositionStep:
+    """Add whether the arm rang after the step; it is known where the voltage was kept then."""
+    model = rig.model
+    row = next(place for place, step_um in enumerate(table["step_um"]) if step_um is not None)
+    first = max(0, row - 1)  # the step was confirmed by the sample after it
+    stiffness = table["contact_stiffness_mN_per_um"][row] or rig.part.stiffness_mN_per_um
+    kappa = model.compliance_um_per_mN * stiffness
+    decay_per_s = model.damping_ratio * model.natural_frequency_rad_per_s
+    rows = slice(first, first + ring_samples(decay_per_s, rig.rig.period_s) + RESTED)
+    x_um, voltage_V, seq = (series(table, name)[rows] for name in ("x_um", "voltage_V", "seq"))
+    if np.ptp(voltage_V[1:]) > 0.0 or (np.diff(seq) != 1.0).any():
+        return found
+    rang = rings(
+        x_um,
+        mode_rad_per_s=model.natural_frequency_rad_per_s * sqrt(1.0 + kappa),
+        decay_per_s=decay_per_s,
+        period_s=rig.rig.period_s,
+        noise_um=rig.sensor.noise_um,
+    )
+    return found.model_copy(update={"rang": rang})
+
+
+def _source(table: Columns, step_um: float, lost_mN: float) -> StepCause:
+    if Outcome.SENSOR_JUMP in table["outcome"] or step_um < 0.0:
+        return "sensor"
+    returned = [
+        (force_mN, uncertainty_mN)
+        for phase, held, force_mN, uncertainty_mN in zip(
+            *(table[name] for name in ("phase", "held", "force_mN", "force_uncertainty_mN")),
+            strict=True,
+        )
+        if phase == Phase.RETREAT and not held and None not in (force_mN, uncertainty_mN)
+    ][-RETURN_SAMPLES:]
+    if not returned:
+        return "unknown"
+    read_mN = sum(force_mN for force_mN, _ in returned) / len(returned)
+    # Half way between the readings of a free arm: 0 after a slip, -lost_mN after a jump.
+    off_mN, doubt_mN = read_mN + 0.5 * lost_mN, returned[-1][1]
+    if abs(off_mN) <= doubt_mN:
+        return "unknown"
+    return "slip" if off_mN > 0.0 else "sensor"
+
+
+def _newest(values: Sequence[Any]) -> Any:
+    return next((value for value in reversed(values) if value is not None), None)

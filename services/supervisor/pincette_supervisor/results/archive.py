@@ -30,7 +30,7 @@ from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.plugin.figures import series, table_of_arm
 from pincette_supervisor.plugin.functions import functions_of
 from pincette_supervisor.plugin.goal import goal_of
-from pincette_supervisor.plugin.position_step import with_ring
+from pincette_supervisor.plugin.result import with_ring
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents
 from pincette_supervisor.results.run_samples import THINNED, RunSamples, completed
 

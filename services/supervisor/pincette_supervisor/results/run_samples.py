@@ -14,8 +14,8 @@ from pincette.core.messages import Burst, Message
 from pincette.records.columns import COLUMNS, SECOND_COLUMNS, Columns
 from pincette.records.row_blocks import RowBlocks
 from pincette_supervisor.plugin import figures
-from pincette_supervisor.plugin.figures import PRESSED, force_error, position_error, series, within
-from pincette_supervisor.plugin.result import LIMITS, phases
+from pincette_supervisor.plugin.figures import series, within
+from pincette_supervisor.plugin.result import LIMITS, PRESSED, force_error, phases, position_error
 
 HELD_ROWS = 32_768
 """Rows of holds that are kept at most; eleven minutes at 50 Hz are kept in full."""

@@ -37,8 +37,9 @@ from pincette_supervisor.plugin import (
     value_of,
 )
 from pincette_supervisor.plugin.drawing import LEFT, MEASURED, Picture, Sheet
-from pincette_supervisor.plugin.figures import Series, course, outcome_of, series
-from pincette_supervisor.plugin.plans import rig_law
+from pincette_supervisor.plugin.figures import Series, series
+from pincette_supervisor.plugin.laws import rig_law, unstable
+from pincette_supervisor.plugin.result import course, outcome_of
 
 SOFTER = 1.5
 """Compliance of an arm by which weights hang, over that of the model in use, at most."""
@@ -86,8 +87,8 @@ def plan(request: CalibrationRequest, model: ModelInUse, present: Present) -> Pl
         phases[number] = phases[number].model_copy(update={"instruction": wait.instruction})
     violations = _violations(made, rig.limits.sweep_V)
     law = rig_law(rig) if functions.meets_part else None
-    if law is not None and not law.assessment.stable:
-        violations.append(law.violation())
+    if law is not None:
+        violations += unstable(law.assessment)
     view = CalibrationPlan(
         kind=request.kind,
         calibration=request.calibration,

@@ -16,7 +16,8 @@ from pincette_supervisor.plugin import (
     Planned,
     Present,
 )
-from pincette_supervisor.plugin.plans import contacts_um, pair_job, pair_values
+from pincette_supervisor.plugin.pair_plans import contacts_um, pair_job
+from pincette_supervisor.plugin.plans import CONTACT_FIELDS, contact_values
 
 MORE_TOUCHES = 2.0
 """Contact forces that the squeeze may grow by on the way: how large it is, is not known."""
@@ -35,7 +36,7 @@ def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Plann
                 "/to_um", "where the tips are is not known yet: ask for by_um, or wait"
             )
         by_um = request.to_um - 0.5 * (tips[0] - tips[1])
-    values = pair_values(request, rig)
+    values = contact_values(request, CONTACT_FIELDS, rig)
     limits = rig.limits
     guards = replace(
         FREE,

@@ -1,21 +1,26 @@
 """Plan, result and plot of a grip."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
+from typing import Any
 
 from pincette.config import RigFile, derived
-from pincette.control.arm.plant import DifferenceEquation
 from pincette.control.force.estimation import uncertainty_of_mean
 from pincette.control.planning.grip_plan import GripRequest, plan_grip
+from pincette.control.planning.pair_plan import PairHold, grip_program
+from pincette.control.planning.quick_grip import (
+    AskedSpeeds,
+    QuickSpeeds,
+    Touch,
+    UsualSpeeds,
+    quick_speeds,
+)
+from pincette.control.planning.touch_force import weak_force
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds import pairs
 from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
-from pincette_supervisor.kinds.grip.pair import plan_pair
-from pincette_supervisor.kinds.grip.profile import chosen_speeds
 from pincette_supervisor.plugin import (
     Evaluation,
+    FaultyRequestError,
     JobFunctions,
     ModelInUse,
     Planned,
@@ -25,15 +30,14 @@ from pincette_supervisor.plugin import (
     figures,
 )
 from pincette_supervisor.plugin.drawing import Picture, Sheet
-from pincette_supervisor.plugin.figures import (
-    Mask,
-    chosen,
-    common,
-    draw_sources,
-    force_error,
-    position_error,
-    series,
-    sources_of,
+from pincette_supervisor.plugin.error_sources import draw_sources, sources_of
+from pincette_supervisor.plugin.figures import Mask, chosen, series, settled, within
+from pincette_supervisor.plugin.pair_plans import (
+    STARTS_UM,
+    homes_um,
+    most_mN,
+    pair_job,
+    pair_request,
 )
 from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
@@ -45,18 +49,21 @@ from pincette_supervisor.plugin.plans import (
     part_values,
     slowed,
 )
+from pincette_supervisor.plugin.result import common, force_error, position_error
 
 PRESSING = ("load", "hold", "unload")
+PAIR_POINTERS = {**dict.fromkeys(PRESSING, "/force_mN"), "carry": "/place_um"}
+GENTLY = 'or grip with profile = "gentle"'
 
 
 def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a grip with the arms of the rig."""
     rig = model.rig
-    if rig.second is not None:
-        return plan_pair(request, model, present)
     values = contact_values(request, ("force_mN", "hold_s", *CONTACT_FIELDS), rig)
     if request.until_released:
         values["hold_s"] = None
+    if rig.second is not None:
+        return _plan_pair(request, model, values, present)
     part = part_values(rig)
     speeds = chosen_speeds(request, rig)
     if speeds is None:
@@ -74,6 +81,23 @@ def plan(request: GripJobRequest, model: ModelInUse, present: Present) -> Planne
     return contact_job(request, model, made, (0.0, values["force_mN"]), values, present)
 
 
+def _plan_pair(
+    request: GripJobRequest, model: ModelInUse, values: dict[str, Any], present: Present
+) -> Planned:
+    """Plan a grip with both arms."""
+    rig, force_mN = model.rig, values["force_mN"]
+    hold = PairHold(
+        hold_s=values["hold_s"],
+        place_to_um=request.place_um,
+        carry_um_per_s=values["approach_um_per_s"],
+    )
+    made = pair_request(values, rig, force_mN, centred=request.centre)
+    homes = homes_um(rig, made, force_mN)
+    program = grip_program(made, hold, STARTS_UM, most_mN(rig), homes)
+    values = {**values, "place_um": request.place_um}
+    return pair_job(request, model, program, values, PAIR_POINTERS, present)
+
+
 def pointer(quantity: str, phase: str) -> str:
     """Member of a request that leads beyond a limit; empty where none can be named."""
     return "/force_mN" if phase in PRESSING else contact_pointer(quantity, phase)
@@ -83,66 +107,32 @@ def evaluate(run: Run) -> Evaluation:
     """Work out the figures of a grip."""
     if run.rig.second is not None:
         return pairs.evaluate(run)
-    result = grip_result(
-        run.table,
-        plant=run.plant,
-        period_s=run.period_s,
-        target_mN=run.planned.values["force_mN"],
-        dropped=run.dropped,
-        force_assumed=run.force_assumed,
+    table, rig = run.table, run.planned.armed.rig
+    hold = settled(within(table, ["hold"]), run.period_s)
+    error_mN = force_error(table)
+    result = GripResult(
+        **common(run),
+        force_target_mN=run.planned.values["force_mN"],
+        force_held_mN=figures.mean(series(table, "force_mN"), hold),
+        force_error_mN=figures.mean(error_mN, hold),
+        force_uncertainty_mN=held_uncertainty_mN(table, hold, rig),
+        zero_age_s=figures.last_of(table, "zero_age_s", hold),
+        rmse_position_um=figures.rms(position_error(table), hold),
+        rmse_force_mN=figures.rms(error_mN, hold),
+        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
+        error_sources=sources_of(table, hold, rig),
     )
-    hold, rig = _settled_hold(run.table["phase"], run.period_s), run.planned.armed.rig
-    found = {
-        "error_sources": sources_of(run.table, hold, rig),
-        "force_uncertainty_mN": held_uncertainty_mN(run.table, rig, run.period_s),
-    }
-    return Evaluation(result.model_copy(update=found))
+    return Evaluation(result)
 
 
-def held_uncertainty_mN(table: Columns, rig: RigFile, period_s: float) -> float | None:
+def held_uncertainty_mN(table: Columns, hold: Mask, rig: RigFile) -> float | None:
     """Uncertainty of the force held, which is a mean over the settled hold; None without one."""
-    hold = _settled_hold(table["phase"], period_s)
     stated_mN = chosen(series(table, "force_uncertainty_mN"), hold)
     if not stated_mN.size:
         return None
     reading_mN = rig.sensor.noise_um / rig.model.compliance_um_per_mN
     noise_mN = reading_mN * derived.force_observer(rig).noise_gain
     return uncertainty_of_mean(stated_mN.tolist(), noise_mN=noise_mN, reading_mN=reading_mN)
-
-
-def grip_result(
-    table: Columns,
-    *,
-    plant: DifferenceEquation,
-    period_s: float,
-    target_mN: float,
-    dropped: int,
-    force_assumed: Sequence[str] = (),
-) -> GripResult:
-    """Figures of a grip; ``plant`` is the arm as the law's parameter set has it."""
-    hold = _settled_hold(table["phase"], period_s)
-    force, error_mN = series(table, "force_mN"), force_error(table)
-    return GripResult(
-        **common(
-            table,
-            plant=plant,
-            period_s=period_s,
-            dropped=dropped,
-            force_assumed=force_assumed,
-        ),
-        force_target_mN=target_mN,
-        force_held_mN=figures.mean(force, hold),
-        force_error_mN=figures.mean(error_mN, hold),
-        force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), hold),
-        zero_age_s=figures.last_of(table, "zero_age_s", hold),
-        rmse_position_um=figures.rms(position_error(table), hold),
-        rmse_force_mN=figures.rms(error_mN, hold),
-        true_force_held_mN=figures.mean(series(table, "true_force_mN"), hold),
-    )
-
-
-def _settled_hold(phase: Sequence[str | None], period_s: float) -> Mask:
-    return figures.settled(np.array([name == "hold" for name in phase], dtype=np.bool_), period_s)
 
 
 def plot(run: Run, evaluation: Evaluation, name: str) -> Picture:
@@ -176,6 +166,65 @@ def _subtitle(result: GripResult) -> str:
     if result.true_force_held_mN is not None:
         words.append(f"true force held {result.true_force_held_mN:.2f} mN")
     return "   ·   ".join(words)
+
+
+def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
+    """Speeds of a quick grip; None where it is to be a gentle one.
+
+    Raises
+    ------
+    FaultyRequestError
+        Where the request asks for a quick grip and the model or the force does not allow it, or
+        for a quick load in a gentle one.
+    """
+    profile, asked = request.profile or rig.grip.profile, request.profile == "quick"
+    speeds = None if profile == "gentle" else _speeds(request, rig, asked=asked)
+    if speeds is None and request.load_um_per_s is not None:
+        raise FaultyRequestError(
+            "/load_um_per_s",
+            f"load_um_per_s = {request.load_um_per_s:g} µm/s is of a quick grip, and this is a "
+            "gentle one: give load_s instead",
+        )
+    return speeds
+
+
+def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeeds | None:
+    """Speeds of a quick grip; None where nobody asks for one and it cannot be."""
+    if rig.model.free_response is None:
+        if asked:
+            raise FaultyRequestError(
+                "/profile",
+                'profile = "quick" needs an identified free response, and the model in use has '
+                f"none: calibrate free_response, {GENTLY}",
+            )
+        return None
+    touch = _touch(request, rig)
+    usual = rig.grip.quick
+    found = quick_speeds(
+        AskedSpeeds(
+            request.approach_um_per_s, request.seek_um_per_s, request.load_um_per_s, request.load_s
+        ),
+        UsualSpeeds(usual.approach_um_per_s, usual.seek_um_per_s, usual.load_um_per_s),
+        touch,
+        derived.planned_rig(rig),
+    )
+    if found is None and asked:
+        (weak,) = weak_force(touch.force_mN, touch.contact_force_mN, "/force_mN", 0.0)
+        raise FaultyRequestError("/force_mN", f"force_mN: {weak.message}")
+    slow = rig.grip.seek_um_per_s
+    if found is not None and not asked and request.seek_um_per_s is None:
+        return found if found.seek_um_per_s >= slow else None
+    return found
+
+
+def _touch(request: GripJobRequest, rig: RigFile) -> Touch:
+    part, grip = rig.part, rig.grip
+    return Touch(
+        force_mN=request.force_mN or grip.force_mN,
+        contact_force_mN=request.contact_force_mN or grip.contact_force_mN,
+        stiffness_mN_per_um=part.stiffness_mN_per_um,
+        hardest_mN_per_um=part.stiffness_mN_per_um * (1.0 + part.stiffness_tolerance),
+    )
 
 
 FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=pointer)

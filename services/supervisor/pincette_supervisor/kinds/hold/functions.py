@@ -19,8 +19,9 @@ from pincette_supervisor.plugin import (
     Run,
     figures,
 )
-from pincette_supervisor.plugin.figures import force_error, series, settled, within
+from pincette_supervisor.plugin.figures import series, settled, within
 from pincette_supervisor.plugin.plans import releasing_job
+from pincette_supervisor.plugin.result import force_error
 
 POINTERS = {"load": "/force_mN", "hold": "/force_mN", "load slew": "/load_s"}
 

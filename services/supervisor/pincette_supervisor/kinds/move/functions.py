@@ -17,15 +17,8 @@ from pincette_supervisor.plugin import (
     Planned,
     Present,
 )
-from pincette_supervisor.plugin.plans import (
-    GAIN_GROWTH,
-    SPEED_FACTOR,
-    goal_warnings,
-    motion_job,
-    planned_goal,
-    stand_of,
-    tolerances,
-)
+from pincette_supervisor.plugin.goal import goal_warnings, planned_goal, tolerances
+from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR, motion_job, stand_of
 
 JUDGED_S = 0.2
 """Time of the rest after the settling time, over which a goal is judged."""

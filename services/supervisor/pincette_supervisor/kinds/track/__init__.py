@@ -9,7 +9,7 @@ from pincette.api.job_kinds import FieldSpec, JobKind, RecipeRules, ResultField,
 from pincette.api.pairs import PairPlan, PairResult
 from pincette.api.plans import Plan
 from pincette.api.requests import ContactJobRequest, Duration, NotNegative, Positive, Speed
-from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources
+from pincette.api.results import COMMON, ClosedLoopResult, ErrorSources, Tracking
 from pincette.control.planning.paths import Shape
 from pincette_supervisor.kinds import fields
 
@@ -148,18 +148,6 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
                 "each other: one follows from the other, leave one out"
             )
         return self
-
-
-class Tracking(Model):
-    """Errors along a path: actual less reference, in the unit of the name above."""
-
-    model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
-
-    rmse: float
-    rmse_percent: float | None
-    """Of the reference, peak to peak; null where the reference rests."""
-    maximum: float
-    """Of the magnitude."""
 
 
 class CycleErrors(Model):

@@ -1,31 +1,38 @@
-"""Plan and result of a tracked path."""
+"""Plan and result of a tracked path, and what is learned across its cycles."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pincette.config import derived
-from pincette.control.arm.plant import DifferenceEquation
+from pincette.control.planning.pair_plan import PairPaths, track_program
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.paths import Path
+from pincette.control.planning.repetition import (
+    Corrections,
+    CycleLearner,
+    HeldOut,
+    cycle_ticks,
+    held_out,
+    no_corrections,
+)
+from pincette.control.planning.segments import Track
 from pincette.control.planning.track_plan import TrackRequest, plan_track
+from pincette.control.record import replace as changed
 from pincette.records.columns import Columns
 from pincette_supervisor.kinds import pairs
-from pincette_supervisor.kinds.track import Tracking, TrackJobRequest, TrackResult
-from pincette_supervisor.kinds.track.cycles import (
-    cycle_errors,
-    judged,
-    kept,
-    learned_of,
-    learning,
-    told_of,
-    whole_cycle,
+from pincette_supervisor.kinds.track import (
+    CycleErrors,
+    Learned,
+    TrackJobRequest,
+    TrackResult,
 )
-from pincette_supervisor.kinds.track.pair import plan_pair
-from pincette_supervisor.kinds.track.path import path_values, requested_path
+from pincette_supervisor.kinds.track.path import path_of_two, requested_path
 from pincette_supervisor.kinds.track.plot import plot
 from pincette_supervisor.plugin import (
     Evaluation,
+    FaultyRequestError,
     JobFunctions,
     ModelInUse,
     Planned,
@@ -34,15 +41,14 @@ from pincette_supervisor.plugin import (
     figures,
     learning_digest,
 )
-from pincette_supervisor.plugin.figures import (
-    Mask,
-    Series,
-    common,
-    force_error,
-    position_error,
-    series,
-    sources_of,
-    within,
+from pincette_supervisor.plugin.error_sources import sources_of
+from pincette_supervisor.plugin.figures import Mask, Series, series, within
+from pincette_supervisor.plugin.pair_plans import (
+    STARTS_UM,
+    homes_um,
+    most_mN,
+    pair_job,
+    pair_request,
 )
 from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
@@ -54,20 +60,29 @@ from pincette_supervisor.plugin.plans import (
     part_values,
     slowed,
 )
+from pincette_supervisor.plugin.result import (
+    common,
+    force_error,
+    full_amplitude,
+    position_error,
+    tracking,
+)
 
+PAIR_POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 LEARNED_CYCLES = 3
 """The last ones of a path that is learned, which its errors are told apart by: until then what it
 learns changes from cycle to cycle, and would pass for noise."""
+NOISE_IN_ERROR = 1.15
+"""Noise of x - x_r over that of a reading: the loop follows some of it."""
 
 
 def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a tracked path of one arm, or the paths of force and place of two."""
     rig = model.rig
     if rig.second is not None:
-        return plan_pair(request, model, present)
+        return _plan_pair(request, model, present)
     contact = contact_values(request, CONTACT_FIELDS, rig)
-    values = path_values(request, rig)
-    path, pointer = requested_path(request, values, rig.part.stiffness_mN_per_um)
+    path, values, pointer = requested_path(request, rig)
     found = peaks(path)
     touch = arm_touch(rig, found.highest, contact["contact_force_mN"])
     contact = slowed(contact, request, touch)
@@ -87,99 +102,185 @@ def plan(request: TrackJobRequest, model: ModelInUse, present: Present) -> Plann
     return learning(planned, path, rig.rig.period_s) if request.learn else planned
 
 
+def _plan_pair(request: TrackJobRequest, model: ModelInUse, present: Present) -> Planned:
+    """Plan a track with two arms."""
+    rig = model.rig
+    if request.force is None and request.place is None:
+        raise FaultyRequestError(
+            "", "a track with two arms wants a path: give force, place or both"
+        )
+    values = contact_values(request, CONTACT_FIELDS, rig)
+    force_mN = request.force_mN or rig.grip.force_mN
+    made = pair_request(values, rig, force_mN, centred=request.centre)
+    force, place = (
+        None if path is None else path_of_two(path, rig, made.place_um)
+        for path in (request.force, request.place)
+    )
+    paths = PairPaths(force=force, place=place)
+    highest_mN = force_mN if force is None else max(force_mN, peaks(force).highest)
+    homes = homes_um(rig, made, highest_mN)
+    program = track_program(made, paths, STARTS_UM, most_mN(rig), homes)
+    values |= {
+        "force_mN": force_mN,
+        "force": None if request.force is None else request.force.model_dump(),
+        "place": None if request.place is None else request.place.model_dump(),
+    }
+    return pair_job(request, model, program, values, PAIR_POINTERS, present)
+
+
 def evaluate(run: Run) -> Evaluation:
     """Work out the figures of a tracked path."""
     if run.rig.second is not None:
         return pairs.evaluate(run)
-    path = run.planned.path
+    table, path, period_s = run.table, run.planned.path, run.period_s
     if path is None:
         raise ValueError("the program of a track has no path")
-    result = track_result(
-        run.table,
-        plant=run.plant,
-        path=path,
-        period_s=run.period_s,
-        dropped=run.dropped,
-        force_assumed=run.force_assumed,
-    )
-    learned = learned_of(run, path)
-    cycles = path.cycles if learned is None else min(LEARNED_CYCLES, path.cycles)
-    found = sources_of(
-        run.table,
-        full_amplitude(run.table, path, run.period_s, cycles),
-        run.planned.armed.rig,
-        cycle_ticks=whole_cycle(path, run.period_s),
-    )
-    result = result.model_copy(update={"error_sources": found})
-    if learned is not None:
-        held = judged(run, learned, result.cycles)
-        name = learning_digest(run.planned.program, run.planned.armed.rig)
-        result = result.model_copy(update={"learned": told_of(learned, name, held)})
-        learned = kept(learned) if held is not None and held.helps else None
-    return Evaluation(result, learned=learned)
-
-
-def track_result(
-    table: Columns,
-    *,
-    plant: DifferenceEquation,
-    path: Path,
-    period_s: float,
-    dropped: int,
-    force_assumed: Sequence[str] = (),
-) -> TrackResult:
-    """Figures of a track job; ``plant`` is the arm as the law's parameter set has it."""
-    full, track = full_amplitude(table, path, period_s), within(table, ["track"])
+    full = full_amplitude(run, [path])
     force_r = series(table, "force_r_mN")
     x_pp_um = figures.peak_to_peak(series(table, "x_r_um"), full)
     force_pp_mN = figures.peak_to_peak(force_r, full)
-    position = _tracking(position_error(table), full, x_pp_um)
-    force = _tracking(force_error(table), full, force_pp_mN)
-    true_force = _tracking(series(table, "true_force_mN") - force_r, full, force_pp_mN)
-    return TrackResult(
-        **common(
-            table,
-            plant=plant,
-            period_s=period_s,
-            dropped=dropped,
-            force_assumed=force_assumed,
-        ),
+    true_error = series(table, "true_force_mN") - force_r
+    cycles = cycle_errors(table, path, period_s, full)
+    learned, told = learned_of(run, path), None
+    judged_cycles = path.cycles if learned is None else min(LEARNED_CYCLES, path.cycles)
+    if learned is not None:
+        held = judged(run, learned, cycles)
+        told = told_of(learned, learning_digest(run.planned.program, run.planned.armed.rig), held)
+        learned = kept(learned) if held is not None and held.helps else None
+    result = TrackResult(
+        **common(run),
         shape=path.shape,
         x_pp_um=x_pp_um,
         force_pp_mN=force_pp_mN,
         tracked_samples=int(full.sum()),
-        position_um=position,
-        force_mN=force,
-        true_force_mN=true_force,
+        position_um=tracking(position_error(table), full, x_pp_um),
+        force_mN=tracking(force_error(table), full, force_pp_mN),
+        true_force_mN=tracking(true_error, full, force_pp_mN),
         force_uncertainty_mN=figures.mean(series(table, "force_uncertainty_mN"), full),
-        zero_age_s=figures.last_of(table, "zero_age_s", track),
-        cycles=cycle_errors(table, path, period_s, full),
+        zero_age_s=figures.last_of(table, "zero_age_s", within(table, ["track"])),
+        cycles=cycles,
+        learned=told,
+        error_sources=sources_of(
+            table,
+            full_amplitude(run, [path], judged_cycles),
+            run.planned.armed.rig,
+            cycle_ticks=whole_cycle(path, period_s),
+        ),
+    )
+    return Evaluation(result, learned=learned)
+
+
+def learning(planned: Planned, path: Path, period_s: float) -> Planned:
+    """The plan with a program that learns; raises FaultyRequestError where nothing repeats."""
+    if path.knots:
+        raise FaultyRequestError(
+            "/learn", f"learn = true with a {path.shape}: only a sinusoid or a triangle has cycles"
+        )
+    try:
+        ticks = cycle_ticks(path.cycle_s, period_s)
+    except ValueError as error:
+        raise FaultyRequestError("/frequency_hz", str(error)) from error
+    program = changed(planned.program, corrections=no_corrections(ticks))
+    return replace(planned, program=program)
+
+
+def whole_cycle(path: Path, period_s: float) -> int:
+    """Ticks of a cycle; 0 where nothing swings, or not in whole ticks."""
+    if path.knots:
+        return 0
+    try:
+        return cycle_ticks(path.cycle_s, period_s)
+    except ValueError:
+        return 0
+
+
+def learned_of(run: Run, path: Path) -> Corrections | None:
+    """What the program has learned, by the samples as the controller met them."""
+    begun = run.planned.program.corrections
+    if begun is None:
+        return None
+    table, period_s = run.table, run.period_s
+    learner, slack_s = CycleLearner(begun), 0.5 * period_s
+    track = next(
+        number for number, one in enumerate(run.planned.program.segments) if isinstance(one, Track)
+    )
+    before: tuple[int, bool] | None = None
+    names = ("segment", "segment_tick", "paused", "limits_active", "x_um", "x_r_um")
+    for segment, tick, paused, limits, x_um, x_r_um in zip(
+        *(table[name] for name in names), strict=True
+    ):
+        if tick is None:
+            continue
+        # References and limits of a sample are those of the tick before it.
+        if before is not None and x_um is not None:
+            at_s = before[0] * period_s
+            if path.full_from_s - slack_s <= at_s < path.full_to_s - slack_s:
+                learner = learner.follow(before[0], x_um - x_r_um, limited=before[1])
+        before = (tick, bool(paused) or bool(limits)) if segment == track else None
+    return learner.corrections
+
+
+def judged(run: Run, learned: Corrections, cycles: Sequence[CycleErrors]) -> HeldOut | None:
+    """Hold what was learned against the cycles of this job that it was not learned from.
+
+    Without earlier corrections the first cycle is the one to be better than; else it is the first
+    cycle of the first job.
+    """
+    begun = run.planned.program.corrections
+    errors_um = [one.position_um for one in cycles if one.position_um is not None]
+    if begun is None or not errors_um or not learned.errors_um:
+        return None
+    led_um = errors_um if begun.errors_um else errors_um[1:]
+    noise_um = NOISE_IN_ERROR * run.planned.armed.rig.sensor.noise_um
+    ticks = len(learned.values_um)
+    return held_out(learned.errors_um[0], led_um, ticks=ticks, noise_um=noise_um)
+
+
+def kept(learned: Corrections) -> Corrections:
+    """Return what the next job begins with: the corrections that led the best cycle.
+
+    The newest ones have not led a cycle yet.
+    """
+    return changed(learned, values_um=learned.best_um or learned.values_um)
+
+
+def told_of(learned: Corrections, program: str, held: HeldOut | None) -> Learned:
+    """Return what was learned, for people."""
+    return Learned(
+        program=program,
+        cycles=len(learned.errors_um),
+        largest_um=max(abs(value) for value in learned.values_um),
+        over=learned.over,
+        errors_um=list(learned.errors_um),
+        kept=held is not None and held.helps,
+        before_um=None if held is None else held.before_um,
+        after_um=None if held is None else held.after_um,
     )
 
 
-def full_amplitude(table: Columns, path: Path, period_s: float, cycles: int = 0) -> Mask:
-    """Samples whose references are on the path at full amplitude, whole cycles where it swings.
+def cycle_errors(table: Columns, path: Path, period_s: float, full: Mask) -> list[CycleErrors]:
+    """R.m.s. errors over each cycle at full amplitude; none between knots."""
+    if path.knots:
+        return []
+    t_s = (series(table, "segment_tick") - 1.0) * period_s - path.full_from_s
+    number = np.floor(t_s / path.cycle_s + 1e-6)
+    errors = (
+        position_error(table),
+        force_error(table),
+        series(table, "true_force_mN") - series(table, "force_r_mN"),
+    )
+    return [_cycle(full & (number == cycle), errors) for cycle in range(path.cycles)]
 
-    ``cycles``: the last ones alone, of a path that has some; 0: all.
-    The references of a sample are those of the tick before it, hence of ``segment_tick`` - 1.
-    """
-    t_s = (series(table, "segment_tick") - 1.0) * period_s
-    slack_s = 1e-6 * period_s
-    from_s = path.full_from_s
-    if cycles:
-        from_s = max(from_s, path.full_to_s - cycles * path.cycle_s)
-    since, until = t_s > from_s - slack_s, t_s < path.full_to_s - slack_s
-    return within(table, ["track"]) & (t_s >= 0.0) & since & until
+
+def _cycle(samples: Mask, errors: Sequence[Series]) -> CycleErrors:
+    found = [_rms(error[samples]) for error in errors]
+    return CycleErrors(position_um=found[0], force_mN=found[1], true_force_mN=found[2])
 
 
-def _tracking(error: Series, full: Mask, pp: float | None) -> Tracking | None:
-    """Errors over the samples chosen; None without one."""
-    rmse = figures.rms(error, full)
-    most = figures.largest(np.abs(error), full)
-    if rmse is None or most is None:
+def _rms(error: Series) -> float | None:
+    if not len(error) or np.isnan(error).any():
         return None
-    percent = 100.0 * rmse / pp if pp else None
-    return Tracking(rmse=rmse, rmse_percent=percent, maximum=most)
+    return float(np.sqrt(np.mean(error**2)))
 
 
 FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=contact_pointer)

@@ -18,7 +18,9 @@ from pincette_supervisor.plugin.drawing import (
     Picture,
     Sheet,
 )
-from pincette_supervisor.plugin.figures import PRESSED, Mask, Series, draw_sources, series, within
+from pincette_supervisor.plugin.error_sources import draw_sources
+from pincette_supervisor.plugin.figures import Mask, Series, series, within
+from pincette_supervisor.plugin.result import PRESSED
 
 LEFT, MIDDLE, RIGHT = 0.085, 0.685, 0.985
 """Edges of the two columns, as shares of the width."""
