@@ -8,20 +8,20 @@ Mark = Literal["well", "missing", "note"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing looked at: whether it is well, and what to do where it is not."""
+    """One check: whether it passed, and the remedy if it did not."""
 
     well: bool
     what: str
     remedy: str = ""
     note: bool = False
-    """Neither well nor missing: what a person should know."""
+    """A hint that is neither passed nor missing."""
 
     @property
     def mark(self) -> Mark:
-        """How it is shown."""
+        """Return the mark with which it is shown."""
         return "note" if self.note else "well" if self.well else "missing"
 
 
 def noted(what: str, remedy: str = "") -> Finding:
-    """Make a finding that a person should know of, and that stops nothing."""
+    """Return a hint for people that stops nothing."""
     return Finding(True, what, remedy, note=True)

@@ -1,4 +1,4 @@
-"""Whether the certificates of a rig are in order."""
+"""Whether the certificates of a rig are valid."""
 
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
@@ -20,9 +20,9 @@ from pincette.security.revocation import read_revoked
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
-    """Whether each program of a rig has a certificate that it can work with, here and today.
+    """Yield whether each program of a rig has a certificate that is usable here and today.
 
-    Only keys that are on this machine are looked at: what runs elsewhere has its key there.
+    Only keys on this machine are checked: a program elsewhere has its key there.
     """
     if rig.bus.pki is None:
         key, place = ("listen", rig.bus.listen) if rig.bus.listen else ("host", rig.bus.host)
@@ -64,7 +64,7 @@ def _programs(rig: RigFile) -> tuple[Identity, ...]:
 
 
 def _host(rig: RigFile, who: Identity) -> str:
-    """Where others connect to it; empty where nobody does."""
+    """Return where others connect to it; empty if nobody does."""
     if who.role == UPSTREAM and rig.bus.upstream_at is not None:
         return rig.bus.upstream_at[0]
     if who.role == SUPERVISOR:
@@ -75,7 +75,7 @@ def _host(rig: RigFile, who: Identity) -> str:
 
 
 def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
-    """What a certificate says, once it is in order; raises SecurityError."""
+    """Return the content of a certificate if it is valid; raises SecurityError."""
     files = folder.credentials(who)
     here = files.private_key.exists()
     facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)

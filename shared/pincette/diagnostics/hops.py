@@ -1,4 +1,4 @@
-"""What the arrival of answers says of a device server between a program and its instrument."""
+"""What the arrival of answers reveals about a device server before an instrument."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ baud rounded up to whole milliseconds; what is measured is a little longer."""
 
 
 def not_asked_for(name: str, count: int) -> Iterator[Finding]:
-    """Name what may have sent answers to nobody's request, where there were any."""
+    """Return what may have sent answers without a request, if there were any."""
     if count:
         yield noted(
             f"{name}: {count} answers that were not asked for",
@@ -20,7 +20,7 @@ def not_asked_for(name: str, count: int) -> Iterator[Finding]:
 
 
 def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
-    """Name a server that holds answers back, and a line that is slower than the rig file states.
+    """Yield a server that holds answers back, and a line slower than the rig file states.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the instruments of a rig say where they are opened, and which way the arm moves."""
+"""Answers of a rig's instruments when they are opened, and the direction of the arm."""
 
 import re
 import time
@@ -30,17 +30,18 @@ from pincette.instruments.protocols import (
 
 READINGS = 40
 COARSEST_UM, FINEST_UM = 0.05, 0.001
-"""Steps of a reading that make sense: 0.1 µm hide 25 nm, and 1e-5 is a display in mm."""
+"""Plausible steps of a reading: 0.1 µm hide 25 nm, and 1e-5 is a display in mm."""
 LATENCY_MS = 1
 THIN_SHARE = 0.5
-"""Share of a timeout that the slowest of the readings may take before the margin is thin."""
+"""Share of a timeout that the slowest reading may take before the margin is called thin."""
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
-"""Of the motion that the model says, for it to be the arm's."""
+"""Range of the measured motion, as a share of the model's, that counts as the arm's."""
 OLD_SHARE = 0.5
-"""Share of a move below which the first reading after it is one of before."""
+"""Share of a move below which the first reading after it is an old one."""
 LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
-"""In an error of the output: a Keyence controller repeats a request that it does not know."""
+"""Sign of a laser at the output's address: a Keyence controller repeats a request that it does not
+know."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
@@ -50,7 +51,7 @@ INSTRUMENTS_HELP = (
 
 
 def instruments(rig: RigFile) -> Iterator[Finding]:
-    """Open all instruments, one after the other, and look at what they say; moves nothing.
+    """Open all instruments one after the other, and check their answers; moves nothing.
 
     The last finding compares the control period with what was measured.
     """
@@ -65,7 +66,7 @@ def instruments(rig: RigFile) -> Iterator[Finding]:
 def _of_arm(
     rig: RigFile, limits: "Limits", sensors: list[ExchangeTimes], outputs: list[ExchangeTimes]
 ) -> Iterator[Finding]:
-    """Look at the instruments of one arm, and add what exchanges with them took."""
+    """Check the instruments of one arm, and add the durations of their exchanges."""
     for service in loop_services().values():
         if service.instrument is None:
             continue
@@ -98,7 +99,7 @@ def _of_arm(
 
 
 def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | VoltageOutput | Finding:
-    """Open the instrument of a service, or say what is in the way."""
+    """Open the instrument of a service, or report what prevents it."""
     try:
         device = open_for_measurement(service, rig)
     except PluginError as error:
@@ -141,12 +142,12 @@ def _url_of(service: AnyService, rig: RigFile) -> str:
 
 
 def _called(service: AnyService) -> str:
-    """The table of the rig file that describes the instrument of a service."""
+    """Return the table of the rig file that describes the instrument of a service."""
     return "sensor" if service.instrument == "position_sensor" else "output"
 
 
 def latency(url: str, devices: Path = USB_SERIAL) -> Iterator[Finding]:
-    """How long a USB adapter keeps bytes back; asked while the port is open."""
+    """Return how long a USB adapter holds bytes back; the port must be open."""
     timer = devices / Path(url).resolve().name / "latency_timer"
     if not url.startswith("/") or not timer.is_file():
         return
@@ -163,13 +164,13 @@ class Limits:
     """Durations after which an answer is late, in s."""
 
     reading_s: float
-    """For a reading of one arm; both arms of a rig are read within one period."""
+    """Limit of a reading of one arm; both arms of a rig are read within one period."""
     output_s: float
-    """For an exchange with the output of one arm."""
+    """Limit of an exchange with the output of one arm."""
 
     @classmethod
     def of(cls, rig: RigFile) -> "Limits":
-        """Return those of a rig."""
+        """Return the limits of a rig."""
         name = rig.program_of("sensor")
         services = loop_services()
         try:
@@ -182,7 +183,7 @@ class Limits:
 
 
 def margin(what: str, took: ExchangeTimes, limit_s: float) -> Finding:
-    """Compare what exchanges took with the time after which they are late."""
+    """Compare durations of exchanges with the time after which they are late."""
     text = f"{what} took {in_words(took)}; later than {1e3 * limit_s:.1f} ms is late"
     remedy = (
         "a late answer is dropped, and three in a row trip: raise the baud rate, set the server's "
@@ -198,7 +199,7 @@ def margin(what: str, took: ExchangeTimes, limit_s: float) -> Finding:
 def timing(
     rig: RigFile, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
 ) -> Finding:
-    """Compare the control period with the larger of what is stated and what was measured."""
+    """Compare the control period with the larger of the stated and the measured durations."""
     needed = budget(rig).measured(sensors, outputs)
     urls = {arm.sensor.url for arm in rig.arms} | {arm.output.url for arm in rig.arms}
     return Finding(
@@ -216,7 +217,7 @@ def questions(
     measured: list[ExchangeTimes],
     clock: Callable[[], float] = time.monotonic,
 ) -> Finding:
-    """Ask an output for its voltage, which moves nothing, and compare the time with its limit."""
+    """Read an output's voltage, which moves nothing, and compare the duration with its limit."""
     took_s: list[float] = []
     for _ in range(READINGS):
         began_s = clock()
@@ -235,7 +236,7 @@ def readings(
     measured: list[ExchangeTimes],
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Finding]:
-    """Check that readings are quick, in range, in the right unit, and as noisy as stated."""
+    """Check that readings are fast, in range, in the right unit, and as noisy as stated."""
     times_s, x_um = [clock()], list[float]()
     for _ in range(READINGS):
         x_um.append(sensor.read_um())
@@ -275,7 +276,7 @@ def readings(
 
 
 def standing(rig: RigFile, output: VoltageOutput) -> Iterator[Finding]:
-    """Where the output stands."""
+    """Report the voltage of the output."""
     found_V = output.read_V()
     yield Finding(
         rig.limits.voltage_min_V <= found_V <= rig.limits.voltage_max_V,
@@ -291,7 +292,7 @@ def direction(
     output: VoltageOutput,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Finding:
-    """Raise the voltage slowly by ``MOVE_V``, see where the arm goes, and come back, always."""
+    """Raise the voltage slowly by ``MOVE_V``, check the direction of the arm, and always return."""
     begin_V = output.read_V()
     if begin_V + MOVE_V > rig.limits.voltage_max_V:
         what = f"direction: {begin_V:+.3f} V leave no room for {MOVE_V:+g} V below the limit"
@@ -330,7 +331,7 @@ def direction(
 
 
 def _readings_um(sensor: PositionSensor, output: VoltageOutput) -> list[float]:
-    """Read some times; on a slow line this lasts longer than an output's watchdog waits."""
+    """Return several readings; on a slow line this lasts longer than an output's watchdog waits."""
     x_um: list[float] = []
     for _ in range(READINGS):
         if isinstance(output, WatchedOutput):

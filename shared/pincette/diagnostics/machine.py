@@ -1,4 +1,4 @@
-"""What this machine has for a rig: packages, disk, priority, punctuality, ports."""
+"""Properties of this machine that matter for a rig: packages, disk, priority, timing, ports."""
 
 import os
 import re
@@ -29,7 +29,7 @@ PORTS_FREE = Finding(True, "ports: free")
 
 
 def machine(data: Path) -> Iterator[Finding]:
-    """Python, packages, disk and priority."""
+    """Check Python, packages, disk and priority."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     yield Finding(sys.version_info >= (3, 11), f"Python {python}", "install Python 3.11 or newer")
     yield from packages(requires("pincette") or [])
@@ -39,7 +39,7 @@ def machine(data: Path) -> Iterator[Finding]:
 
 
 def packages(requirements: list[str]) -> Iterator[Finding]:
-    """What pincette needs at work, each with its version."""
+    """Check the packages that pincette needs, each with its version."""
     for requirement in requirements:
         if "extra" in requirement:
             continue
@@ -52,7 +52,7 @@ def packages(requirements: list[str]) -> Iterator[Finding]:
 
 
 def disk(data: Path) -> Finding:
-    """Room where records go."""
+    """Check the disk space for records."""
     folder = next(place for place in (data.absolute(), *data.absolute().parents) if place.exists())
     free = shutil.disk_usage(folder).free // 2**20
     return Finding(
@@ -63,7 +63,7 @@ def disk(data: Path) -> Finding:
 
 
 def priority() -> Finding:
-    """Whether the loop gets the fixed priority that it asks for in real time, or what instead."""
+    """Check whether the loop gets the requested fixed priority in real time, or what instead."""
     # On Linux a thread has a priority of its own, and this one ends with it.
     with ThreadPoolExecutor(1) as pool:
         got = pool.submit(_granted).result()
@@ -91,7 +91,7 @@ def _granted() -> str:
 
 
 def os_requests(rig: RigFile) -> Iterator[Finding]:
-    """What else the rig file's programs ask of the system, and do not get."""
+    """Check which other settings of the rig file the system refuses."""
     if sys.platform != "linux" or rig.lockstep:
         return
     for name in rig.programs:
@@ -102,7 +102,7 @@ def os_requests(rig: RigFile) -> Iterator[Finding]:
 
 
 def measured(rig: RigFile, data: Path) -> Iterator[Finding]:
-    """What this machine keeps, where it was measured, and what in the rig file does not suit it."""
+    """Check the measured timing of this machine against the rig file."""
     if rig.lockstep:
         return
     known = kept(data)
@@ -115,7 +115,7 @@ def measured(rig: RigFile, data: Path) -> Iterator[Finding]:
 
 
 def shared_ports(rig: RigFile) -> Iterator[Finding]:
-    """Ports and lines that the rig file gives to two of its parts."""
+    """Check for ports and lines that the rig file assigns twice."""
     users: dict[str, list[str]] = defaultdict(list)
     for offset, name in enumerate(LOOP, 1):
         users[str(rig.bus.port + offset)].append(name)
@@ -144,7 +144,7 @@ def shared_ports(rig: RigFile) -> Iterator[Finding]:
 
 
 def port_finding(rig: RigFile) -> Finding:
-    """Ports of a rig: free, in use because it is up, or taken by something else."""
+    """Check the ports of a rig: free, in use because it is up, or taken by another program."""
     try:
         check_ports(rig)
     except FleetError as error:
@@ -160,7 +160,7 @@ def port_finding(rig: RigFile) -> Finding:
 
 
 def _version(url: str) -> dict[str, Any]:
-    """Version document of a supervisor; empty if none answers."""
+    """Return the version document of a supervisor; empty if none answers."""
     try:
         # Whoever it is: nothing is sent, and what is told is only shown.
         answer: Any = httpx.get(

@@ -1,4 +1,4 @@
-"""What a rig file asks for: drivers, timing, watchdog, limits, model; nothing is opened."""
+"""Checks of a rig file: drivers, timing, watchdog, limits, model; nothing is opened."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -15,15 +15,15 @@ from pincette.engine.timing_budget import budget, shared_timeout_s, stated_outpu
 from pincette.instruments.options import read_options
 
 COVERAGE = 2.0
-"""Standard uncertainties in U."""
+"""Coverage factor: number of standard uncertainties in U."""
 RING_NOTED = 0.02
-"""Share of the swing of a path from which on the uncertainty by the ring is pointed out."""
+"""Share of a path's swing above which the uncertainty from ringing is reported."""
 RC_S = 0.0033
-"""Time constant of the RC before the amplifier that is proposed, in s."""
+"""Time constant of the recommended RC before the amplifier, in s."""
 
 
 def rig_findings(rig: RigFile) -> Iterator[Finding]:
-    """Drivers, timing, watchdog, limits, model; of each arm what is its own."""
+    """Check drivers, timing, watchdog, limits and model, for each arm."""
     drivers = tuple(
         dict.fromkeys(
             named
@@ -54,14 +54,14 @@ def rig_findings(rig: RigFile) -> Iterator[Finding]:
 
 
 def driver(group: str, name: str) -> Finding:
-    """Whether a driver is installed."""
+    """Check whether a driver is installed."""
     there = plugins.names(group)
     remedy = f"install it, or name another in the rig file; there are {', '.join(there)}"
     return Finding(name in there, f"driver {name}", remedy)
 
 
 def untested_drivers(drivers: Iterable[tuple[str, str]]) -> Iterator[Finding]:
-    """Say so where a driver has not met its instrument."""
+    """Report drivers that were never tested with their instrument."""
     for group, name in drivers:
         if _module(group, name).get("MET") is False:
             yield noted(
@@ -71,7 +71,7 @@ def untested_drivers(drivers: Iterable[tuple[str, str]]) -> Iterator[Finding]:
 
 
 def timing(rig: RigFile) -> Finding:
-    """Whether a tick fits into the control period, by the sum of all it takes."""
+    """Check whether a tick fits into the control period, by the sum of all durations."""
     needed = budget(rig)
     notes = [note for note in (needed.sensor.note, needed.output.note) if note]
     words = "; ".join([f"timing, as the drivers state it: {needed.words()}", *notes])
@@ -134,7 +134,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
 
 
 def composed(rig: RigFile) -> Iterator[Finding]:
-    """What the rig file lets one process do: whether it can, and what is given up."""
+    """Check whether one process can run what the rig file composes, and what is given up."""
     services = loop_services()
     for name in rig.rig.composed:
         try:
@@ -153,7 +153,7 @@ def composed(rig: RigFile) -> Iterator[Finding]:
 
 
 def watchdog(rig: RigFile) -> Finding:
-    """What the output does by itself where its host falls silent."""
+    """Check what the output does by itself if its host becomes silent."""
     options = options_of(plugins.VOLTAGE_OUTPUTS, rig.output)
     limit_s = getattr(options, "watchdog_s", None)
     if limit_s:
@@ -174,7 +174,7 @@ def watchdog(rig: RigFile) -> Finding:
 
 
 def options_of(group: str, settings: Sensor | Output) -> Table | None:
-    """A driver's own options, its defaults filled in; None where it has no table of them."""
+    """Return a driver's own options with defaults; None if it has no table of them."""
     for name, found in _module(group, settings.driver).items():
         if isinstance(found, type) and issubclass(found, Table) and name.endswith("Options"):
             return read_options(found, settings.driver, settings.options)
@@ -186,7 +186,7 @@ def _module(group: str, name: str) -> dict[str, object]:
 
 
 def limits(rig: RigFile) -> Iterator[Finding]:
-    """Whether the limits allow what the rig is for; voltages at the amplifier's input."""
+    """Check whether the limits allow the use of the rig; voltages at the amplifier's input."""
     for name, service in loop_services().items():
         try:
             service.configure(rig)
@@ -226,7 +226,7 @@ def limits(rig: RigFile) -> Iterator[Finding]:
 
 
 def model(rig: RigFile) -> Finding:
-    """Which quantities of the model nobody has measured on this rig, as far as its file says."""
+    """Report quantities of the model that were not measured on this rig, according to its file."""
     left = [name for name in CALIBRATED if not _given(rig, name)]
     if not left:
         return noted("model: as the rig file has it; a calibration may replace each quantity")

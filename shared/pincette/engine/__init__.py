@@ -1,1 +1,1 @@
-"""Services at work: joining inputs, clocks, processes."""
+"""The runtime of services: joining inputs, clocks, processes."""

@@ -1,4 +1,4 @@
-"""Arming a rig: every service of the loop begins the same epoch, the sensor last."""
+"""Arms a rig: every service of the loop begins the same epoch, the sensor last."""
 
 from typing import cast
 
@@ -9,12 +9,12 @@ from pincette.core.messages import Arm, Lease, Load, Status, StatusRequest
 from pincette.core.topics import ARM, LEASE, LOAD, STATUS
 
 ORDER = ("actuator", "estimator", "controller", "sensor")
-"""The actuator first: where it refuses, nothing else has changed. The sensor last: in lockstep its
-arming is the first tick."""
+"""Order of arming. The actuator comes first: if it refuses, nothing else has changed. The sensor
+comes last: in lockstep its arming is the first tick."""
 
 
 def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
-    """Ask a service how it is; raises BusError where it does not answer."""
+    """Return the status of a service; raises BusError if it does not answer."""
     return cast(Status, bus.call(STATUS[service], StatusRequest(), timeout_s))
 
 

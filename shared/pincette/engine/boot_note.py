@@ -1,4 +1,4 @@
-"""How the program before this one has ended, in a file of the program's own.
+"""How the previous program ended, noted in a file of the program's own.
 
 The supervisor may have been away, or died with it: so the program itself notes that it runs, before
 it serves, and that it has ended cleanly, after it has come to rest.
@@ -23,24 +23,24 @@ _log = logging.getLogger(__name__)
 
 
 def boot_note(rig: RigFile, service: str, data: Path) -> "BootNote":
-    """The note of one service of a rig, where the rig's records go."""
+    """Return the note of one service of a rig, in the folder of the rig's records."""
     return BootNote(rig.home(data) / f"{service}-{rig.rig.name}.json")
 
 
 class Before(NamedTuple):
-    """The program before this one."""
+    """The previous program of the same service."""
 
     ended: Predecessor = Predecessor.NONE
     instance: int | None = None
-    """Which start of it that was, where it said so."""
+    """Number of that program's start, if it was noted."""
 
 
 FIRST = Before()
-"""None is known."""
+"""Result if no previous program is known."""
 
 
 class _Note(msgspec.Struct):
-    """What stands in the file."""
+    """Content of the file."""
 
     ended: str
     instance: Whole | None = None
@@ -53,9 +53,9 @@ class BootNote:
         self._path = path
 
     def found(self) -> Before:
-        """How the program before this one has ended.
+        """Return how the previous program has ended.
 
-        What cannot be read, or could not be replaced, was no clean end.
+        A note that cannot be read, or could not be replaced, means that it did not end cleanly.
         """
         found = self._read()
         if found.ended is Predecessor.CLEAN and not self._write(*found):
@@ -63,10 +63,10 @@ class BootNote:
         return found
 
     def begin(self) -> None:
-        """Note that the program runs, before anything can be asked of it.
+        """Note that the program runs, before it answers any request.
 
         On a full disk the note is emptied in its place, which needs no room: an empty note is no
-        clean end. Raises OSError where that fails too, since a later death could not be seen.
+        clean end. Raises OSError where that is not possible.
         """
         if self._write(RUNNING, None):
             return
@@ -82,7 +82,7 @@ class BootNote:
             ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
-        """Note how the program has ended, once it is at rest, and which start of it that was."""
+        """Note how the program ended once it is at rest, and which start of it that was."""
         if ending is not Predecessor.DIED:
             self._write(ending, instance)
 

@@ -19,7 +19,7 @@ from pincette.engine.simulated import devices_on, simulated_devices
 from pincette.sim.bench import Bench
 
 Benches = Callable[[Callable[[GroundTruth], None]], Bench]
-"""Takes what is told of the truth."""
+"""Function that receives the true state of a simulated rig."""
 
 
 class ComposedLoop:
@@ -44,9 +44,9 @@ class ComposedLoop:
         self._published: list[Message] | None = None
 
     def play(self, program: Program, epoch: int = 1, calibration: str = "") -> list[Message]:
-        """Arm, run to the end of the program, and return every message in order.
+        """Arm, play a program to its end, and return all messages in order.
 
-        ``calibration`` is the text of the values that it is armed with.
+        ``calibration`` is the text of the calibrated values of the arming.
         """
         if self._published is None:
             for topic in TOPICS:

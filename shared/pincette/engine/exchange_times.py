@@ -24,19 +24,19 @@ class ExchangeRecorder:
         self._took_s.append(took_s)
 
     def times(self) -> ExchangeTimes | None:
-        """Return what the newest exchanges took; None before the first one."""
+        """Return statistics of the newest exchanges; None before the first one."""
         return times_of(self._took_s)
 
 
 def times_of(took_s: Sequence[float]) -> ExchangeTimes | None:
-    """Return the least, the median and the most of some durations; None without any."""
+    """Return the minimum, median and maximum of some durations; None without any."""
     if not took_s:
         return None
     return ExchangeTimes(len(took_s), min(took_s), median(took_s), max(took_s))
 
 
 def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
-    """Return durations with what the arrival of answers says of a device server on the way."""
+    """Return the durations, with what the arrival of answers reveals about a device server."""
     if arrivals is None:
         return times
     hop = arrivals.hop()
@@ -44,7 +44,7 @@ def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
 
 
 def in_words(times: ExchangeTimes) -> str:
-    """Return them for people, in ms."""
+    """Return the durations for people, in ms."""
     values = (times.minimum_s, times.median_s, times.worst_s)
     shown = "/".join(f"{1e3 * value:.1f}" for value in values)
     return f"{shown} ms (minimum/median/worst of {times.count})"

@@ -1,4 +1,4 @@
-"""Several programs started on this machine, watched, and ended together."""
+"""Starts several programs on this machine, watches them, and ends them together."""
 
 import errno
 import os
@@ -24,17 +24,17 @@ from pincette.engine.start_progress import StartProgress, demand_s
 
 STOP_S = 5.0
 LOOK_S = 1.0
-"""Time between two looks at the progress of programs that start."""
+"""Time between two checks of the progress of starting programs."""
 ROUTER_S = 2.0
 NEEDED_FIRST = ("router", "upstream", "rig")
-"""Programs that the others expect to find."""
+"""Programs that must run before the others start."""
 Say = Callable[[str, str], None]
 """Called with a program's name and one line about it."""
 LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ")
 
 
 class FleetError(Exception):
-    """A program could not be started; the text says which, why, and what to do."""
+    """A program could not be started; the text names it, the reason and the remedy."""
 
 
 @dataclass
@@ -45,7 +45,7 @@ class Child:
     process: "subprocess.Popen[str]"
     log: Path
     extra: tuple[str, ...] = ()
-    """Further arguments."""
+    """Further command line arguments."""
     ready: threading.Event = field(default_factory=threading.Event)
     line: str = ""
 
@@ -53,7 +53,7 @@ class Child:
     """Length of the log file when the program was started."""
 
     def tail(self) -> str:
-        """Return what the program has logged last since its start, without times and levels."""
+        """Return the last lines that the program has logged since its start."""
         with self.log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(self.log_begin if self.log_begin <= size else 0)
@@ -74,7 +74,7 @@ class Child:
 
 
 def ports(rig: RigFile) -> dict[int, str]:
-    """Ports that the programs of a rig need where its loop is, and what for."""
+    """Return the ports that a rig's programs need on the loop's machine, and their purposes."""
     wanted = {rig.bus.port + 1 + index: name for index, name in enumerate(LOOP)}
     if not rig.joins:
         wanted = {rig.bus.port: "router", **wanted}
@@ -90,7 +90,7 @@ def ports(rig: RigFile) -> dict[int, str]:
 
 
 def check_ports(rig: RigFile) -> None:
-    """Raise FleetError where a port is taken, before anything is started."""
+    """Raise FleetError if a port is taken, before anything is started."""
     for port, purpose in ports(rig).items():
         host = rig.supervisor.host if purpose == "supervisor" else rig.bus.host
         try:
@@ -108,7 +108,7 @@ def check_ports(rig: RigFile) -> None:
 
 
 def check_router(rig: RigFile) -> None:
-    """Raise FleetError where a rig joins a router that is not there."""
+    """Raise FleetError if a rig joins a router that is not running."""
     if not rig.joins:
         return
     try:
@@ -134,7 +134,7 @@ class Fleet:
         server: bool = False,
         log_format: logs.Form | None = None,
     ) -> None:
-        """``server``: of a rig with a router upstream, the programs that are beside that one."""
+        """``server``: with an upstream router, the programs that run beside that router."""
         self._server = server
         self.members: dict[str, Child] = {}
         self._rig = rig
@@ -148,7 +148,7 @@ class Fleet:
         self._say = say
 
     def names(self) -> list[str]:
-        """What `pincette up` starts for this rig on this machine."""
+        """Return the programs that `pincette up` starts for this rig on this machine."""
         if self._server:
             return ["upstream", *(("recorder", "supervisor") if self._rig.bus.apart else ())]
         rig = ["rig"] if self._rig.simulation is not None else []
@@ -158,11 +158,11 @@ class Fleet:
         return own if self._rig.joins else ["router", *own, "supervisor"]
 
     def start(self, names: Iterable[str]) -> None:
-        """Start programs side by side and wait until all of them serve."""
+        """Start programs at the same time and wait until all of them serve."""
         self.start_each(dict.fromkeys(names, ()))
 
     def start_each(self, programs: Mapping[str, Iterable[str]]) -> None:
-        """The same, with further arguments for each."""
+        """Start programs, each with further arguments, and wait until all of them serve."""
         started = [self._spawn(name, extra) for name, extra in programs.items()]
         progress = {
             one.name: StartProgress(partial(demand_s, one.process.pid), one.logged)
@@ -215,9 +215,9 @@ class Fleet:
         return member
 
     def revive(self, name: str) -> Child:
-        """Start a program that has ended again, with what it was started with; waits for nothing.
+        """Start an ended program again with the same arguments, without waiting.
 
-        Its log goes on where it ended.
+        Its log continues.
         """
         before = self.members[name]
         for stream in (before.process.stdin, before.process.stdout):
@@ -226,7 +226,7 @@ class Fleet:
         return self._spawn(name, before.extra)
 
     def up(self) -> None:
-        """Start everything, first what others need."""
+        """Start all programs, first those that others need."""
         if not self._server:
             check_ports(self._rig)
             check_router(self._rig)
@@ -241,7 +241,7 @@ class Fleet:
             log_files.rotate_if_full(member.log)
 
     def ended(self) -> list[Child]:
-        """Programs that have ended by themselves."""
+        """Return the programs that have ended by themselves."""
         return [member for member in self.members.values() if member.process.poll() is not None]
 
     def signal(self, name: str, number: signal.Signals) -> None:

@@ -1,4 +1,4 @@
-"""The instruments of a service: opened by their drivers, read, and given voltages and waves."""
+"""The instruments of a service: opens their drivers, reads them, writes voltages and waves."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -50,22 +50,23 @@ def of_arms(devices: Sequence[PositionSensor | VoltageOutput]) -> Device:
 
 
 ORDERS = (SetVoltage, WriteParts, Wave, CheckWave, ReadBack)
-"""Outputs of a service that are for the instrument."""
+"""Outputs of a service that are meant for the instrument."""
 MOST_SAMPLES = 3000
-"""Of an acquisition, in one tick; where the loop was late, the rest follows in the next ones."""
+"""Largest number of samples of an acquisition in one tick; if the loop was late, the rest follows
+in later ticks."""
 LEAST_READING_S = 0.005
-"""Time that a reading may take at any control period, in s: a machine that stands still so long
-does not make a reading old."""
+"""Shortest limit of a reading's duration, in s: a machine that stands still so long does not make a
+reading old."""
 WAITED_SHARE = 0.8
-"""Share of that time for which a sensor is waited for."""
+"""Share of that limit for which a sensor is waited for."""
 NO_PARTS = (
     "this voltage output writes no steps in parts, since it has no clock of its own: leave "
     "[output] shaping out, and fit an RC of 3.3 ms before the amplifier"
 )
 TRIES = 3
-"""Attempts to open an instrument, or to read back its voltage, before that has failed."""
+"""Number of attempts to open an instrument, or to read back its voltage."""
 PAUSE_S = 0.05
-"""Pause before another attempt where bytes came that were no answer, in s: noise may last."""
+"""Pause before another attempt after bytes that were no answer, in s: noise may last."""
 QUESTIONS = 5
 """Number of questions to the output at each arming."""
 REOPEN_PERIODS = 1.5
@@ -74,7 +75,7 @@ fault. A command is at most one period old when it is written, and the default a
 SAME_V = 0.01
 """Two voltages that differ by less than this, in V, differ by rounding only."""
 PASSING = ("silent", "late", "garbled")
-"""How an exchange fails that may succeed when it is repeated."""
+"""Failures of an exchange that may succeed when it is repeated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class ReadingWatch:
     clock: Callable[[], float] = monotonic
 
     def too_old(self, began_s: float) -> ArmReading | None:
-        """Return a fault in place of a reading that took too long; None where it did not."""
+        """Return a fault if a reading took too long, else None."""
         took_s = self.clock() - began_s
         if took_s <= self.oldest_s:
             return None
@@ -102,7 +103,7 @@ class ReadingWatch:
 
 
 class Instrument:
-    """The instrument of one arm; a failure is returned as a fault, never raised as an exception."""
+    """The instrument of one arm; failures are returned as faults, never raised as exceptions."""
 
     def __init__(
         self,
@@ -123,20 +124,20 @@ class Instrument:
         self._arm = arm
         self.counts = LineCounts() if counts is None else counts
         self._watch = watch
-        """None in lockstep, where readings take no time."""
+        """Watch of readings; None in lockstep, where they take no time."""
         self._recorder = ExchangeRecorder()
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
-        """Looked at once: it takes long to see whether an object has all that a protocol asks."""
+        """Whether the output has a watchdog, checked once, since the check takes long."""
         self._period_s = period_s
         self._kicked_at_s = 0.0
         self._confirmed_V: float | None = None
-        """Voltage that the output confirmed last; None before, and after a fault."""
+        """Last voltage that the output confirmed; None before the first, and after a fault."""
         self._capture_hz = 0.0
         self._later = Block((), ())
 
     def read(self) -> ArmReading:
-        """Read the sensor: once, or all that it has acquired since the last tick."""
+        """Read the sensor: one reading, or all that it has acquired since the last tick."""
         watch = self._watch
         try:
             if not self._capture_hz:
@@ -157,7 +158,7 @@ class Instrument:
         return ArmReading(block.x_um[-1], acquired=acquired)
 
     def put_out(self, order: DeviceCommand) -> Fault | float | None:
-        """Give the output its command; return its fault, or the voltage that it has read back."""
+        """Send the output its command; return its fault, or the voltage that it has read back."""
         confirmed_V, self._confirmed_V = self._confirmed_V, None
         try:
             if isinstance(order, SetVoltage):
@@ -187,7 +188,7 @@ class Instrument:
         return None
 
     def keep_alive(self, now: float) -> Fault | None:
-        """Once a period, say to a watched output that its host lives; returns its fault."""
+        """Send a heartbeat to a watched output once a period; return its fault."""
         if self._watched is None or now - self._kicked_at_s < self._period_s:
             return None
         self._kicked_at_s = now
@@ -227,7 +228,7 @@ class Instrument:
         return True
 
     def recover(self) -> float:
-        """For a reset: clear a watched output's trip, and return what is put out."""
+        """For a reset: clear the trip of a watched output, and return its voltage."""
         try:
             if self._watched is not None:
                 self._watched.clear_trip()
@@ -237,7 +238,7 @@ class Instrument:
         return self.read_back()
 
     def read_back(self) -> float:
-        """Return the voltage that is put out; raises RefusedError where the output does not say.
+        """Return the output's voltage; raises RefusedError if the output does not state it.
 
         One wrong answer does not count: reading moves nothing, so it is tried again.
         """
@@ -248,9 +249,9 @@ class Instrument:
             raise RefusedError(f"the voltage output cannot be read back: {found}") from error
 
     def measure(self) -> None:
-        """Ask the output a few times for its voltage, which moves nothing, to measure exchanges.
+        """Read the output's voltage a few times to measure exchanges, which moves nothing.
 
-        A question that fails is left out: the output has just been read back.
+        A failed question is left out: the output has just been read back.
         """
         if self._watch is None:
             return
@@ -262,7 +263,10 @@ class Instrument:
 
     @property
     def exchanges(self) -> ExchangeTimes | None:
-        """Durations of the newest exchanges with the instrument; None before the first."""
+        """Return the durations of the newest exchanges with the instrument.
+
+        None before the first.
+        """
         return self._recorder.times()
 
     def _now_s(self) -> float:
@@ -286,7 +290,7 @@ class Instrument:
         return self._device.read_V()
 
     def capture(self, rate_hz: float) -> None:
-        """Begin a buffered acquisition, or end the one there is (0 Hz); raises RefusedError."""
+        """Begin a buffered acquisition, or end the present one (0 Hz); raises RefusedError."""
         if not rate_hz and not self._capture_hz:
             return
         if not isinstance(self._device, BufferedSensor):
@@ -302,13 +306,13 @@ class Instrument:
             raise RefusedError(f"buffered acquisition at {rate_hz:g} Hz: {found}") from error
 
     def close(self) -> None:
-        """Give the device back."""
+        """Close the device."""
         if self._device is not None:
             self._device.close()
 
 
 def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
-    """Outputs without what was for the instrument."""
+    """Return the outputs without those that were meant for the instrument."""
     return tuple([output for output in outputs if not isinstance(output, ORDERS)])
 
 
@@ -334,7 +338,7 @@ def fault_of(error: Exception) -> Fault:
 MEASUREMENT_TIMEOUT_S = 1.0
 """Longest time of an exchange that is measured while no loop runs, in s."""
 LOCKSTEP_TIMEOUT_S = 2.0
-"""By the clock on the wall, which in lockstep shall end a run that hangs, never a tick."""
+"""Timeout in lockstep, by the wall clock: it ends a run that hangs, but never a tick."""
 
 D = TypeVar("D", PositionSensor, VoltageOutput)
 
@@ -342,7 +346,7 @@ _log = logging.getLogger(__name__)
 
 
 def open_for_measurement(service: AnyService, rig: RigFile) -> Device:
-    """Open the instrument of a service of one arm with a timeout that hides no slow exchange."""
+    """Open the instrument of a service of one arm with a timeout that allows slow exchanges."""
     return _open(service, rig, inf, MEASUREMENT_TIMEOUT_S)
 
 
@@ -401,9 +405,9 @@ def longest_reading_s(period_s: float) -> float:
 
 
 def reading_timeout_s(rig: RigFile, at_most_s: float = inf) -> float:
-    """Return how long one arm's sensor is waited for, in s.
+    """Return the timeout of one arm's sensor, in s.
 
-    After a timeout there is time left before the next tick, which would else be skipped.
+    Time is left after it before the next tick, which would otherwise be skipped.
     """
     tick_s = WAITED_SHARE * longest_reading_s(rig.rig.period_s)
     return min(rig.sensor.timeout_s, at_most_s, tick_s)

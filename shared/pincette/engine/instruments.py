@@ -1,6 +1,6 @@
-"""The instruments of all arms: read or written within a tick, one arm after the other.
+"""The instruments of all arms, read or written one after the other within a tick.
 
-Where one fails, the other is left as it is: the service decides what happens to both.
+If one fails, the other is left as it is: the service decides what happens to both.
 """
 
 from collections.abc import Callable
@@ -58,7 +58,7 @@ class Instruments:
         return Reading((first, *others))
 
     def put_out(self, order: DeviceCommand) -> Fault | PutOut | None:
-        """Give each output its part of the command, the second only where the first has obeyed.
+        """Send each output its part of the command, the second only if the first has obeyed.
 
         A wave is for the first arm alone; the second keeps its voltage.
         """
@@ -74,18 +74,18 @@ class Instruments:
         return PutOut(tuple(read_V)) if read_V else None
 
     def keep_alive(self, now: float) -> Fault | None:
-        """Send each output its heartbeat, or none to the second where the first has failed."""
+        """Send each output its heartbeat, but none to the second if the first has failed."""
         for arm, one in enumerate(self._arms):
             if found := one.keep_alive(now):
                 return self._with_arm(arm, found)
         return None
 
     def recover(self) -> PutOut:
-        """For a reset: clear the trip of each output, and return what all put out."""
+        """For a reset: clear the trip of each output, and return the voltages of all."""
         return self._read_V([one.recover for one in self._arms])
 
     def read_back(self) -> PutOut:
-        """Return the voltages that are put out; raises RefusedError where an output gives none."""
+        """Return the outputs' voltages; raises RefusedError if one does not state its own."""
         return self._read_V([one.read_back for one in self._arms])
 
     def measure(self) -> None:
@@ -95,7 +95,10 @@ class Instruments:
 
     @property
     def exchanges(self) -> tuple[ExchangeTimes, ...]:
-        """Durations of the newest exchanges, for each arm; empty until all arms have had one."""
+        """Return the durations of the newest exchanges for each arm.
+
+        Empty until all arms have had one.
+        """
         times = [one.exchanges for one in self._arms]
         return tuple([one for one in times if one is not None]) if None not in times else ()
 

@@ -1,4 +1,4 @@
-"""Log files of the programs that ``pincette up`` starts: kept across starts, bounded in size.
+"""Log files of the programs of ``pincette up``, kept across starts and bounded in size.
 
 A program writes to its file over an inherited descriptor in append mode. So a file that is full is
 copied to the next name and emptied, as logrotate does with ``copytruncate``: the program goes on
@@ -16,11 +16,11 @@ from pincette.core import files
 FULL_BYTES = 4_000_000
 """Length at which a file is rotated."""
 KEPT = 4
-"""Older files that are kept, as NAME.log.1 (the newest) to NAME.log.4."""
+"""Number of older files that are kept, as NAME.log.1 (the newest) to NAME.log.4."""
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of log files, which other accounts may not enter."""
+    """Make the folder of log files, which other accounts cannot enter."""
     files.make_folder(folder, 0o700)
     folder.chmod(0o700)
 

@@ -30,7 +30,7 @@ class LogQueue(QueueHandler):
         self._waiting: Queue[logging.LogRecord] = Queue(capacity)
         super().__init__(self._waiting)
         self.dropped = 0
-        """Number of lines dropped so far, because the queue was full or the write failed."""
+        """Number of lines dropped so far, because the queue was full or a write failed."""
         self._writer = _Writer(self, formatter, descriptor)
         self._listener = QueueListener(self._waiting, self._writer)
         self._listener.start()
@@ -43,7 +43,7 @@ class LogQueue(QueueHandler):
         return record
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Queue a record; without room it is dropped and counted."""
+        """Enqueue a record; if there is no room it is dropped and counted."""
         try:
             self._waiting.put_nowait(record)
         except Full:
@@ -66,7 +66,7 @@ class _Writer(logging.Handler):
         self.setFormatter(formatter)
 
     def createLock(self) -> None:
-        """Have no lock: one thread writes, and ``logging.shutdown`` must not wait for it."""
+        """Create no lock: one thread writes, and ``logging.shutdown`` must not wait for it."""
         self.lock = None
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -1,4 +1,4 @@
-"""What programs say of themselves: lines for people, or JSON for machines; never in a tick."""
+"""Log lines of programs: text for people, or JSON for machines; never written in a tick."""
 
 import json
 import logging
@@ -12,20 +12,20 @@ Form = Literal["text", "json"]
 FORMS: tuple[Form, ...] = get_args(Form)
 VARIABLE = "PINCETTE_LOG_FORMAT"
 KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
-"""What every record has; all else was given with it, as ``extra``."""
+"""Attributes of every record; all others were passed as ``extra``."""
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object a line: time in UTC, level, program, rig, logger, message, and ``extra``."""
+    """Formatter of JSON lines: UTC, level, program, rig, logger, message, and ``extra``."""
 
     def __init__(self, program: str) -> None:
         super().__init__()
         self._program = program
         self.rig = ""
-        """Name of the rig, once its file is read."""
+        """Name of the rig, once its file has been read."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line of a record."""
+        """Return the line of a record."""
         at = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         line: dict[str, Any] = {
             "time": f"{at}.{int(record.msecs):03d}Z",
@@ -43,7 +43,10 @@ class JsonLines(logging.Formatter):
 
 
 def chosen(given: Form | None) -> Form:
-    """The form of ``--log-format``, else of the environment, else text; raises ValueError."""
+    """Return the form of ``--log-format``, else of the environment, else text.
+
+    Raises ValueError.
+    """
     named = given or os.environ.get(VARIABLE) or "text"
     if named not in FORMS:
         raise ValueError(f"{VARIABLE} = {named!r}: wanted {' or '.join(FORMS)}")
@@ -51,7 +54,7 @@ def chosen(given: Form | None) -> Form:
 
 
 def begin(program: str, form: Form) -> JsonLines | None:
-    """Send all log lines to standard error in one form; returns the formatter of JSON, else None.
+    """Send all log lines to standard error in one form; return the JSON formatter, else None.
 
     No thread that logs waits for the line to be written: see ``log_queue``.
     """

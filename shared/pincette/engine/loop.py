@@ -1,4 +1,4 @@
-"""The loop of a program: its services, what comes for them, and which thread makes their steps.
+"""The loop of a program: its services, their messages, and the thread of their steps.
 
 The thread that brings a message makes the step itself, one thread at a time; the program's own
 thread makes the steps that a timer asks for. To hand a message over from one thread to another
@@ -32,16 +32,19 @@ from pincette.engine.timing_budget import PATIENCE_WAKES
 
 Reply = Callable[[Message | str], None]
 Item = tuple[Message, float, str, Reply | None]
-"""A message; when it came; and for a request the name of the service, and what takes the reply."""
+"""A message and its arrival time.
+
+For a request also the service's name and a function for the reply.
+"""
 
 BACKLOG = 0.25
-"""Samples of a topic that come closer together than this, in periods, are a backlog."""
+"""Time between samples of a topic, in periods, below which they are a backlog."""
 SHUTDOWN_S = 3.0
-"""Longest time an instrument may take to come to rest when its program is ended."""
+"""Longest time that an instrument may take to come to rest when its program ends."""
 MAX_BATCH = 1000
-"""Largest number of items that are taken at once: then the clock is read again."""
+"""Largest number of items that are handled before the clock is read again."""
 SAME_S = 2e-5
-"""Two times that differ by less are one timer, read twice."""
+"""Two times that differ by less belong to one timer that was read twice."""
 
 
 class Loop:
@@ -80,7 +83,7 @@ class Loop:
         self.runners: Sequence[Runner] = sorted(
             runners, key=lambda runner: _priority(runner.service.name), reverse=True
         )
-        """From the output to the sensor."""
+        """Runners from the output to the sensor."""
         self._by_name = {runner.service.name: runner for runner in self.runners}
         topics = dict.fromkeys(
             (item.topic, runner)
@@ -101,12 +104,12 @@ class Loop:
         )
         """Messages that one runner of this program passes to another."""
         self._clocked = [runner for runner in self.runners if not runner.lockstep]
-        """Runners with a timer or statistics."""
+        """Runners that have a timer or statistics."""
         looks = [one for one in self.runners if one.interval_s and not one.on_grid]
         self.looking = looks[0] if looks and len(self.runners) > 1 else None
-        """The actuator, where it looks at its clock between steps of other services."""
+        """Runner of the actuator, if it checks its clock between steps of other services."""
         self._look_s = (self.looking and self.looking.interval_s) or inf
-        """A step of another service that takes longer is reported to it."""
+        """Duration above which a step of another service is reported to it."""
         self._watches = self._look_s < inf
 
         self._bus = bus
@@ -126,12 +129,12 @@ class Loop:
 
         self._queue: deque[Item] = deque()
         self._running = threading.Lock()
-        """Held while a thread handles items; by the program's own thread until it waits."""
+        """Held by the thread that handles items; by the program's own thread until it waits."""
         self._running.acquire()
         self._nudges: SimpleQueue[None] = SimpleQueue()
         """Wakes the program's own thread."""
         self._wakes_s = inf
-        """Time at which that thread wakes without being woken."""
+        """Time at which that thread wakes by itself."""
         self._stopped = False
         self._failure: Exception | None = None
         self._submit: Callable[[Item], object] = self._take if inline else self.submit
@@ -185,12 +188,12 @@ class Loop:
                 return
 
     def defer(self, item: Item) -> None:
-        """Queue an item for the program's own thread: more may come until it wakes."""
+        """Enqueue an item for the program's own thread, since more may come until it wakes."""
         self._queue.append(item)
         self._wake_by(-inf)
 
     def drain(self) -> float:
-        """Take all that is queued, and return the time; for the thread that handles items."""
+        """Take all queued items, and return the time; only for the thread that handles items."""
         queue = self._queue
         if not queue:
             return self._now()
@@ -218,7 +221,7 @@ class Loop:
             runner.begin(now)
 
     def run(self) -> None:
-        """Run until stopped; the instruments come to rest also where a service has failed.
+        """Run until stopped; the instruments come to rest even if a service has failed.
 
         Raises what a step has raised in any thread.
         """
@@ -244,7 +247,7 @@ class Loop:
             self._running.acquire()
 
     def run_once(self) -> float:
-        """Take what has come, and make every step that is ready or that a timer asks for.
+        """Handle all items, and make every step that is ready or due by a timer.
 
         Returns for how many seconds nothing is to be done unless something comes.
         """
@@ -277,7 +280,7 @@ class Loop:
         return self._wait_s(self._now()) if clocked else IDLE_S
 
     def step(self) -> bool:
-        """Make one step that is ready; false where there is none."""
+        """Make one step that is ready; return False if there is none."""
         now = self._now()
         for runner in self.runners:
             outputs = runner.fire(now)
@@ -288,7 +291,7 @@ class Loop:
         return False
 
     def _make_ready_steps(self, now: float) -> float:
-        """Make every step that is ready, of one tick at most; return the time after them."""
+        """Make every step that is ready, at most one tick; return the time after them."""
         # In lockstep a next tick is always ready, and requests must be answered between two.
         self._unfinished = stepped = False
         watches, fired = self._watches, True
@@ -325,9 +328,9 @@ class Loop:
         return now
 
     def kept_busy(self, runner: Runner, took_s: float, computed_s: float, now: float) -> Outputs:
-        """Let the actuator account for a step of another service that has kept the program busy.
+        """Report to the actuator how long a step of another service has kept the program busy.
 
-        The time that it computed is no standstill, nor is the longest wait for an instrument.
+        This time is no standstill, and neither is the longest wait for an instrument.
         """
         looking = self.looking
         look_s = None if looking is None else looking.interval_s
@@ -337,7 +340,7 @@ class Loop:
         return looking.account_for(Busy(max(waited_s, computed_s)), now)
 
     def wait_s(self, now: float) -> float:
-        """Return the longest time to wait for something to come."""
+        """Return the longest time to wait for a message."""
         return min([runner.wait_s(now) for runner in self.runners])
 
     def _shut_down(self) -> None:
@@ -350,7 +353,7 @@ class Loop:
                 sleep(interval_s)
 
     def deliver(self, message: Message, now: float, came_at: float | None = None) -> None:
-        """Pass a message to the runners that take it; it came at ``came_at``, or just now."""
+        """Pass a message to the runners that take it; it arrived at ``came_at``, or just now."""
         for runner in self.takers.get(type(message), ()):
             runner.take(message, now, came_at)
 
@@ -361,7 +364,7 @@ class Loop:
                 self.deliver(message, now)
 
     def _take(self, item: Item) -> float:
-        """Take an item, and return the time."""
+        """Handle an item, and return the time."""
         message, came_at, service, reply = item
         now = self._now()
         if reply is None:
@@ -375,7 +378,7 @@ class Loop:
         return self._now()
 
     def _report_numbers(self, refused: RefusedMessages) -> None:
-        """Report samples of other programs that are refused because of their numbers."""
+        """Report samples of other programs that were refused because of their numbers."""
         numbers = RefusedNumbers(refused)
         topics = {topic.message: topic for topic in self.inputs}
 
@@ -387,7 +390,7 @@ class Loop:
             runner.on_refused = note
 
     def _with_refused(self, status: Status) -> Status:
-        """Add to a status what the program's bus has refused."""
+        """Return a status with the number of messages that the program's bus has refused."""
         refused = self._refused
         if refused is None:
             return status

@@ -1,4 +1,4 @@
-"""Waits until the consumers of a service are there, and says who is missing and why."""
+"""Waits until the consumers of a service are connected, and logs who is missing and why."""
 
 import logging
 import threading
@@ -16,7 +16,7 @@ from pincette.security.identity import program
 log = logging.getLogger("pincette")
 POLL_S = 0.05
 WHY_S = 2.0
-"""Who is missing for so long is called upon, to find out why; and again after as long."""
+"""Time after which a missing consumer is contacted to find out why, repeated at this interval."""
 
 
 def wait_for_peers(
@@ -27,7 +27,7 @@ def wait_for_peers(
     services: Mapping[str, Participant],
     stop: threading.Event,
 ) -> bool:
-    """Wait until every consumer is linked; false where the program is told to stop before."""
+    """Wait until every consumer is linked; return False if the program is told to stop before."""
     programs = consumers(name, services, lockstep=rig.lockstep)
     wanted = {service for one in programs for service in member_services(one)}
     causes: dict[str, str] = {}
@@ -48,14 +48,14 @@ def wait_for_peers(
 
 
 def _cause(name: str, rig: RigFile, config: SessionConfig) -> str:
-    """Why there may be no link to a service of this rig."""
+    """Return a probable reason why there is no link to a service of this rig."""
     place = endpoint(rig.bus.host, rig.bus.port, name)
     credentials = config.tls.credentials if config.tls else None
     return diagnose_link(place, credentials, program(rig.program_of(name), rig.rig.name).name)
 
 
 def absent(missing: set[str], wires: Mapping[str, int], causes: Mapping[str, str]) -> str:
-    """Who is missing; which side to update where the wire differs, else what is known of why."""
+    """Return who is missing, and which side to update if the wire differs, else the reason."""
     reasons = {name: update_which(name, wires[name]) for name in missing & wires.keys()}
     reasons = {**causes, **reasons}
     return ", ".join(

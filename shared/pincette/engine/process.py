@@ -1,4 +1,4 @@
-"""One program as one process: start, say that it is ready, stop cleanly, fail with a reason."""
+"""One program as one process: start, report readiness, stop cleanly, fail with a reason."""
 
 import logging
 import os
@@ -46,18 +46,18 @@ from pincette.sim.wires.ports import WireError
 
 log = logging.getLogger("pincette")
 READY = "ready: "
-"""How a line on standard output begins that says a program serves."""
+"""Beginning of the line on standard output that reports that a program serves."""
 OF_THE_ROUTER = ("router", "upstream", "supervisor")
 """Programs that all rigs on one router share."""
 
 OTHERS = 0o077
 MOST_FILES = 4096
-"""That a program may have open; strangers hold far fewer of them."""
+"""Largest number of files that a program may have open; strangers hold far fewer of them."""
 
 FAILED = FailedThreads()
 """Threads of this process that ended with an error."""
 Notes = dict[Runner, BootNote]
-"""Of the services for which it matters how they ended before."""
+"""Notes of the services for which it matters how they ended before."""
 
 CannotStart = (
     ConfigError,
@@ -73,24 +73,24 @@ CannotStart = (
 
 @dataclass(frozen=True)
 class Options:
-    """How a program is started, beside its rig file."""
+    """Options of a program's start, besides its rig file."""
 
     data: Path = Path("data")
     exit_with_parent: bool = False
-    """End when standard input closes, so that nothing outlives whoever started it."""
+    """End when standard input closes, so that no program outlives the one that started it."""
     delay_s: float = 0.0
     """Longest random delay before a service publishes; for tests of determinism."""
     delay_seed: int = 0
     pki: Path | None = None
-    """Folder of certificates; None: as the rig file says."""
+    """Folder of certificates; None: as in the rig file."""
     listen: str | None = None
-    """Where the router listens; None: as the rig file says."""
+    """Address at which the router listens; None: as in the rig file."""
     log_format: logs.Form | None = None
-    """None: as the environment says."""
+    """Form of log lines; None: from the environment."""
 
 
 def run_program(name: str, rig_path: Path, options: Options) -> int:
-    """Run one program until it is told to stop; returns the exit status."""
+    """Run one program until it is told to stop; return the exit status."""
     try:
         lines = logs.begin(name, logs.chosen(options.log_format))
     except ValueError as error:
@@ -119,7 +119,7 @@ def run_program(name: str, rig_path: Path, options: Options) -> int:
 
 
 def _allow_files() -> None:
-    """Let many connections be open for a moment, where the system allows more than it gives."""
+    """Raise the limit of open files as far as the system allows."""
     given, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = MOST_FILES if most == resource.RLIM_INFINITY else min(MOST_FILES, most)
     if given not in (resource.RLIM_INFINITY, max(given, wanted)):
@@ -127,7 +127,7 @@ def _allow_files() -> None:
 
 
 def keep_from_others() -> None:
-    """Close what is written from here on to all other accounts."""
+    """Make files that are written from here on inaccessible to other accounts."""
     os.umask(os.umask(OTHERS) | OTHERS)
 
 
@@ -148,7 +148,7 @@ def _wait_for_parent(stop: Callable[[], None]) -> None:
 
 
 def _say_ready(text: str) -> None:
-    """Print that the program serves, where standard output can be written."""
+    """Print that the program serves, if standard output can be written."""
     try:
         sys.stdout.write(f"{READY}{text}\n")
         sys.stdout.flush()
@@ -157,12 +157,12 @@ def _say_ready(text: str) -> None:
 
 
 def loop_services() -> dict[str, AnyService]:
-    """The services of the loop, in the order of a tick."""
+    """Return the services of the loop, in the order of a tick."""
     return {name: plugins.load(plugins.SERVICES, name) for name in LOOP}
 
 
 def loop_programs(rig: RigFile) -> dict[str, Participant]:
-    """The programs of a rig's loop as others see them, in the order of a tick."""
+    """Return the programs of a rig's loop as others see them, in the order of a tick."""
     services = loop_services()
     return {
         name: services[name]

@@ -1,4 +1,4 @@
-"""Programs outside the loop: what each is given when it is started, and the router."""
+"""Programs outside the loop: what each is given at its start, and the router."""
 
 import threading
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from pincette.engine.router_watch import LEASES, RouterWatch, end_process
 
 
 class OpenBus(Protocol):
-    """Joins the bus of the rig file's rig, or of another one that is named."""
+    """Function that joins the bus of the rig file's rig, or of another named one."""
 
     def __call__(self, rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
         """Join; raises BusError. ``lockstep`` is the named rig's; None: as in the rig file."""
@@ -31,18 +31,18 @@ class Context:
 
     rig: RigFile
     data: Path
-    """Folder for records and the store."""
+    """Folder of records and the journal."""
     open_bus: OpenBus
-    """Join the bus as a client of the router; the program closes it."""
+    """Joins the bus as a client of the router; the program closes it."""
     ready: Callable[[str], None]
-    """Say, in one line, that the program serves."""
+    """Function that reports, in one line, that the program serves."""
     stop: threading.Event
 
 
 def require_port(host: str, port: int, table: str) -> None:
-    """Raise OSError with reason and remedy where a program cannot listen at a port.
+    """Raise OSError with reason and remedy if a program cannot listen at a port.
 
-    ``table``: that of the rig file which names the port.
+    ``table``: the table of the rig file that names the port.
     """
     try:
         bound(host, port).close()

@@ -1,4 +1,4 @@
-"""What a replay needs beside the samples: the requests that a service took, and its state.
+"""What a replay needs besides samples: the requests that a service accepted, and its state.
 
 A request is noted with where among the steps it came. Of the state only what differs from a start
 is noted, as JSON: the coefficients of a model, which the rig file and the calibration give, are
@@ -19,13 +19,13 @@ from pincette.core.topics import TOPIC_OF
 
 
 def snapshot(service: AnyService, config: Any, state: Any) -> Document:
-    """JSON of the snapshot fields that differ from a start; empty where none does."""
+    """Return JSON of the snapshot fields that differ from a start; empty if none does."""
     changes = _changes(state, service.start(config), service.state_snapshot)
     return Document(json.dumps(changes, separators=(",", ":")) if changes else "")
 
 
 def restored(service: AnyService, config: Any, state: Any, text: str) -> Any:
-    """A state with the fields of a snapshot put in; raises TypeError or ValueError."""
+    """Return a state with the fields of a snapshot; raises TypeError or ValueError."""
     start_state = service.start(config)
     tree: Any = json.loads(text) if text else {}
     if not isinstance(tree, dict):
@@ -98,12 +98,12 @@ class RequestRecorder:
     def __init__(self, service: AnyService) -> None:
         self._service = service
         self._load: Load | None = None
-        """What the next arming plays."""
+        """Program of the next arming."""
 
     def taken(
         self, request: Message, config: Any, state: Any, newest: Sample | None
     ) -> tuple[RequestLog, ...]:
-        """Log a request that was accepted; a program is logged with the arming of its epoch.
+        """Log an accepted request; a program is logged with the arming of its epoch.
 
         ``newest`` is the sample of the service's newest step.
         """

@@ -1,4 +1,4 @@
-"""When a program that has ended is started again: at once, then less often, and not for ever."""
+"""Restarts of ended programs: at once, then less often, and not for ever."""
 
 from collections.abc import Callable, Sequence
 from time import monotonic
@@ -10,7 +10,7 @@ REVIVED = ("router", "upstream", "supervisor", "recorder")
 part stays held. A program of the loop is not restarted before a person has looked at the rig."""
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
-"""A program that has run for so long begins with the shortest wait again."""
+"""Running time after which a program's restarts begin with the shortest wait again."""
 
 
 class Revival:
@@ -32,10 +32,10 @@ class Revival:
         self._begun_s = dict.fromkeys(names, clock())
         self._due_s: dict[str, float] = {}
         self._told: set[int] = set()
-        """Processes whose end was told."""
+        """Process ids whose end was reported."""
 
     def look(self, say: Callable[[Child, str], None]) -> None:
-        """Tell of each end, and of each start that has come to serve."""
+        """Report each end, and each restarted program that serves again."""
         for member in self._fleet.ended():
             if member.process.pid not in self._told:
                 self._told.add(member.process.pid)

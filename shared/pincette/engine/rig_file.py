@@ -1,4 +1,4 @@
-"""The rig file over the bus, so that a supervisor needs nothing else to take up a rig."""
+"""The rig file over the bus, so that a supervisor needs nothing else to serve a rig."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ def serve_rig_file(bus: Bus, rig: RigFile, program: str) -> None:
 
 
 def read_rig_reply(reply: RigFileReply) -> RigFile:
-    """The rig file of a reply; raises ConfigError."""
+    """Return the rig file of a reply; raises ConfigError."""
     rig = parse_rig_json(reply.text)
     if rig.digest() != reply.digest:
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Ends a router that does not route any more, so that a new one can take its place.
+"""Ends a router that no longer routes, so that a new one can take its place.
 
 A thread of Zenoh may wait for ever for a lock of the routing tables that it holds itself (Zenoh
 1.10.2, https://github.com/eclipse-zenoh/zenoh/pull/2619). Such a router still accepts links and
@@ -52,13 +52,13 @@ class RouterWatch:
         self._looking = RepeatedAction("router-watch", LOOK_S, self.look)
 
     def start(self) -> None:
-        """Watch from here on."""
+        """Start to watch."""
         self._looked_s = self._clock()
         self._asking.start()
         self._looking.start()
 
     def ask(self) -> None:
-        """Ask the router once."""
+        """Send the router one query."""
         self._ask()
         self._silent_s = 0.0
 
@@ -72,13 +72,13 @@ class RouterWatch:
             self._end(self._silent_s)
 
     def close(self) -> None:
-        """Watch no longer; waits for no question that is under way."""
+        """Stop to watch; waits for no query that is under way."""
         self._looking.close(0.0)
         self._asking.close(0.0)
 
 
 def end_process(silent_s: float) -> None:
-    """End this process at once, without leaving the bus, after a log line that says why."""
+    """End this process at once, without leaving the bus, after a log line with the reason."""
     log.critical(
         "%s: the router has not answered itself for %.1f s, so this process ends with status %d, "
         "to be started again; the loop and a held part go on",

@@ -32,7 +32,7 @@ from pincette.instruments.line.counts import LineCounts
 IDLE_S = 0.5
 """Longest time that a program waits before it checks whether it is to stop."""
 EARLY = 1.5
-"""A step of the timer that is due later than so many intervals from now is brought forward."""
+"""Number of intervals: a timer step that is due later than this is brought forward."""
 NO_CLOCK = "in lockstep no clock is kept, and so nothing is late"
 
 Outputs = tuple[Message, ...]
@@ -94,7 +94,8 @@ class Runner:
         self._instrument = service.instrument is not None
         judges = check_timing and self._instrument
         self._budget: Budget | None = known_budget(rig) if judges else None
-        """Planned durations of a tick, by which an arming is refused; None where they are not."""
+        """Planned durations of a tick, by which an arming may be refused; None: they are not
+        checked."""
         self._reads = service.instrument == "position_sensor"
         self._drives = service.instrument == "voltage_output"
         self._urls = [arm.output.url if self._drives else arm.sensor.url for arm in rig.arms]
@@ -108,11 +109,11 @@ class Runner:
         self._outputs: Outputs = ()
         """Outputs of the newest step until it is settled."""
         self._stepped_s = 0.0
-        """Time at which that step began."""
+        """Time at which the newest step began."""
         self._timed = False
-        """Whether the timer asked for that step."""
+        """Whether the timer caused that step."""
         self.on_grid = self._reads and not self.lockstep
-        """Whether the timer asks for samples, and not only for a look at the time."""
+        """Whether the timer takes samples, not only checks the time."""
         self.starts_tick = self._reads and self.lockstep
         self.due_at: float | None = None
         own_grid = self.interval_s is not None
@@ -121,21 +122,24 @@ class Runner:
             if self.lockstep or recorded
             else TimingStats(service, self.period_s, own_grid=own_grid)
         )
-        """None in lockstep, which keeps no clock."""
+        """Timing statistics; None in lockstep, which has no clock."""
 
     @property
     def missed(self) -> int:
-        """Number of samples that were displaced by newer ones, and of missed points of the grid."""
+        """Return the number of samples displaced by newer ones, and of missed grid points."""
         return self.joiner.missed
 
     @property
     def refused(self) -> int:
-        """Number of samples that were not taken because of their number."""
+        """Return the number of samples that were refused because of their number."""
         return self.joiner.refused
 
     @property
     def interval_s(self) -> float | None:
-        """Time between two steps of the timer, which an arming may change; None without one."""
+        """Return the time between two timer steps, which an arming may change.
+
+        None without a timer.
+        """
         if self.on_grid:
             return self.period_s
         wake_s = self.service.wake_s
@@ -149,7 +153,7 @@ class Runner:
         return timer_s(self.config, self.state)
 
     def _hasten(self, now: float) -> None:
-        """Bring the next step of the timer forward where the state asks for steps more often.
+        """Bring the next timer step forward if the state needs steps more often.
 
         The step stays on the grid of the shorter interval.
         """
@@ -160,7 +164,7 @@ class Runner:
             self.due_at -= floor(ahead_s / until_next_s) * until_next_s
 
     def _begin_from(self, found: PutOut) -> None:
-        """Begin from the voltages that are put out, whoever set them."""
+        """Begin from the voltages that are applied, whoever set them."""
         if self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(
                 self.config, self.state, found.voltages_V
@@ -174,7 +178,7 @@ class Runner:
             self.stats.starts(now)
 
     def take(self, sample: Any, now: float, came_at: float | None = None) -> None:
-        """Take a sample of one of its inputs, which came at ``came_at`` (None: now)."""
+        """Take a sample of one of its inputs, which arrived at ``came_at`` (None: now)."""
         role = self.joiner.take(sample, now, self.state.epoch)
         if role == "join":
             if self.service.ahead is not None:
@@ -201,13 +205,13 @@ class Runner:
         return wait_s
 
     def due(self, now: float) -> bool:
-        """Return whether the timer asks for a step."""
+        """Return whether the timer step is due."""
         return self.due_at is not None and now >= self.due_at
 
     def fire(self, now: float) -> Outputs | None:
-        """Make the step that messages have led to, and return what is to be published.
+        """Make the step that messages have caused, and return what is to be published.
 
-        None where no step can be made.
+        None if no step can be made.
         """
         if not self.joiner.pending:
             return None
@@ -225,9 +229,9 @@ class Runner:
         return outputs
 
     def tick(self, now: float) -> Outputs:
-        """Make the step of the timer, and return what is to be published.
+        """Make the timer step, and return what is to be published.
 
-        A sensor is read. The watchdog of an output is fed only where the service is healthy.
+        A sensor is read. The watchdog of an output is fed only if the service is healthy.
         """
         row = self.joiner.blank()
         if self._reads:
@@ -291,7 +295,7 @@ class Runner:
         return outputs
 
     def _obey(self, outputs: tuple[Any, ...], now: float) -> Outputs:
-        """Give the instrument the order of a step, and let the service answer what it says."""
+        """Pass the command of a step to the instrument, and let the service process the answer."""
         service = self.service
         found = self._device.put_out(outputs[0])
         while found is not None:
@@ -308,12 +312,12 @@ class Runner:
         return published(outputs)
 
     def timing(self, now: float) -> Outputs:
-        """Return its timing statistics where it is time to publish them."""
+        """Return the timing statistics if it is time to publish them."""
         stats = self.stats
         return (stats.timing(self.missed),) if stats is not None and stats.due(now) else ()
 
     def call(self, request: Message, now: float) -> tuple[Message | str, Outputs]:
-        """Handle a request: return the reply, or the text of a refusal, and what to publish."""
+        """Handle a request: return the reply or the text of a refusal, and what to publish."""
         stats = self.stats
         if isinstance(request, TimingRequest):
             return NO_CLOCK if stats is None else stats.timing(self.missed), ()
@@ -389,7 +393,7 @@ class Runner:
     def _check_timing(self) -> None:
         """Refuse an arming if the instruments do not fit into the period; raises RefusedError.
 
-        The actuator judges what the drivers state, and each program what it has measured itself.
+        The actuator checks what the drivers state, and each program what it has measured itself.
         """
         stated, exchanges = self._budget, self._device.exchanges
         if stated is None:
@@ -438,7 +442,7 @@ class Runner:
         )
 
     def shutdown(self, now: float) -> bool:
-        """Bring the instrument to rest before the program ends; true where it is at rest."""
+        """Bring the instrument to rest before the program ends; return True once it is at rest."""
         if self._told_to_end is None and self.service.ending is not None:
             self._told_to_end = self.service.ending(self.state)
         if self.service.shutdown is None or self.lockstep:
@@ -448,7 +452,7 @@ class Runner:
 
     @property
     def ending(self) -> Predecessor:
-        """How this program, which was told to end, is to be seen by the next one."""
+        """Return how this program, which was told to end, is reported to the next one."""
         noted = self._told_to_end
         at_rest = self.lockstep or (self._at_rest and not getattr(self.state, "unconfirmed", False))
         return noted if noted is not None and at_rest else Predecessor.DIED

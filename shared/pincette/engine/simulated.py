@@ -1,4 +1,4 @@
-"""The instruments of a rig, simulated within this process, and commands to them from the bus."""
+"""The simulated instruments of a rig within this process, and commands to them from the bus."""
 
 from collections.abc import Callable
 from typing import cast
@@ -29,7 +29,7 @@ def simulated_bench(rig: RigFile, publish: Callable[[GroundTruth], None]) -> Ben
 
 
 def devices_on(bench: Bench, rig: RigFile) -> dict[str, Device]:
-    """All instruments, as their drivers meet them: the real bytes, over memory."""
+    """Return all instruments behind their drivers: the real bytes, over memory."""
     each: dict[str, list[PositionSensor | VoltageOutput]] = {"sensor": [], "actuator": []}
     for prefix, arm in zip(PREFIXES, rig.arms, strict=False):
         sensor = plugins.load(plugins.POSITION_SENSORS, arm.sensor.driver)
@@ -40,7 +40,7 @@ def devices_on(bench: Bench, rig: RigFile) -> dict[str, Device]:
 
 
 def simulated_devices(rig: RigFile, publish: Callable[[GroundTruth], None]) -> dict[str, Device]:
-    """All instruments of a simulated rig in this process, by the name of their service."""
+    """Return all instruments of a simulated rig in this process, by the name of their service."""
     return devices_on(simulated_bench(rig, publish), rig)
 
 
@@ -49,7 +49,7 @@ def _link(fitted: Fitted) -> Link:
 
 
 def serve_sim_commands(bus: Bus, script: Script) -> None:
-    """Pass each command to the script, whose objection is the refusal."""
+    """Pass each command to the script; its objection is the refusal."""
 
     def answer(_request: Request, message: Message, reply: Callable[[Message | str], None]) -> None:
         reply(script.order(cast(SimCommand, message)) or Ack(0))

@@ -1,4 +1,4 @@
-"""Tells a program that starts slowly from one that has come to a standstill."""
+"""Distinguishes a slowly starting program from one that has come to a standstill."""
 
 import os
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The free response of a simulated rig: its arm moved with the part taken out, and taught."""
+"""Free response of a simulated rig: moves the arm without the part, and identifies it."""
 
 from pincette.config import RigFile
 from pincette.control.planning.teaching import teaching_program
@@ -14,12 +14,12 @@ from pincette.core.messages import Estimate, Telemetry
 from pincette.engine.composed import ComposedLoop
 
 SPEED_FACTOR = 3.0
-"""Fastest part of the motion against the approach; the paper's widest sinusoid needs it."""
+"""Ratio of the fastest part of the motion to the approach; the paper's widest sinusoid needs it."""
 LARGEST_RESIDUAL = 0.005
-"""Of the range, that a model may leave: those of arms without a past leave 0.2 %. Where relays of
-wide loops stand by chance as the arm is switched on it is 1 to 3 %."""
+"""Largest residual of a model, as a share of the range: arms without a past leave 0.2 %. If relays
+of wide loops stand by chance when the arm is switched on, it is 1 to 3 %."""
 BELOW_REST = 0.1
-"""How far the motion goes beyond the rest position, as a share of its height above it."""
+"""Distance of the motion beyond the rest position, as a share of its height above it."""
 
 
 def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
@@ -53,7 +53,7 @@ def record(rig: RigFile, *, to_limits: bool = False) -> Recording:
 
 
 def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], list[float]]:
-    """Voltages and positions, of matched ages, of the teaching motion; raises as ``teach``."""
+    """Return voltages and positions, of equal ages, of the teaching motion; raises as ``teach``."""
     low_um, high_um = free_range_um(rig)
     if to_limits:
         high_um = rig.limits.position_max_um
@@ -77,7 +77,7 @@ def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], 
 
 
 def without_part(rig: RigFile) -> RigFile:
-    """Return the rig in lockstep with nothing to touch and nothing taught."""
+    """Return the rig in lockstep, without a part and without a taught model."""
     simulation = rig.simulation
     return rig.model_copy(
         update={
@@ -91,7 +91,7 @@ def without_part(rig: RigFile) -> RigFile:
 
 
 def free_range_um(rig: RigFile) -> tuple[float, float]:
-    """Range of free positions whose voltages cover a grip of the rig file, in its limits.
+    """Return the range of free positions whose voltages cover a grip of the rig file.
 
     The arm presses with F at x_e + F/K_e where, free, it would be s_p·F further.
     """

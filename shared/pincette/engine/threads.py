@@ -1,4 +1,4 @@
-"""Supervision of threads: no thread that a program relies on ends without a consequence."""
+"""Supervision of threads: no thread that a program relies on can end unnoticed."""
 
 import logging
 import threading
@@ -82,6 +82,6 @@ class RepeatedAction:
 
 
 def log_failure(done: Future[Any]) -> None:
-    """Log the error of work whose result nobody asks for; a callback of its future."""
+    """Log the error of a future whose result nobody reads; to be used as its callback."""
     if not done.cancelled() and (error := done.exception()) is not None:
         log.error("work in another thread failed: %s", error, exc_info=error)

@@ -1,4 +1,4 @@
-"""Whether the instruments of a rig fit into its control period, by the sum of all they take."""
+"""Whether the instruments of a rig fit into its control period, by the sum of all durations."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -26,16 +26,16 @@ answers: with less to spare, each answer would come too late."""
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What a tick takes, part by part."""
+    """Durations of all parts of a tick."""
 
     period_s: float
     sensor: Timing
     output: Timing
     computing_s: float
     second: tuple[Timing, Timing] | None = None
-    """Of the second arm's sensor and output, which are read and written after the first's."""
+    """Durations of the second arm's sensor and output, which are used after the first's."""
     parts_s: float = 0.0
-    """Time from the first part of a step of the voltage to the last one; 0: it has one part."""
+    """Time from the first to the last part of a voltage step; 0: it has one part."""
     sensor_measured_s: tuple[float, ...] = ()
     """Measured duration of a reading, for each arm; empty where nothing was measured."""
     output_measured_s: tuple[float, ...] = ()
@@ -43,17 +43,17 @@ class Budget:
 
     @property
     def sensor_s(self) -> float:
-        """The larger of the stated and the measured duration of a reading, in s."""
+        """Return the larger of the stated and the measured duration of a reading, in s."""
         return max(self.sensor.exchange_s, *self.sensor_measured_s[:1], 0.0)
 
     @property
     def output_s(self) -> float:
-        """The larger of the stated and the measured duration of an exchange with the output."""
+        """Return the larger of the stated and the measured duration of an output's exchange."""
         return max(self.output.exchange_s, *self.output_measured_s[:1], 0.0)
 
     @property
     def second_s(self) -> float:
-        """Exchanges with the instruments of the second arm; see ``sensor_s`` and ``output_s``."""
+        """Return the durations of the second arm's exchanges; see ``sensor_s`` and ``output_s``."""
         if self.second is None:
             return 0.0
         sensor, output = self.second
@@ -64,7 +64,7 @@ class Budget:
     def measured(
         self, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
     ) -> "Budget":
-        """Return this budget with the medians of what was measured, for each arm."""
+        """Return this budget with the medians of the measured durations, for each arm."""
         return replace(
             self,
             sensor_measured_s=tuple(one.median_s for one in sensors),
@@ -73,7 +73,7 @@ class Budget:
 
     @property
     def total_s(self) -> float:
-        """Sum of all parts."""
+        """Return the sum of all parts."""
         return (
             self.sensor_s
             + self.sensor.response_s
@@ -86,27 +86,26 @@ class Budget:
 
     @property
     def loop_s(self) -> float:
-        """Sum of what the loop waits for and computes, in s: all but the output's response."""
+        """Return the time that the loop waits and computes, in s: all but the output's response."""
         return self.total_s - self.output.response_s - self.parts_s
 
     @property
     def fits(self) -> bool:
-        """True if the loop keeps the period.
+        """Return whether the loop keeps the period.
 
         As the drivers state it, a sample, its command and the output's response must end within the
-        period. Measured exchanges are longer by what the machine takes, so only what the loop waits
-        for must fit; the output's response may then end in the next period.
+        period. Measured exchanges are longer by what the machine takes.
         """
         as_stated = replace(self, sensor_measured_s=(), output_measured_s=())
         return as_stated.total_s <= self.period_s and self.loop_s <= self.period_s
 
     @property
     def bandwidth_hz(self) -> float:
-        """Highest frequency at which the arm can be identified with these instruments."""
+        """Return the highest frequency at which these instruments can identify the arm."""
         return min(self.sensor.bandwidth_hz, self.output.bandwidth_hz)
 
     def words(self) -> str:
-        """Sum and parts, in ms; of exchanges both what is stated and what was measured."""
+        """Return sum and parts, in ms; for exchanges both the stated and the measured durations."""
         parts = (
             ("sensor exchange", self.sensor_s, _source(self.sensor, self.sensor_measured_s[:1])),
             ("sensor response", self.sensor.response_s, ""),
@@ -132,7 +131,7 @@ class Budget:
 
 
 def _source(stated: Timing, measured_s: Sequence[float]) -> str:
-    """Return where a duration comes from; empty where none was measured."""
+    """Return the origin of a duration; empty if nothing was measured."""
     for each_s in measured_s:
         if each_s > stated.exchange_s:
             return f" (measured, stated {1e3 * stated.exchange_s:.1f})"
@@ -141,7 +140,10 @@ def _source(stated: Timing, measured_s: Sequence[float]) -> str:
 
 
 def budget(rig: RigFile) -> Budget:
-    """Timing of all instruments as their drivers state it; raises PluginError or ConfigError."""
+    """Return the timing of all instruments as their drivers state it.
+
+    Raises PluginError or ConfigError.
+    """
     first, *others = [
         (stated(plugins.POSITION_SENSORS, arm.sensor), stated(plugins.VOLTAGE_OUTPUTS, arm.output))
         for arm in rig.arms
@@ -152,7 +154,10 @@ def budget(rig: RigFile) -> Budget:
 
 
 def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
-    """Longest wait for a sensor that delays no actuator beside it, in s; else ConfigError."""
+    """Return the longest wait for a sensor that delays no actuator beside it, in s.
+
+    May raise ConfigError.
+    """
     together = tuple(services)
     looks_s = [one.wake_s(one.configure(rig)) for one in together if one.wake_s is not None]
     reads = any(one.instrument == "position_sensor" for one in together)
@@ -172,7 +177,7 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
 
 
 def lets_go_s(rig: RigFile) -> float:
-    """Earliest time after the host's last word at which the output may have let a part go, in s.
+    """Return the earliest time after a heartbeat at which the output may release a part, in s.
 
     That of its own watchdog, as the driver states it. Without one it is what ``[output]
     on_silence`` says: ∞ where the hardware holds, and 0 where it goes to a safe value at a time
@@ -192,7 +197,7 @@ def _lets_go_s(arm: RigFile) -> float:
 
 
 def stated_output(rig: RigFile) -> OutputTiming:
-    """Return when a voltage acts as the drivers state it; at once where they state nothing."""
+    """Return when a voltage acts according to the drivers; at once if they state nothing."""
     try:
         timing = budget(rig)
     except (ConfigError, plugins.PluginError):
@@ -204,7 +209,10 @@ def stated_output(rig: RigFile) -> OutputTiming:
 
 
 def known_budget(rig: RigFile) -> Budget | None:
-    """Return the timing of all instruments; None where a driver is on another machine alone."""
+    """Return the timing of all instruments.
+
+    None if a driver is installed only on another machine.
+    """
     try:
         return budget(rig)
     except plugins.PluginError:
@@ -212,7 +220,7 @@ def known_budget(rig: RigFile) -> Budget | None:
 
 
 def stated(group: str, settings: Sensor | Output) -> Timing:
-    """Timing that the module of a driver states through a function ``timing`` of the settings."""
+    """Return the timing that a driver's module states through its function ``timing``."""
     opener = plugins.load(group, settings.driver)
     timing = vars(sys.modules[opener.__module__]).get("timing")
     if timing is None:

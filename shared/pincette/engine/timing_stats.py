@@ -1,4 +1,4 @@
-"""How punctual one service is, counted as it goes; no clock of its own.
+"""Timing statistics of one service, counted as it runs; it has no clock of its own.
 
 Until the outputs of a step are published only times are noted; they are counted after that.
 """
@@ -11,14 +11,14 @@ from pincette.core.service import AnyService
 from pincette.latency.histogram import Histogram
 
 KEPT = 16
-"""Samples whose arrival is remembered; as many as may wait for a join."""
+"""Number of samples whose arrival is remembered; as many as may wait for a join."""
 PUBLISH_EVERY_S = 1.0
 Outputs = tuple[Any, ...]
-"""Messages that carry the number of a sample."""
+"""Messages with the number of a sample."""
 
 
 class SeenGrid:
-    """Lateness of samples against the grid of the earliest among them, a ``period_s`` apart.
+    """Lateness of samples against the grid of the earliest among them, ``period_s`` apart.
 
     A sample is due one period after the one before it, for each number between them. One that
     comes before it is due shows that the grid lies earlier. One that is late by whole periods may
@@ -32,14 +32,14 @@ class SeenGrid:
         self._period_s = period_s
         self._number: int | None = None
         self._due_s = 0.0
-        """Of the newest sample."""
+        """Due time of the newest sample."""
 
     def begin(self) -> None:
         """Forget the grid: the next sample begins another one."""
         self._number = None
 
     def lateness_s(self, number: int, at_s: float) -> float:
-        """How late a sample came; one whose number does not grow begins another grid."""
+        """Return how late a sample came; one whose number does not grow begins another grid."""
         before, self._number = self._number, number
         if before is None or number <= before:
             self._due_s = at_s
@@ -54,7 +54,7 @@ class SeenGrid:
 
 
 class TimingStats:
-    """Lateness against the own or the samples' grid, age of the first input, execution time."""
+    """Lateness against the own or the samples' grid, age of the first input, and execution time."""
 
     __slots__ = (
         "_acts_on",
@@ -89,11 +89,11 @@ class TimingStats:
         self._come: tuple[int, float] | None = None
         """Number and time of a sample whose lateness is not counted yet."""
         self._age_s: float | None = None
-        """Of what the step acts on whose outputs are not published yet."""
+        """Age of the sample of the newest step, whose outputs are not published yet."""
         self._publish_at_s = inf
 
     def begin(self, epoch: int, missed: int) -> None:
-        """An epoch begins; ``missed`` were skipped before it, since the start."""
+        """Begin an epoch; ``missed`` is the number skipped since the start before it."""
         self._epoch, self._missed, self._newest = epoch, missed, -1
         self._numbers = [-1] * KEPT
         self._seen.begin()
@@ -102,7 +102,7 @@ class TimingStats:
             histogram.clear()
 
     def came(self, sample: Sample, at_s: float) -> None:
-        """A sample that came at ``at_s`` was taken; the first of its number is looked at."""
+        """Note a sample that arrived at ``at_s``; only the first of its number counts."""
         seq = sample.seq
         place = seq % KEPT
         if sample.epoch != self._epoch or self._numbers[place] == seq:
@@ -116,7 +116,7 @@ class TimingStats:
         self._come = seq, at_s
 
     def fired(self, sample: Sample | None, now: float, outputs: Outputs) -> None:
-        """A step that began at ``now`` with a sample has given its outputs."""
+        """Note that a step which began at ``now`` with a sample has returned its outputs."""
         self._began_s = now
         if outputs:
             self._newest = outputs[0].seq
@@ -127,14 +127,14 @@ class TimingStats:
             self._age_s = now - self._came_s[place]
 
     def clocked(self, due_s: float, now: float, outputs: Outputs) -> None:
-        """A step that began at ``now``, asked for by the clock at ``due_s``, has given them."""
+        """Note that a step which began at ``now``, due at ``due_s``, has returned its outputs."""
         self._began_s = now
         if outputs:
             self._newest = outputs[0].seq
         self._lateness.add(now - due_s)
 
     def published(self, now: float) -> None:
-        """The outputs of the step have been published."""
+        """Note that the outputs of the step have been published."""
         self._execution.add(now - self._began_s)
         if self._age_s is not None:
             self._age.add(self._age_s)
@@ -144,18 +144,18 @@ class TimingStats:
             self._come = None
 
     def starts(self, now: float) -> None:
-        """From here on its timing is to be published, the first time after a while."""
+        """Let the statistics be published from here on, first after a while."""
         self._publish_at_s = now + PUBLISH_EVERY_S
 
     def due(self, now: float) -> bool:
-        """Whether it is time to publish; if so, the next time is counted from here."""
+        """Return whether it is time to publish; if so, start the next interval."""
         if now < self._publish_at_s:
             return False
         self.starts(now)
         return True
 
     def timing(self, missed: int) -> Timing:
-        """What was counted of this epoch; ``missed`` were skipped since the start."""
+        """Return the statistics of this epoch; ``missed`` is the number skipped since the start."""
         if self._come is not None:
             self._lateness.add(self._seen.lateness_s(*self._come))
             self._come = None

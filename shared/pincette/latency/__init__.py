@@ -1,1 +1,1 @@
-"""How late things are: histograms of durations, and the period that a machine supports; pure."""
+"""Histograms of durations, and the control period that a machine supports; pure."""

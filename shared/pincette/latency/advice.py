@@ -20,30 +20,30 @@ from pincette.latency.rule import HOPS, HOPS_SHARE, TAIL, Measured, objections
 
 LATE_TIMES = 2.0
 HOPS_TO_COMMAND = 3
-"""Position, estimate and command."""
+"""Hops from a sample to its command: position, estimate and command."""
 STEP_PERIODS = 0.5
 LEAST_PERIODS, MOST_PERIODS = 2.5, 10.0
 """Age limits: the default, and the longest that a rig file may state."""
 FIFO = 10
-"""Fixed priority by default."""
+"""Default of the fixed priority."""
 
 
 SUITED = ((0.001, "fpbsmic"), (0.02, "pbsmic"))
 """Periods in s, and the law for each, the fastest first. Those between let a mode at 388 Hz alias
 to a frequency at which the loop works: 12 Hz at 5 ms, 112 Hz at 2 ms."""
 TOGETHER = "loop"
-"""[rig] composed of a loop in one process."""
+"""Value of [rig] composed for a loop in one process."""
 
 
 class Recommended(NamedTuple):
-    """Period, law and composition for a machine."""
+    """Recommended period, law and composition for a machine."""
 
     period_s: float
     scheme: str
     composed: tuple[str, ...]
 
     def words(self) -> str:
-        """As a person reads it."""
+        """Return the recommendation for people."""
         programs = "as one program" if self.composed else "as four programs"
         return f"[rig] period_s = {self.period_s:g} with the law {self.scheme}, {programs}"
 
@@ -61,25 +61,25 @@ def recommended(measured: Sequence[Measured], hop: Distribution) -> Recommended 
 
 
 class Asked(NamedTuple):
-    """What a rig file says now."""
+    """Present values of a rig file."""
 
     period_s: float
     age_periods: float
     computing_s: float
     priority: int
-    """The highest of its programs; 0: none."""
+    """Highest priority of its programs; 0: none."""
     composed: Sequence[str]
 
 
 class Change(NamedTuple):
-    """A key of the rig file, the value that suits the machine, and why."""
+    """A key of the rig file, the value that suits the machine, and the reason."""
 
     key: str
     value: str
     why: str
 
     def words(self) -> str:
-        """As a person reads it."""
+        """Return the change for people."""
         return f"{self.key} = {self.value} ({self.why})"
 
 
@@ -98,7 +98,10 @@ def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
 
 
 def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
-    """The age limit, or where none is long enough the period; None where the rig file's will do."""
+    """Return the age limit, or the period if no limit is long enough.
+
+    None if the rig file suits.
+    """
     period_s, needed = asked.period_s, age_periods(asked.period_s, late_s, transit_s)
     seen = f"the latest wake-up was late by {1e3 * late_s:.1f} ms, which counts twice"
     if needed <= asked.age_periods:
@@ -112,7 +115,9 @@ def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
 
 
 def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -> list[Change]:
-    """What to change in a rig file for a machine, the gravest first; empty where it suits.
+    """Return what to change in a rig file for a machine, the most serious first.
+
+    Empty if it suits.
 
     ``refused`` is what the system did not permit while it was measured, in words. A process for
     estimator and controller is proposed where four hops at their p99.9 take more than half a

@@ -17,17 +17,17 @@ from pincette.control.record import FrozenRecord
 
 BITS = 5
 STEPS = 1 << BITS
-"""Buckets of a power of two."""
+"""Number of buckets for a power of two."""
 LINEAR = 2 * STEPS
-"""Below so many ns each bucket holds one."""
+"""Number of ns below which each bucket holds one."""
 LONGEST_BITS = 63
-"""Of a duration in ns: 292 years."""
+"""Number of bits of the longest duration in ns: 292 years."""
 BUCKETS = (LONGEST_BITS - BITS - 1) * STEPS + LINEAR
 NS_PER_S = 1e9
 
 
 def bucket_of(duration_ns: int) -> int:
-    """Bucket of a duration in ns; one below zero counts as zero."""
+    """Return the bucket of a duration in ns; a negative one counts as zero."""
     if duration_ns < LINEAR:
         return max(0, duration_ns)
     shift = duration_ns.bit_length() - BITS - 1
@@ -35,7 +35,7 @@ def bucket_of(duration_ns: int) -> int:
 
 
 def first_ns(bucket: int) -> int:
-    """n(b), the shortest duration of a bucket in ns."""
+    """Return n(b), the shortest duration of a bucket in ns."""
     if bucket < LINEAR:
         return bucket
     shift = bucket // STEPS - 1
@@ -43,14 +43,14 @@ def first_ns(bucket: int) -> int:
 
 
 class Distribution(FrozenRecord, frozen=True):
-    """Counted durations, as they are told: the buckets that hold any, in order."""
+    """Counted durations as they are sent: the buckets that hold any, in order."""
 
     buckets: Items[Whole] = ()
     """Bucket b begins at b ns below 64, else at (32 + b mod 32) · 2^(b div 32 - 1) ns."""
     counts: Items[Whole] = ()
-    """Durations in each of them."""
+    """Number of durations in each of them."""
     max_s: Second = 0.0
-    """The longest, exactly."""
+    """Longest duration, exactly."""
 
     def __post_init__(self) -> None:
         buckets, counts = self.buckets, self.counts
@@ -66,7 +66,7 @@ class Distribution(FrozenRecord, frozen=True):
 
     @property
     def count(self) -> int:
-        """How many were counted."""
+        """Return the number of durations."""
         total = 0
         for count in self.counts:
             total += count
@@ -89,7 +89,7 @@ class Distribution(FrozenRecord, frozen=True):
 
 
 class Histogram:
-    """Counts durations; nothing is allocated for one."""
+    """Counts durations without allocating memory."""
 
     __slots__ = ("_counts", "_max_s")
 
@@ -98,7 +98,10 @@ class Histogram:
         self._max_s = 0.0
 
     def add(self, duration_s: float) -> None:
-        """Count a duration in s; as ``bucket_of`` does, whose call would cost as much again."""
+        """Count a duration in s.
+
+        As ``bucket_of`` does, whose call would take as much time again.
+        """
         if duration_s > self._max_s:
             self._max_s = duration_s
         duration_ns = int(duration_s * NS_PER_S)
@@ -109,12 +112,12 @@ class Histogram:
             self._counts[shift * STEPS + (duration_ns >> shift)] += 1
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Clear all counts."""
         self._counts = [0] * BUCKETS
         self._max_s = 0.0
 
     def distribution(self) -> Distribution:
-        """What was counted so far."""
+        """Return the durations counted so far."""
         counts = self._counts
         longest = bucket_of(int(self._max_s * NS_PER_S))
         buckets = [bucket for bucket in range(longest + 1) if counts[bucket]]

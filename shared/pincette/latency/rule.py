@@ -1,4 +1,4 @@
-"""Which control period a machine supports, by what was measured on it; pure."""
+"""Control period that a machine supports, from its measured timing; pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ from pincette.latency.histogram import Distribution
 
 TAIL = 0.999
 LATE_SHARE = 0.1
-"""Of the period: what all but one in a thousand wake-ups keep below."""
+"""Largest lateness of all but one in a thousand wake-ups, as a share of the period."""
 LATEST_SHARE = 0.5
-"""Of the period: what every wake-up keeps below."""
+"""Largest lateness of every wake-up, as a share of the period."""
 HOPS = 4
-"""Of a tick: position, estimate and command, and the applied voltage to the estimator."""
+"""Hops of a tick: position, estimate and command, and the applied voltage to the estimator."""
 HOPS_SHARE = 0.5
-"""Of the period: what the hops of a tick may take together."""
+"""Largest duration of all hops of a tick, as a share of the period."""
 FEWEST = 100
-"""Wake-ups without which nothing is said of a period."""
+"""Number of wake-ups below which nothing is concluded for a period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Measured:
     period_s: float
     lateness: Distribution
     missed: int
-    """Points of the grid that were over before the wake-up came."""
+    """Number of grid points that had passed before the wake-up came."""
 
 
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
@@ -59,7 +59,10 @@ def _above(what: str, value_s: float, share: float, period_s: float) -> str:
 def shortest_supported_s(
     measured: Sequence[Measured], hop: Distribution | None = None
 ) -> float | None:
-    """The shortest period that is supported with every longer one; None where there is none."""
+    """Return the shortest period that is supported together with every longer one.
+
+    None if none is.
+    """
     found: float | None = None
     for one in sorted(measured, key=lambda one: one.period_s, reverse=True):
         if objections(one, hop):

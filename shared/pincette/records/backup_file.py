@@ -1,4 +1,4 @@
-"""The file of a backup: written from a data folder, and checked whole before any of it is kept."""
+"""Backup file of a data folder; restoring checks it completely before any of it is kept."""
 
 import gzip
 import hashlib
@@ -28,11 +28,11 @@ JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
 )
 MANIFEST = "backup.json"
 PRIVATE = 0o600
-"""The journal and the keys are read by their owner alone."""
+"""Mode of journal and keys, which only their owner may read."""
 OWNED = 0o700
 """Mode of the folders of restored data."""
 CHUNK = 2**20
-"""Bytes that are in memory at once."""
+"""Number of bytes in memory at once."""
 MOST_FILES = 500_000
 MOST_MANIFEST = 128 * 2**20
 """Size of the largest list of digests that is read, in bytes."""
@@ -43,7 +43,7 @@ DAMAGED = (OSError, EOFError, tarfile.TarError, ZlibError, ValueError, KeyError,
 
 
 class _Hashed(io.RawIOBase):
-    """A stream whose bytes are hashed as they are read."""
+    """A stream that hashes the bytes that are read."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream, self.sum = stream, hashlib.sha256()
@@ -84,7 +84,7 @@ class _Bounded(io.RawIOBase):
 
 
 def write(draft: Path, journal: Path, data: Path, *, records: bool) -> list[str]:
-    """Write a backup with a copy of the journal; returns the names of its files.
+    """Write a backup with a copy of the journal; return the names of its files.
 
     The caller publishes the draft, which syncs it.
     """
@@ -119,7 +119,7 @@ def _add(
 
 
 def _files(data: Path, *, records: bool) -> Iterator[tuple[str, Path]]:
-    """Yield names and paths of what lies beside the journal."""
+    """Yield names and paths of the files beside the journal."""
     folders = [MODELS, *([RECORDS] if records else [])]
     bases = [data, *sorted((data / JOINED).glob("*"))]
     found = [
@@ -208,7 +208,7 @@ def _unpack(file: Path, folder: Path, read_keys: Callable[[Path], object]) -> li
 
 
 def _require_sound(folder: Path, read_keys: Callable[[Path], object]) -> None:
-    """Raise ValueError where journal or keys were damaged before they were backed up."""
+    """Raise ValueError if journal or keys were damaged before the backup."""
     place = (folder / JOURNAL).absolute().as_uri()
     try:
         with closing(sqlite3.connect(f"{place}?mode=ro&immutable=1", uri=True)) as journal:
@@ -232,7 +232,7 @@ def _chunks(content: IO[bytes]) -> Iterable[bytes]:
 
 
 def _write(path: Path, content: IO[bytes], entry: tarfile.TarInfo) -> str:
-    """Write one file; returns its digest. ValueError where a file has the name of a folder."""
+    """Write one file; return its digest. Raises ValueError if a file has the name of a folder."""
     try:
         make_folder(path.parent, OWNED)
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE)

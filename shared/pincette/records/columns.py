@@ -1,4 +1,4 @@
-"""Samples joined by their number into columns: what a record holds, declared once."""
+"""Samples joined by their number into columns: the content of a record, declared once."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ from pincette.records.schemas import scalar_of
 
 @dataclass(frozen=True, slots=True)
 class Column(Field):
-    """One column, and the message and field that it comes from."""
+    """A column, and the message and field that it comes from."""
 
     message: type[Message]
     field: str
@@ -44,8 +44,7 @@ class Column(Field):
 def _column(
     message: type[Message], name: str, meaning: str, field: str = "", arm: int = 0
 ) -> Column:
-    """A column of a message's field, or else of that of an arm, which has the column's name unless
-    one is given."""
+    """Return a column of a message's field, or of an arm's field of the same name by default."""
     field = field or name
     own = field in message.__struct_fields__
     kind = KINDS.get(scalar_of(message if own else ARMS[message], field), "text")
@@ -53,7 +52,7 @@ def _column(
 
 
 def _of_second(message: type[Message], name: str, meaning: str, field: str) -> Column:
-    """A column of the second arm, or of the part that two arms hold."""
+    """Return a column of the second arm, or of the part that two arms hold."""
     return _column(message, name, meaning, field, 1)
 
 
@@ -70,7 +69,7 @@ ARMS: Mapping[type[Message], Any] = {
     Telemetry: ArmTelemetry,
     GroundTruth: ArmTruth,
 }
-"""Records that a message has in its field ``arms``."""
+"""Records in the field ``arms`` of each message."""
 COLUMNS = (
     _column(Position, "sensor_t_s", "the sensor's own time of the sample", "t_s"),
     _column(Position, "x_um", "measured position of the tip, x"),
@@ -169,14 +168,17 @@ SECOND_COLUMNS = (
         GroundTruth, "true_part_um", "simulated rig: where the first arm touches", "part_um"
     ),
 )
-"""Beside those, of a rig of two arms."""
+"""Further columns of a rig with two arms."""
 Columns = Mapping[str, list[Any]]
 RUNNING = ("armed", "idle")
 """States of the actuator in which a simulated rig counts a voltage for each tick."""
 
 
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
-    """Columns of one epoch up to the end of the arming, a row for each seq; None: never came."""
+    """Return the columns of one epoch up to the end of the arming, one row for each seq.
+
+    None: missing.
+    """
     # The last message of a kind and number counts; one with a negative seq is no sample.
     found: dict[type[Message], dict[int, Message]] = {}
     truths: list[GroundTruth] = []
@@ -209,7 +211,7 @@ def table_of(
     *,
     two: bool,
 ) -> dict[str, list[Any]]:
-    """Columns of samples by kind and number, a row for each of ``numbers``.
+    """Return columns of samples by type and number, one row for each of ``numbers``.
 
     ``two``: with the columns of the second arm.
     """
@@ -244,19 +246,19 @@ def _reader(column: Column) -> Callable[[Any], Any]:
 
 
 def _cell(value: Any) -> Any:
-    """A value as a column holds it: codes as texts, several with a space between."""
+    """Return a value as a column holds it: codes as texts, several separated by a space."""
     if isinstance(value, tuple):
         return " ".join(cast("tuple[str, ...]", value))
     return str(value) if isinstance(value, str) else value
 
 
 def last_seq(applied: Iterable[Applied]) -> int | None:
-    """The sample with which an arming was over; None while it goes on."""
+    """Return the last sample of an arming; None while it continues."""
     return min((item.seq for item in applied if item.final and item.seq >= 0), default=None)
 
 
 def missed(table: Columns) -> int:
-    """Numbers between the first and the last sample that never came."""
+    """Return the numbers between the first and the last sample that are missing."""
     numbers = table["seq"]
     return numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
 
@@ -264,7 +266,7 @@ def missed(table: Columns) -> int:
 def number_truths(
     truths: Sequence[GroundTruth], applied: Mapping[int, Applied]
 ) -> dict[int, GroundTruth]:
-    """Truths by the number of their sample, the first truth belonging to the first tick."""
+    """Return true states by the number of their sample; the first belongs to the first tick."""
     # A simulated rig knows no sample numbers: it counts the voltages that were written to it. In
     # lockstep every tick writes; in real time one without a command does not. Once the actuator has
     # tripped it writes as often as it likes, and truths are left out.
@@ -287,7 +289,7 @@ def number_truths(
 
 
 def numbers_every_tick(messages: Iterable[Applied | GroundTruth]) -> bool:
-    """Whether the truths of an epoch number every tick, not those alone that had a command."""
+    """Return whether the true states number every tick, not only those with a command."""
     lowest: int | None = None
     highest, newest, tripped = 0, -1, None
     for message in messages:

@@ -1,4 +1,4 @@
-"""Samples as CSV, for tools that read nothing else; a line at a time, whatever their number."""
+"""Samples as CSV, written line by line for any number of samples."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,7 +11,7 @@ from pincette.records import number_table, parquet
 
 MEDIA_TYPE = "text/csv; charset=utf-8"
 ROWS = 2048
-"""Rows that are in memory at once."""
+"""Number of rows in memory at once."""
 NUMBERS = "numbers.csv"
 """Name of the samples as numbers alone."""
 WORDS: Mapping[str, Iterable[str]] = {
@@ -25,7 +25,7 @@ WORDS: Mapping[str, Iterable[str]] = {
 
 
 def csv_rows(path: Path) -> Iterator[str]:
-    """Lines of a CSV from a Parquet file of samples; raises OSError before the first line."""
+    """Return the CSV lines of a Parquet file of samples; raises OSError before the first line."""
     return _lines(parquet.opened(path))
 
 

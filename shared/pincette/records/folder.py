@@ -28,11 +28,11 @@ TIMING = "timing.json"
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 REPORT = "report.html"
 PINNED = ".pinned"
-"""File that marks a record which is kept, whatever its age."""
+"""File that marks a record to be kept, whatever its age."""
 CLOCK_AGREED = ".clock-agreed"
 """File by which a person agrees to the time of day after it has stepped."""
 DOOMED = ".deleted-"
-"""Begin of the name that a folder has while it is being deleted."""
+"""Beginning of a folder's name while it is being deleted."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
@@ -72,7 +72,7 @@ class SamplesDraft:
         self._draft = path.with_name(path.name + DRAFT)
         self._writer: parquet.Writer | None = None
         self._rows = 0
-        """Rows that were added."""
+        """Number of rows that were added."""
 
     def add(self, table: Columns) -> None:
         """Add rows; raises OSError."""
@@ -80,7 +80,7 @@ class SamplesDraft:
         self._rows += len(table["seq"])
 
     def _opened(self) -> parquet.Writer:
-        """The writer of the draft, which begins with the rows of a table published earlier."""
+        """Return the writer of the draft, beginning with the rows of a table published earlier."""
         if self._writer is None:
             self._writer = parquet.writer(self._draft, self._fields, self._about)
             if self._rows:
@@ -88,10 +88,10 @@ class SamplesDraft:
         return self._writer
 
     def publish(self, rest: Columns, about: Mapping[str, str]) -> None:
-        """Let the rows so far, and those of ``rest``, take the place of the table at once.
+        """Replace the published table by all rows so far and those of ``rest``.
 
         ``about`` is the metadata of the table. More rows may be added later, those of ``rest``
-        among them. Raises OSError.
+        among them.
         """
         writer = self._opened()
         writer.add(rest)
@@ -127,18 +127,18 @@ def write_burst(
 
 
 def write_json(path: Path, tree: Mapping[str, Any]) -> None:
-    """Write a document that people read."""
+    """Write a JSON document for people."""
     text = json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False)
     replace_file(path, f"{text}\n".encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file as it is."""
+    """Write the bytes of a file."""
     replace_file(path, content)
 
 
 def pin(folder: Path, *, pinned: bool) -> None:
-    """Mark a record that is not to be deleted for its age, or take the mark away."""
+    """Mark a record to be kept whatever its age, or remove the mark."""
     if pinned:
         make_folder(folder)
         (folder / PINNED).touch()
@@ -155,7 +155,7 @@ def agree_to_clock(records: Path) -> None:
 
 
 def delete(records: Path, name: str) -> None:
-    """Delete a record; at once it is no longer found under its name. Raises OSError."""
+    """Delete a record; from the beginning it is no longer found under its name. Raises OSError."""
     grave = records / f"{DOOMED}{name}"
     (records / name).rename(grave)
     sync_folder(records)
@@ -163,12 +163,12 @@ def delete(records: Path, name: str) -> None:
 
 
 def media_type(name: str) -> str | None:
-    """Media type of a file of a record; None where a record has no such file."""
+    """Return the media type of a file of a record; None if a record has no such file."""
     return MEDIA_TYPES.get(name) or PICTURES.get(Path(name).suffix)
 
 
 def artifacts(folder: Path) -> list[dict[str, Any]]:
-    """Files of a record, each with its size and SHA-256."""
+    """Return the files of a record, each with its size and SHA-256."""
     found: list[dict[str, Any]] = []
     pictures = sorted(path.name for end in PICTURES for path in folder.glob(f"*{end}"))
     for name in (*MEDIA_TYPES, *pictures):
@@ -186,7 +186,7 @@ def artifacts(folder: Path) -> list[dict[str, Any]]:
 
 @lru_cache(maxsize=512)
 def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
-    """Of a file; read again only where its size or its time is another."""
+    """Return the SHA-256 of a file, which is read again only if its size or time has changed."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -194,11 +194,9 @@ def _sha256(path: Path, _size: int, _changed_ns: int) -> str:
 def write_manifest(
     folder: Path, about: Mapping[str, Any], names: Collection[str] | None = None
 ) -> None:
-    """Write which files the record has, whose they are, and whether the record is complete.
+    """Write the manifest: the files of the record, its owner, and whether it is complete.
 
-    Called when all of these files are on the disk. ``names``: the files to list as they are now;
-    the entries of all others stay as the present manifest has them. None: all files.
-    Raises OSError.
+    Called when all of these files are on the disk. ``names``: the files to list as they are now.
     """
     files = [
         entry
@@ -211,7 +209,7 @@ def write_manifest(
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest; empty where there is none that can be read."""
+    """Return the manifest; empty if there is none that can be read."""
     with suppress(OSError, ValueError):
         tree: Any = json.loads((folder / MANIFEST).read_bytes())
         if isinstance(tree, dict):

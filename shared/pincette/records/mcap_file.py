@@ -30,37 +30,38 @@ ABOUT, TIMES, CLOSING = "record", "times", "closing"
 CHUNK_BYTES = 65_536
 CHUNK_NS = 250_000_000
 INDEXED_CHUNKS = 20_000
-"""Chunks of a file with an index; at four chunks a second they are an hour and twenty minutes."""
+"""Largest number of chunks of a file with an index; at four chunks a second they last 80 minutes.
+"""
 SEQUENCE_LIMIT = 2**32
 
 
 class Unbuffered:
-    """A file whose every write is the operating system's before it returns."""
+    """A file whose writes reach the operating system before they return."""
 
     def __init__(self, path: Path, mode: str = "xb") -> None:
         self._path = path
         self._file: IO[bytes] = cast("IO[bytes]", path.open(mode, buffering=0))
 
     def write(self, data: bytes) -> int:
-        """Write all of it; raises OSError where the disk takes less."""
+        """Write all bytes; raises OSError if the disk takes fewer."""
         left = memoryview(data)
         while left:
             left = left[self._file.write(left) :]
         return len(data)
 
     def tell(self) -> int:
-        """Where the next byte goes."""
+        """Return the position of the next byte."""
         return self._file.tell()
 
     def flush(self) -> None:
-        """Nothing is kept back."""
+        """Do nothing, since nothing is buffered."""
 
     def sync(self) -> None:
         """Wait until the file is on the disk; raises OSError."""
         os.fsync(self._file.fileno())
 
     def require_in_place(self) -> None:
-        """Raise OSError if its path does not lead to this file any more."""
+        """Raise OSError if its path no longer leads to this file."""
         own = os.fstat(self._file.fileno())
         try:
             found = self._path.stat()
@@ -95,7 +96,7 @@ class Chunks:
         self._indexed = True
 
     def bound(self) -> None:
-        """Give the index up where it is too long; called after a chunk was closed."""
+        """Drop the index if it is too long; called after a chunk was closed."""
         index: list[Any] = self._state["_Writer__chunk_indices"]
         if self._indexed and len(index) <= INDEXED_CHUNKS:
             return
@@ -130,12 +131,12 @@ class McapFile:
         self._newest_ns = start_ns
         self._first_truth: int | None = None
         self._oldest_ns: int | None = None
-        """Arrival of the oldest message of the chunk that is being filled."""
+        """Arrival of the oldest message in the chunk that is being filled."""
         self._bytes = 0
         self.chunks = 0
         """Number of chunks that were closed and passed to the operating system."""
         self.counts: Counter[str] = Counter()
-        """Messages written, by topic."""
+        """Number of written messages, by topic."""
         self._begin = {record_times.BEGIN: utc_text(start_ns)}
         self._writer.add_metadata(ABOUT, {**about, **self._begin})
 
@@ -154,7 +155,7 @@ class McapFile:
         return self._writer.register_channel(topic.name, "protobuf", number, metadata)
 
     def attach(self, name: str, media_type: str, content: bytes, at_ns: int) -> None:
-        """Put a whole file into the record; raises OSError."""
+        """Attach a whole file to the record; raises OSError."""
         self._writer.add_attachment(at_ns, at_ns, name, media_type, content)
 
     def add(self, message: Message, arrival_ns: int) -> None:
@@ -202,7 +203,7 @@ class McapFile:
         return time_ns
 
     def flush_aged(self, now_ns: int) -> None:
-        """Close the chunk where its oldest message is a quarter of a second old."""
+        """Close the chunk if its oldest message is a quarter of a second old."""
         if self._oldest_ns is not None and now_ns - self._oldest_ns >= CHUNK_NS:
             self.flush()
 
@@ -221,7 +222,7 @@ class McapFile:
         return self._stream.duplicate()
 
     def finish(self, closing: Mapping[str, str]) -> None:
-        """Write how it ended and the summary, and close.
+        """Write how the record ended and the summary, and close the file.
 
         Raises OSError, also if the file is not at its path any more.
         """
@@ -233,5 +234,5 @@ class McapFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Close it as it stands, where the disk takes no more."""
+        """Close the file as it is if the disk takes no more."""
         self._stream.close()

@@ -19,30 +19,30 @@ from pincette.records.schemas import SCHEMAS, unpacker
 
 MAGIC = b"\x89MCAP0\r\n"
 LONGEST_BYTES = 256 * 2**20
-"""A longer record of the file's own is a sign of a broken one."""
+"""Length above which a record of the file format is taken for damage."""
 BROKEN = (McapError, ZstdError, struct.error, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What a record holds."""
+    """Content of a record."""
 
     about: dict[str, str]
-    """Whose it is; see ``results.archive.about``."""
+    """Metadata of the record; see ``results.archive.about``."""
     closing: dict[str, str] | None
-    """How it ended; None where it is not closed."""
+    """How the record ended; None if it is not closed."""
     messages: list[Message] = field(repr=False)
-    """In order of arrival."""
+    """Messages in order of arrival."""
     attachments: dict[str, bytes] = field(default_factory=dict[str, bytes], repr=False)
 
     @property
     def period_s(self) -> float:
-        """Control period; raises KeyError where the record does not have it."""
+        """Return the control period; raises KeyError if the record lacks it."""
         return float(self.about["period_s"])
 
 
 def is_closed(path: Path) -> bool:
-    """Whether a record has its end, by the last bytes of the file; raises OSError."""
+    """Return whether a record has its end, by the last bytes of the file; raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         if size < 2 * MAGIC_SIZE:
@@ -52,7 +52,7 @@ def is_closed(path: Path) -> bool:
 
 
 def entries(path: Path) -> Iterator[mcap.McapRecord]:
-    """All entries in order, up to the end or to where the file breaks off; raises OSError."""
+    """Yield all entries in order, up to the end or to the damage; raises OSError."""
     with path.open("rb") as file:
         reader = StreamReader(file, validate_crcs=True, record_size_limit=LONGEST_BYTES)
         try:
@@ -116,7 +116,7 @@ class Decoder:
 
 
 def read_about(path: Path) -> dict[str, str]:
-    """Read whose a record is, from the begin of the file; raises OSError."""
+    """Read the metadata at the beginning of a record; raises OSError."""
     for entry in entries(path):
         if isinstance(entry, mcap.Metadata):
             return entry.metadata
@@ -124,7 +124,7 @@ def read_about(path: Path) -> dict[str, str]:
 
 
 def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
-    """Read whose a record is and how it ended, without its samples; raises OSError."""
+    """Read the metadata of a record and how it ended, without its samples; raises OSError."""
     found: list[mcap.Metadata] = []
     if is_closed(path):
         with path.open("rb") as file, suppress(*BROKEN):

@@ -1,4 +1,4 @@
-"""Columns as Parquet, each with its unit and its meaning; the only file that imports pyarrow."""
+"""Columns as Parquet, each with its unit and meaning; the only module that imports pyarrow."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ Kind = Literal["float", "int", "bool", "text"]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """What a column is."""
+    """Properties of a column."""
 
     name: str
     unit: str
@@ -26,9 +26,9 @@ COLUMNS = "columns"
 KINDS: Mapping[str, Kind] = {"double": "float", "int64": "int", "bool": "bool", "string": "text"}
 """Kind of a column by the name of its type in Arrow."""
 PART_ROWS = 8192
-"""Rows that are read at once where a table is read part by part."""
+"""Number of rows that are read at once if a table is read in parts."""
 GROUP_ROWS = 65_536
-"""Rows of a row group at least. So many are in memory; a file has few groups."""
+"""Smallest number of rows in a row group. So many are in memory; a file has few groups."""
 
 
 class Writer:
@@ -141,7 +141,7 @@ def write(
 
 
 def opened(path: Path) -> Any:
-    """A table, to be read by parts; raises OSError where it cannot be."""
+    """Open a table to read it in parts; raises OSError if it cannot be read."""
     return _pyarrow()[1].ParquetFile(path)
 
 
@@ -174,7 +174,7 @@ def texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
 
 
 def parts(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str, list[Any]]]:
-    """Read a table part by part; raises OSError, or ValueError where it is no table."""
+    """Read a table part by part; raises OSError, or ValueError if it is no table."""
     source = opened(path)
     try:
         for batch in source.iter_batches(PART_ROWS, columns=columns):
@@ -184,7 +184,7 @@ def parts(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str
 
 
 def _pyarrow() -> tuple[Any, Any]:
-    """The package, which carries no types, and its part for files."""
+    """Return the package, which has no types, and its module for files."""
     # Loaded with the first table: a tenth of the start of a program that may never see one.
     import pyarrow.parquet
 

@@ -35,7 +35,7 @@ class RecordTimes:
     """
 
     def __init__(self, about: Mapping[str, str], period_s: float) -> None:
-        """``about``: metadata of the record, which states its begin."""
+        """``about``: metadata of the record, which states its beginning."""
         self._begin_at, self._period_ns = about.get(BEGIN), round(period_s * 1e9)
         self._sample_0_ns: int | None = None
         self._end_ns: int | None = None

@@ -19,7 +19,7 @@ from pincette.core.messages import (
 from pincette.records.columns import RUNNING, columns, table_of
 
 ROWS = 8192
-"""Rows of a block. A row is complete once so many later ones have begun."""
+"""Number of rows in a block. A row is complete once so many later ones have begun."""
 NAMES: Mapping[type[Message], str] = {
     Position: "position",
     Estimate: "estimate",
@@ -44,7 +44,7 @@ class RowBlocks:
         self._next = 0
         """Lowest number of a row that was not given out."""
         self.given = 0
-        """Rows that were given out."""
+        """Number of rows that were returned."""
         self.two_arms = False
         """Whether the actuator has reported a second arm."""
         self._over: int | None = None
@@ -77,11 +77,11 @@ class RowBlocks:
 
     @property
     def full(self) -> bool:
-        """Whether a block can be taken."""
+        """Return whether a block can be taken."""
         return max(map(len, self._samples.values()), default=0) >= 2 * self._rows
 
     def take(self) -> dict[str, list[Any]]:
-        """Give out the oldest block as columns, and forget its messages."""
+        """Return the oldest block as columns, and forget its messages."""
         seqs = sorted({seq for samples in self._samples.values() for seq in samples})
         table = self._table(seqs[: self._rows])
         self._next = seqs[: self._rows][-1] + 1
@@ -94,7 +94,7 @@ class RowBlocks:
         return table
 
     def rest(self) -> dict[str, list[Any]]:
-        """Columns of the rows that were not given out; they stay."""
+        """Return the columns of the remaining rows, which stay."""
         if not self._next:
             messages = [one for samples in self._samples.values() for one in samples.values()]
             return columns([*messages, *self._truths.values()], self._period_s)
@@ -107,7 +107,7 @@ class RowBlocks:
 
     @property
     def missing(self) -> dict[str, int]:
-        """Samples that were sent and never came, as others prove, by topic."""
+        """Return the number of samples that were sent and never arrived, by topic."""
         # A sample that is derived from another proves that the other was sent: an estimate its
         # position, the telemetry of a playing program its estimate, an answered tick its command,
         # and an estimate the applied voltage that it names.

@@ -1,4 +1,4 @@
-"""Messages as Protocol Buffers, by descriptors that are made of the messages' classes."""
+"""Messages as Protocol Buffers, by descriptors made from the messages' classes."""
 
 # Other tools can decode a record with what is in it. Names, units included, are those of the
 # classes. ``float | None`` becomes an optional field, a class with fields a nested message, a tuple
@@ -31,12 +31,12 @@ _SCALARS: dict[type[inspect.Type], Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Schema(Generic[M]):
-    """How one message is written and read."""
+    """How one type of message is written and read."""
 
     name: str
     """Full name of the Protobuf message."""
     descriptor: bytes
-    """A ``FileDescriptorSet``, as MCAP wants it."""
+    """A ``FileDescriptorSet``, as MCAP requires."""
     pack: Callable[[M], bytes]
     unpack: Callable[[bytes], M]
 
@@ -69,7 +69,10 @@ def _schema(kind: type[M]) -> Schema[M]:
 
 
 def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
-    """How a message is read by the schema of its own, older file; ValueError: a field lacks."""
+    """Return a reader of messages by the schema of an older file.
+
+    Raises ValueError for a missing field.
+    """
     known = SCHEMAS[topic]
     if descriptor == known.descriptor:
         return known.unpack
@@ -93,7 +96,10 @@ def _fields(kind: type) -> tuple[inspect.Field, ...]:
 
 
 def scalar_of(kind: type[Message], field: str) -> type[inspect.Type]:
-    """The type of a message's field, or of its values where it is optional; repeated ones apart."""
+    """Return the type of a message's field, or of its values if it is optional.
+
+    Repeated ones apart.
+    """
     (node,) = (item.type for item in _fields(kind) if item.name == field)
     plain, _, repeated = _plain(node)
     return inspect.VarTupleType if repeated else type(plain)
@@ -201,13 +207,13 @@ def _is_none(node: inspect.Type) -> bool:
 
 
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
-    """Whether two names have one form in JSON, as ``cycles`` and ``cycle_s``: no proto3 then."""
+    """Return whether two names have one form in JSON, as ``cycles`` and ``cycle_s``: no proto3."""
     names = [field.name.replace("_", "").lower() for field in described.field]
     return len(set(names)) < len(names) or any(_alike(inner) for inner in described.nested_type)
 
 
 def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
-    """Make optional fields those of proto2, where every field is one."""
+    """Turn optional fields into those of proto2, in which every field is optional."""
     # A message that stands for a union has no optional fields, and keeps its choice.
     if any(field.proto3_optional for field in described.field):
         for field in described.field:
@@ -219,7 +225,7 @@ def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
 
 
 def _plain(node: inspect.Type) -> tuple[inspect.Type, bool, bool]:
-    """Type without its frame, whether it may be None, whether there are several."""
+    """Return the inner type, whether it may be None, and whether there are several."""
     match node:
         case inspect.UnionType():
             inner = [item for item in node.types if not _is_none(item)]
@@ -234,7 +240,7 @@ def _plain(node: inspect.Type) -> tuple[inspect.Type, bool, bool]:
 
 
 def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
-    """From a Protobuf message of a file's descriptor, or the present one, back to ours."""
+    """Return a reader from a Protobuf message, by a file's descriptor or the present one."""
     # Fields that an older file does not know get their defaults; KeyError where one has none.
     there = None if described is None else described.fields_by_name
     takes: dict[str, Callable[[Any], Any]] = {}
@@ -292,4 +298,4 @@ def _same(value: Any) -> Any:
 
 
 SCHEMAS: dict[str, Schema[Any]] = {topic.name: _schema(topic.message) for topic in TOPICS}
-"""For each topic, by its name."""
+"""Schema of each topic, by its name."""

@@ -1,4 +1,4 @@
-"""The tables of a record, made from its messages part by part, and what they lack."""
+"""The tables of a record, made from its messages part by part, and their gaps."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ NO_PERIOD = "the record does not say its control period: no table can be made of
 
 
 class Tables:
-    """The tables of one record, while its messages come; memory is bounded.
+    """The tables of one record while its messages arrive; memory is bounded.
 
     Samples beyond the newest rows are written at once, to a draft beside the table.
     """
@@ -59,7 +59,7 @@ class Tables:
             self._trouble = error  # told with the table
 
     def write(self) -> list[str]:
-        """Write the tables of what has come so far; returns what is wrong; raises OSError."""
+        """Write the tables of what has arrived so far; return what is wrong; raises OSError."""
         if self._trouble is not None:
             raise self._trouble
         about = {**self._about, **self.times}
@@ -82,12 +82,12 @@ class Tables:
 
     @property
     def times(self) -> dict[str, str]:
-        """UTC times of the record so far; see ``RecordTimes.texts``."""
+        """Return the UTC times of the record so far; see ``RecordTimes.texts``."""
         return self._times.texts()
 
     @property
     def missing(self) -> dict[str, int]:
-        """Samples that were sent and never came, as others prove, by topic."""
+        """Return the number of samples that were sent and never arrived, by topic."""
         return self._rows.missing
 
     def close(self) -> None:
@@ -144,7 +144,10 @@ class Joined:
 
 
 def joined(messages: Iterable[Message]) -> Joined | None:
-    """Join the bursts of one epoch; None without one; ValueError where one lacks or is invalid."""
+    """Join the bursts of one epoch.
+
+    None without one; raises ValueError if one is missing or invalid.
+    """
     bursts = {message.seq: message for message in messages if isinstance(message, Burst)}
     if not bursts:
         return None
@@ -162,7 +165,7 @@ def joined(messages: Iterable[Message]) -> Joined | None:
 
 
 def lost(messages: Iterable[Message]) -> dict[str, int]:
-    """How many samples of an epoch were sent and never came, by topic, as others prove."""
+    """Return the number of samples of an epoch that were sent and never arrived, by topic."""
     rows = RowBlocks(1.0)
     for message in messages:
         rows.add(message)

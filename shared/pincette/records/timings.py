@@ -1,4 +1,4 @@
-"""How punctual each program was, out of the histograms that it timing."""
+"""Timing of each program, from its histograms."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -12,7 +12,7 @@ QUANTITIES = ("lateness", "age", "execution")
 
 
 def spread(counted: Distribution) -> Spread:
-    """Quantiles of a histogram."""
+    """Return quantiles of a histogram."""
     return Spread(
         count=counted.count,
         p50_s=counted.quantile_s(0.5),
@@ -23,7 +23,7 @@ def spread(counted: Distribution) -> Spread:
 
 
 def program_timing(timing: Timing) -> ProgramTiming:
-    """Timing of a program, as quantiles."""
+    """Return the timing of a program, as quantiles."""
     return ProgramTiming(
         program=timing.service,
         epoch=timing.epoch,
@@ -36,14 +36,14 @@ def program_timing(timing: Timing) -> ProgramTiming:
 
 
 def loop_timing(messages: Iterable[Message]) -> LoopTiming | None:
-    """What each program has told last, in the order of a tick; None where none has timing."""
+    """Return the last timing of each program, in the order of a tick; None if none has any."""
     newest = {message.service: message for message in messages if isinstance(message, Timing)}
     programs = [program_timing(newest[name]) for name in LOOP if name in newest]
     return LoopTiming(programs=programs) if programs else None
 
 
 def rows(timing: LoopTiming) -> Iterator[dict[str, Any]]:
-    """A row for each program and quantity that was counted."""
+    """Return a row for each program and counted quantity."""
     for one in timing.programs:
         for quantity in QUANTITIES:
             found: Spread = getattr(one, quantity)

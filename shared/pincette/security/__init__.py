@@ -1,1 +1,1 @@
-"""Who is who on the bus, and what each may do there."""
+"""Identities on the bus, and their rights."""

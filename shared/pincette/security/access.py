@@ -28,7 +28,7 @@ ANSWERS = ("declare_queryable", "reply")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What may pass a link in one direction: kinds of messages, on some keys."""
+    """A rule of a link in one direction: kinds of messages on some keys."""
 
     flow: Flow
     messages: tuple[str, ...]
@@ -36,27 +36,27 @@ class Rule:
 
 
 Access = Mapping[str, tuple[Rule, ...]]
-"""Rules of one node, by the name in the certificate at the other end."""
+"""Rules of one node, by the name in the certificate of the other end."""
 
 
 def router_access(identities: Iterable[Identity]) -> Access:
-    """What a router lets pass from and to each identity that it knows."""
+    """Return what a router lets pass from and to each identity that it knows."""
     return {one.name: _of_router(rights(one)) for one in identities if one.role not in ROUTERS}
 
 
 def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
-    """What a router lets pass from and to another router: what any identity beyond it may do."""
+    """Return what a router lets pass from and to another router: all rights beyond that one."""
     return {router.name: _of_router(united(map(rights, beyond)))}
 
 
 def beyond_upstream(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
-    """Identities beyond a laboratory server's router: people, and if ``apart`` its own programs."""
+    """Return identities beyond a laboratory server's router: people, if ``apart`` its programs."""
     served = {SUPERVISOR, program("recorder", rig).name} if apart else set[str]()
     return tuple(one for one in known if one.role in PEOPLE or one.name in served)
 
 
 def beyond_rig(known: Iterable[Identity], rig: str, *, apart: bool) -> tuple[Identity, ...]:
-    """Identities beyond a rig's router, as seen from that of a laboratory server."""
+    """Return identities beyond a rig's router, as seen from that of a laboratory server."""
     known = tuple(known)
     other = {one.name for one in beyond_upstream(known, rig, apart=apart) if one.role not in PEOPLE}
     own = (one for one in known if one.rig in ("", rig) and one.role not in ROUTERS)
@@ -129,21 +129,21 @@ def _from_partner(service: Participant, partner: Participant, rig: str) -> tuple
 
 
 def _between(giver: Participant, taker: Participant, rig: str) -> tuple[str, ...]:
-    """Keys of what one program takes of another."""
+    """Return the keys of what one program takes from another."""
     given = member_services(giver.name)
     wanted = {item.topic for item in taker.inputs if item.topic.producer in given}
     return tuple(sorted(key(rig, topic) for topic in wanted))
 
 
 def client_access(server: Identity) -> Access:
-    """What a client lets pass: everything of its server, and nothing of others."""
+    """Return what a client lets pass: everything from its server, and nothing from others."""
     every = (f"{NAMESPACE}/**",)
     messages = ("put", "declare_subscriber", "query", *ANSWERS, "liveliness_token", *LOOKS)
     return {server.name: (_in(messages, every), _out(messages, every))}
 
 
 def as_settings(access: Access) -> dict[str, Any]:
-    """The list in the words of Zenoh's configuration."""
+    """Return the list in the format of Zenoh's configuration."""
     rules: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
     for name, granted in access.items():

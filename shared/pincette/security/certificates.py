@@ -1,4 +1,4 @@
-"""Certificates of an own authority: P-256, SHA-256, X.509 version 3 after RFC 5280."""
+"""Certificates of an authority of one's own: P-256, SHA-256, X.509 version 3 after RFC 5280."""
 
 # A program that serves may be connected to at the hosts that its certificate names; a person's
 # certificate names none, so that it is not taken for a program's.
@@ -23,7 +23,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from pincette.security.identity import AUTHORITY, Identity
 
 CLOCKS_DIFFER = timedelta(hours=1)
-"""By how much the clocks of two hosts may differ before a fresh certificate is not believed."""
+"""Difference of two hosts' clocks up to which a fresh certificate is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a certificate says."""
+    """Content of a certificate."""
 
     identity: Identity
     hosts: tuple[str, ...]
@@ -61,7 +61,10 @@ def new_authority(now: datetime, days: float) -> Pair:
 def issue(
     authority: Pair, identity: Identity, hosts: Sequence[str], now: datetime, days: float
 ) -> Pair:
-    """Sign a certificate with a new key, ending with the authority's at latest; ValueError."""
+    """Sign a certificate with a new key, valid at most as long as the authority.
+
+    Raises ValueError.
+    """
     signer = load_pem_private_key(authority.private_key, None)
     if not isinstance(signer, ec.EllipticCurvePrivateKey):
         raise ValueError("the authority's key is of another kind: wanted an elliptic curve")  # noqa: TRY004  a bad file
@@ -87,7 +90,7 @@ def issue(
 
 
 def read(certificate: bytes) -> Facts:
-    """What a certificate says; raises ValueError where it is none, or not of this kind."""
+    """Return the content of a certificate; raises ValueError if it is none, or not of this kind."""
     found = x509.load_pem_x509_certificate(certificate)
     names = (NameOID.COMMON_NAME, NameOID.ORGANIZATIONAL_UNIT_NAME)
     attributes = [found.subject.get_attributes_for_oid(name) for name in names]
@@ -106,7 +109,7 @@ def read(certificate: bytes) -> Facts:
 
 
 def signed_by(certificate: bytes, authority: bytes) -> bool:
-    """Whether an authority has signed a certificate; raises ValueError where one is none."""
+    """Return whether an authority has signed a certificate; raises ValueError for invalid ones."""
     above = x509.load_pem_x509_certificate(authority)
     try:
         x509.load_pem_x509_certificate(certificate).verify_directly_issued_by(above)
@@ -116,7 +119,7 @@ def signed_by(certificate: bytes, authority: bytes) -> bool:
 
 
 def belongs(pair: Pair) -> bool:
-    """Whether a private key is a certificate's; raises ValueError where one cannot be read."""
+    """Return whether a private key belongs to a certificate; raises ValueError if unreadable."""
     key = load_pem_private_key(pair.private_key, None)
     return key.public_key() == x509.load_pem_x509_certificate(pair.certificate).public_key()
 

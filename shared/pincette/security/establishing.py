@@ -1,4 +1,4 @@
-"""Identities that a folder of certificates begins with, and those that are added later."""
+"""Initial identities of a folder of certificates, and those that are added later."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
@@ -18,7 +18,7 @@ from pincette.security.identity import (
 )
 
 AUTHORITY_DAYS, DAYS = 3650.0, 730.0
-"""How long the authority and a certificate hold."""
+"""Validity of the authority and of a certificate."""
 LOOPBACK = ("127.0.0.1", "localhost")
 README = "README.txt"
 EXPLAINED = """\
@@ -49,7 +49,7 @@ def establish(
     days: float = DAYS,
     composed: Sequence[str] = (),
 ) -> None:
-    """Begin a folder with the programs of rigs, a viewer and an operator; raises SecurityError."""
+    """Create a folder for the programs of rigs, a viewer and an operator; raises SecurityError."""
     wanted = [
         program(ROUTER, ""),
         program(SUPERVISOR, ""),
@@ -70,7 +70,7 @@ def enrol(
     days: float = DAYS,
     composed: Sequence[str] = (),
 ) -> tuple[Identity, ...]:
-    """Add the programs of a rig, or to a known one its composed programs; raises SecurityError."""
+    """Add the programs of a rig, or the composed programs of a known one; raises SecurityError."""
     wanted = programs_of(rig, composed)
     if composed and rig in folder.rigs():
         wanted = tuple(one for one in wanted if one.role in composed)
@@ -81,14 +81,14 @@ def enrol(
 def enrol_upstream(
     folder: Folder, hosts: Sequence[str], now: datetime, days: float = DAYS
 ) -> Identity:
-    """Add the router of a laboratory server, reached at some hosts; raises SecurityError."""
+    """Add the router of a laboratory server with its hosts; raises SecurityError."""
     identity = program(UPSTREAM, "")
     _issue(folder, [identity], hosts, now, days)
     return identity
 
 
 def due(folder: Folder, now: datetime) -> Iterator[Identity]:
-    """Identities whose certificates end soon, or have ended."""
+    """Return identities whose certificates end soon, or have ended."""
     return (facts.identity for facts in folder.all() if facts.ends - now < SOON)
 
 

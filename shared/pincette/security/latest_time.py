@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from time import CLOCK_BOOTTIME, clock_gettime
 
 LAST = datetime(9000, 1, 1, tzinfo=UTC)
-"""Latest time that is believed, so that no sum of times overflows."""
+"""Latest time that is accepted, so that no sum of times overflows."""
 
 
 def since_boot_s() -> float:
@@ -23,7 +23,7 @@ def utc() -> datetime:
 
 
 class LatestTime:
-    """The later of the time of day and of what was counted since the latest time that was seen.
+    """The later of the time of day and of the time counted since the latest time seen.
 
     Safe to use from several threads.
     """
@@ -46,18 +46,18 @@ class LatestTime:
         return wall
 
     def learn(self, seen: datetime) -> None:
-        """Take a time that an earlier program has seen."""
+        """Note a time that an earlier program has seen."""
         clock_s = self._clock_s()
         if seen > self._counted(clock_s):
             self._latest = min(seen, LAST), clock_s
 
     @property
     def ahead(self) -> timedelta:
-        """Time by which this one is ahead of the time of day."""
+        """Return by how much this time is ahead of the time of day."""
         return max(timedelta(0), self._counted(self._clock_s()) - self._wall())
 
     def agree(self) -> None:
-        """Go on from the time of day, to which a person agrees."""
+        """Continue from the time of day, which a person has confirmed."""
         self._latest = self._wall(), self._clock_s()
 
     def _counted(self, clock_s: float) -> datetime:

@@ -1,4 +1,4 @@
-"""Certificates that were withdrawn before their end: a file of their serial numbers.
+"""Certificates that were revoked before their end: a file of their serial numbers.
 
 The list ends with the SHA-256 of what is before it, so that one that was cut is no shorter list. It
 begins with the folder, so that one that is lost is not taken for one that was never needed.
@@ -15,7 +15,8 @@ from pincette.security.identity import SecurityError
 
 log = logging.getLogger("pincette")
 REVOKED = "revoked"
-"""In a folder of certificates: one serial number a line, in hex, and whose it was; then the sum."""
+"""File in a folder of certificates: one serial number a line, in hex, with its owner; then the sum.
+"""
 HEX, SUM = 16, "sha256"
 REMEDY = (
     "copy it from another machine of the rig, or from a backup; where nobody was ever revoked, "
@@ -34,7 +35,7 @@ def note_revoked(folder: Path, serial: int, name: str) -> None:
 
 
 def read_revoked(folder: Path) -> frozenset[int]:
-    """Serial numbers on the list; SecurityError where it is missing, damaged or cannot be read."""
+    """Return the listed serial numbers; raises SecurityError if the list is missing or damaged."""
     return frozenset(int(row.split()[0], HEX) for row in _rows(folder))
 
 
@@ -58,7 +59,7 @@ def _sum(rows: Sequence[str]) -> str:
 
 
 def _write(folder: Path, rows: Sequence[str]) -> None:
-    """Write the list whole or not at all."""
+    """Write the list completely or not at all."""
     place = folder / REVOKED
     try:
         replace_file(place, "".join(f"{row}\n" for row in (*rows, _sum(rows))).encode("ascii"))
@@ -68,9 +69,9 @@ def _write(folder: Path, rows: Sequence[str]) -> None:
 
 @dataclass(slots=True)
 class RevocationList:
-    """The list as a running program knows it: it grows, and never shrinks.
+    """The list in a running program: it grows, and never shrinks.
 
-    What cannot be read at the start is a SecurityError. Later it keeps what was known.
+    A list that cannot be read at the start is a SecurityError. Later the known entries are kept.
     """
 
     folder: Path
@@ -83,7 +84,7 @@ class RevocationList:
         self._serials = read_revoked(self.folder)
 
     def changed(self) -> bool:
-        """Read the list where it is another one than before; whether it has more on it."""
+        """Read the list if its file has changed; return whether it has more entries."""
         seen = self._stamp()
         if seen == self._seen:
             return False
@@ -99,12 +100,12 @@ class RevocationList:
         return self._serials != before
 
     def holds(self, serial: int) -> bool:
-        """Whether a certificate is on the list."""
+        """Return whether a certificate is on the list."""
         self.changed()
         return serial in self._serials
 
     def _stamp(self) -> tuple[int, int] | None:
-        """What tells one list from another; None where there is none."""
+        """Return what distinguishes two versions of the list; None if there is none."""
         try:
             found = (self.folder / REVOKED).stat()
         except OSError:

@@ -1,4 +1,4 @@
-"""What each identity may publish, receive, ask and answer, derived from topics and requests."""
+"""Rights of each identity to publish, receive, request and answer, by topics and requests."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -29,7 +29,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     VIEWER: ("status", "rig_file"),
     OPERATOR: ("status", "rig_file", "trip", "sim_command"),
 }
-"""Which questions people may ask, by name. The supervisor may ask every one, no other any."""
+"""Requests that people may send, by role. The supervisor may send all, others none."""
 ANY = "*"
 EVERY_TOPIC = topic_keys(ANY)
 """Key expressions of all topics of all rigs; they cover no request and no token."""
@@ -38,22 +38,22 @@ EVERY_TOKEN = live_key_of_any_wire(ANY)
 
 @dataclass(frozen=True, slots=True)
 class Rights:
-    """Key expressions that one identity may use, by what it does with them."""
+    """Key expressions that one identity may use, by the kind of use."""
 
     tells: tuple[str, ...] = ()
-    """Publishes on, and answers with the newest of."""
+    """Keys that it publishes, and whose newest message it returns."""
     answers: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
-    """Subscribes to, and asks for the newest of, by way of the router."""
+    """Keys that it subscribes to, and whose newest message it queries, through the router."""
     lives: tuple[str, ...] = ()
-    """Holds its token on."""
+    """Key of its own liveliness token."""
     sees: tuple[str, ...] = ()
     """Tokens that it may look at."""
 
 
 def rights(identity: Identity) -> Rights:
-    """What an identity may do; a program that composes services may do what they may."""
+    """Return the rights of an identity; a program of several services has the rights of all."""
     # A router publishes nothing of its own, and services of the loop take their inputs directly.
     role, rig = identity.role, identity.rig or ANY
     if role in ROUTERS:
@@ -75,7 +75,7 @@ def rights(identity: Identity) -> Rights:
 
 
 def united(several: Iterable[Rights]) -> Rights:
-    """What any of several may do, each key expression once."""
+    """Return the rights of several identities, each key expression once."""
     every = [*several]
     return Rights(
         *(
@@ -86,10 +86,10 @@ def united(several: Iterable[Rights]) -> Rights:
 
 
 def may_ask(role: str, question: Request) -> bool:
-    """Whether a role may ask a question."""
+    """Return whether a role may send a request."""
     return role == SUPERVISOR or question.name in ASKS.get(role, ())
 
 
 def _token(rig: str, program: str) -> str:
-    """Of any version of the wire, so that one that is to be updated is seen as well."""
+    """Return a token of any version of the wire, so that a program to be updated is visible too."""
     return f"{NAMESPACE}/*/{rig}/live/{program}"

@@ -1,4 +1,4 @@
-"""A hop over the bus: from the thread of one program to that of another, on loopback."""
+"""A hop over the bus: from the thread of one program to that of another, over loopback."""
 
 from queue import Empty, SimpleQueue
 from time import monotonic, sleep
@@ -14,14 +14,14 @@ from pincette.latency.histogram import Distribution, Histogram
 HOST = "127.0.0.1"
 RIG = "latency"
 EVERY_S = 0.005
-"""From one exchange to the next, so that both sleep in between, as in a tick."""
+"""Time between two exchanges, so that both sides sleep in between, as in a tick."""
 MATCHED_S = 5.0
 LOST_S = 1.0
-"""After which an answer does not come any more."""
+"""Time after which an answer counts as lost."""
 SETTLED = 20
-"""Exchanges that are not counted."""
+"""Number of exchanges at the beginning that are not counted."""
 Messages = SimpleQueue[Message]
-"""What comes over the bus, for the thread that waits for it."""
+"""Messages from the bus, for the thread that waits for them."""
 
 
 def echo(port: int, asker: int, for_s: float) -> None:
@@ -44,7 +44,7 @@ def echo(port: int, asker: int, for_s: float) -> None:
 
 
 def hops(port: int, for_s: float) -> Distribution:
-    """Exchange samples with the echo for a while and count half of each way there and back."""
+    """Exchange samples with the echo for some time, and count half of each round trip."""
     bus = ZenohBus(_ends(port), RIG, "asker")
     queue: Messages = SimpleQueue()
     try:
@@ -67,7 +67,7 @@ def hops(port: int, for_s: float) -> Distribution:
 
 
 def _match(bus: ZenohBus, queue: Messages) -> None:
-    """Wait until the two hear each other."""
+    """Wait until both sides receive each other's messages."""
     end_s = monotonic() + MATCHED_S
     while monotonic() < end_s:
         bus.publish(Position(1, 0, 0.0, (ArmPosition(0.0),)))
@@ -80,7 +80,7 @@ def _match(bus: ZenohBus, queue: Messages) -> None:
 
 
 def _exchange(bus: ZenohBus, queue: Messages, seq: int) -> float:
-    """Send a sample, and wait for what is made of it; how long that took, in s."""
+    """Send a sample and wait for its answer; return the duration in s."""
     began_s = monotonic()
     bus.publish(Position(1, seq, 0.0, (ArmPosition(0.0, valid=True),)))
     while True:

@@ -1,4 +1,4 @@
-"""What was measured of this machine, kept in the data folder for ``up``, ``doctor`` and jobs."""
+"""Measurements of this machine, kept in the data folder for ``up``, ``doctor`` and jobs."""
 
 import json
 import os
@@ -30,7 +30,7 @@ class Kept(NamedTuple):
 
 
 def keep(data: Path, found: Findings, measured_at: str) -> None:
-    """Keep a measurement; one under load says what the machine keeps then, and is kept as well."""
+    """Keep a measurement; one under load is kept beside that without load."""
     tree = {
         **_machine(),
         "measured_at": measured_at,
@@ -47,7 +47,7 @@ def keep(data: Path, found: Findings, measured_at: str) -> None:
 
 
 def kept(data: Path) -> Kept | None:
-    """What was measured of this very machine; None without that."""
+    """Return the measurement of this very machine; None without one."""
     try:
         tree: Any = json.loads((data / FILE).read_text(encoding="utf-8"))
         if {name: tree[name] for name in _machine()} != _machine():
@@ -64,12 +64,12 @@ def kept(data: Path) -> Kept | None:
 
 
 def how(rig: RigFile) -> str:
-    """How a person has it measured."""
+    """Return how a person can have it measured."""
     return f"`pincette latency --seconds 5 --period-s {rig.rig.period_s:g}` measures the machine"
 
 
 def asked(rig: RigFile) -> Asked:
-    """What a rig file says of its age limit, its priority and its programs."""
+    """Return what a rig file states of its age limit, its priority and its programs."""
     programs = [rig.realtime.of(*member_services(name)).priority for name in rig.programs]
     return Asked(
         rig.rig.period_s,
@@ -81,7 +81,7 @@ def asked(rig: RigFile) -> Asked:
 
 
 def changes_of(rig: RigFile, known: Kept | Findings) -> list[Change]:
-    """What to change in a rig file for this machine; by the grid nearest to its period."""
+    """Return what to change in a rig file for this machine, by the grid nearest to its period."""
     measured = _nearest(known, rig.rig.period_s)
     return changes(asked(rig), measured, known.hop, known.refused)
 
@@ -91,7 +91,7 @@ def _nearest(known: Kept | Findings, period_s: float) -> Measured:
 
 
 def words(rig: RigFile, known: Kept) -> str:
-    """What this machine keeps, for people."""
+    """Return what this machine can keep, for people."""
     measured = _nearest(known, rig.rig.period_s)
     late_ms = 1e3 * measured.lateness.max_s
     tail_ms = 1e3 * (measured.lateness.quantile_s(0.999) or 0.0)

@@ -1,4 +1,4 @@
-"""What keeps a machine busy while it is measured: a program on every processor, one on the disk."""
+"""Programs that load a machine while it is measured: one on each processor, one on the disk."""
 
 import os
 import subprocess
@@ -12,12 +12,12 @@ from pincette.core.files import temporary_folder
 
 BLOCK = 1 << 20
 BLOCKS = 64
-"""Of a mebibyte each, before the writer begins at the front again."""
+"""Number of blocks of a mebibyte that are written before the writer starts again at the front."""
 
 
 @contextmanager
 def load(for_s: float) -> Generator[None]:
-    """Keep every processor and the disk busy; after ``for_s`` the programs end by themselves."""
+    """Load every processor and the disk; after ``for_s`` the programs end by themselves."""
     wanted = [["cpu"] for _ in range(os.cpu_count() or 1)]
     with temporary_folder() as folder:
         wanted.append(["disk", str(folder / "block")])
@@ -35,7 +35,7 @@ def load(for_s: float) -> Generator[None]:
 
 
 def burn(end_s: float) -> None:
-    """Keep a processor from doing anything else."""
+    """Keep a processor busy."""
     while monotonic() < end_s:
         sum(range(10_000))
 

@@ -21,29 +21,29 @@ from pincette.latency.rule import Measured
 
 PERIODS_S = (0.02, 0.01, 0.005, 0.002, 0.001)
 HOPS_SHARE = 0.2
-"""Of the time that is given, for the hops."""
+"""Share of the time that is used for the hops."""
 START_S = 60.0
-"""Longest time that a program takes to start and to end, on a machine that is busy."""
+"""Longest time that a program takes to start and to end on a busy machine."""
 Progress = Callable[[str, float], None]
-"""Called with what is measured next, and for how long."""
+"""Function called with what is measured next, and for how long."""
 
 
 class MeasuringError(Exception):
-    """The machine could not be measured; the text says why."""
+    """The machine could not be measured; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What was measured."""
+    """Results of a measurement."""
 
     wake_ups: tuple[Measured, ...]
     hop: Distribution
     refused: str
-    """What the system does not permit of what was asked for, in words."""
+    """Requested settings that the system does not permit, in words."""
     kernel: str
     processors: int
     stolen_s: float | None
-    """Processor time that the machine's host took away meanwhile; None where nobody says."""
+    """Processor time that the machine's host used meanwhile; None if unknown."""
     loaded: bool
 
 
@@ -55,7 +55,7 @@ def measure(
     *,
     loaded: bool,
 ) -> Findings:
-    """Measure for about ``for_s`` in all, starting programs apart; raises MeasuringError."""
+    """Measure for about ``for_s`` in all, in separate programs; raises MeasuringError."""
     hops_s, shares = HOPS_SHARE * for_s, _shares(periods_s)
     longest_s = for_s + START_S * (len(periods_s) + 2)
     stolen_s = _stolen_s()
@@ -83,7 +83,7 @@ def measure(
 
 
 def _shares(periods_s: Sequence[float]) -> list[float]:
-    """Shares of the time: a long period gets more of it, and still has fewer wake-ups."""
+    """Return shares of the time: a long period gets more, and still has fewer wake-ups."""
     weights = [sqrt(period_s) for period_s in periods_s]
     whole = fsum(weights)
     return [weight / whole for weight in weights]
@@ -97,7 +97,7 @@ def _hop(scheduling: Scheduling, for_s: float) -> Distribution:
 
 
 def _output_of(words: list[str], for_s: float) -> tuple[str, dict[str, Any]]:
-    """What a program was refused, and what it has found."""
+    """Return the settings that a program was refused, and its results."""
     try:
         done = subprocess.run(
             words, capture_output=True, text=True, timeout=for_s + START_S, check=True
@@ -122,7 +122,7 @@ def _running(words: list[str]) -> Generator[None]:
 
 
 def distribution(tree: dict[str, Any]) -> Distribution:
-    """A distribution from plain data; raises ValueError, KeyError or TypeError."""
+    """Return a distribution from plain data; raises ValueError, KeyError or TypeError."""
     return Distribution(tuple(tree["buckets"]), tuple(tree["counts"]), tree["max_s"])
 
 
@@ -135,7 +135,7 @@ def _free_ports(count: int) -> list[int]:
 
 
 def _stolen_s() -> float | None:
-    """Processor time that the machine's host has taken away since it started."""
+    """Return the processor time that the machine's host has used since it started."""
     try:
         with Path("/proc/stat").open(encoding="ascii") as stream:
             return int(stream.readline().split()[8]) / os.sysconf("SC_CLK_TCK")

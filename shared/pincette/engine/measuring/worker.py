@@ -23,11 +23,12 @@ from pincette.latency.histogram import Histogram
 from pincette.latency.rule import Measured
 
 SETTLED = 10
-"""Wake-ups that are not counted: code and clock are first used in them."""
+"""Number of wake-ups at the beginning that are not counted, since code and clock are first used in
+them."""
 
 
 def wait(timeout_s: float) -> None:
-    """Wait as a service does, for something that does not come."""
+    """Wait, as a service does, for a message that never arrives."""
     nothing: SimpleQueue[None] = SimpleQueue()
     try:
         nothing.get(timeout=timeout_s)
@@ -41,7 +42,7 @@ def wake_ups(
     clock_s: Callable[[], float] = monotonic,
     wait_s: Callable[[float], None] = wait,
 ) -> Measured:
-    """Wake up each ``period_s`` and count the lateness; missed points are not caught up."""
+    """Wake up each ``period_s`` and count the lateness; missed grid points are skipped."""
     lateness, missed = Histogram(), 0
     begin_s = clock_s()
     due_s, settled_s = begin_s + period_s, begin_s + (SETTLED + 0.5) * period_s
@@ -61,7 +62,7 @@ def wake_ups(
 
 
 def command(scheduling: Scheduling, task: str, *numbers: float) -> list[str]:
-    """The words that start it."""
+    """Return the command line of a worker."""
     asked = json.dumps(
         [scheduling.priority, scheduling.cores, scheduling.timer_slack_s, scheduling.lock_memory]
     )
@@ -69,7 +70,7 @@ def command(scheduling: Scheduling, task: str, *numbers: float) -> list[str]:
 
 
 def main(given: Sequence[str]) -> int:
-    """Measure what is asked for."""
+    """Run the measurement of the command line."""
     asked, task, *numbers = given
     priority, cores, timer_slack_s, lock_memory = json.loads(asked)
     refused = _refused(Scheduling(priority, tuple(cores), timer_slack_s, lock_memory))
@@ -85,7 +86,7 @@ def main(given: Sequence[str]) -> int:
 
 
 def _refused(scheduling: Scheduling) -> str:
-    """What the system does not permit, in words."""
+    """Return what the system does not permit, in words."""
     if sys.platform != "linux":
         return "what [realtime] asks for: it takes Linux"
     refusals = ask(scheduling, Linux())

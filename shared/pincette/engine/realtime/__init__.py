@@ -1,1 +1,1 @@
-"""What a program asks of the operating system so that it runs when it is due."""
+"""Operating system settings with which a program runs in time."""

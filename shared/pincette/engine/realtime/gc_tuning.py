@@ -1,4 +1,4 @@
-"""How Python itself runs beside a tick: its collector of cycles, and how its threads take turns.
+"""Settings of Python itself for periodic programs: garbage collection and thread switching.
 
 Reference counts free nearly all that a tick makes. What is left for the collector are cycles, a few
 for each question that is refused; left to itself it would look for them in the middle of a tick, as
@@ -9,9 +9,9 @@ import gc
 import sys
 
 SWITCH_S = 0.0005
-"""After so long a thread gives way to one that waits; Python's own 5 ms are five ticks at 1 kHz."""
+"""Switching interval of threads; Python's own 5 ms are five ticks at 1 kHz."""
 COLLECT_EVERY = 2000
-"""From one collection to the next."""
+"""Number of calls between two collections."""
 
 
 def freeze_gc() -> None:
@@ -23,13 +23,13 @@ def freeze_gc() -> None:
 
 
 def disable_gc() -> None:
-    """The same, and let no collection begin by itself: for a program that keeps ticks."""
+    """As ``freeze_gc``, and no collection begins by itself: for a program that keeps ticks."""
     freeze_gc()
     gc.disable()
 
 
 class Collector:
-    """Collects where a loop has told everything, and nothing waits for it."""
+    """Collects garbage when a loop has published everything and nothing waits for it."""
 
     __slots__ = ("_turns",)
 

@@ -1,4 +1,4 @@
-"""Asks the system for a program's scheduling, and says in words what is not permitted.
+"""Requests the scheduling of a program from the system, and states what is not permitted.
 
 On one machine the loop goes first, then the system, then what plans, draws and records. Without
 what is not permitted a program runs all the same, and says so once, unless the rig file requires
@@ -18,22 +18,22 @@ from pincette.config.toml_file import ConfigError
 from pincette.engine.realtime.system import Linux
 
 FIRST = -10
-"""Niceness, where no fixed priority is permitted."""
+"""Niceness if no fixed priority is permitted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Something that was asked for and is not permitted."""
+    """A requested setting that is not permitted."""
 
     setting: SchedulingSetting
     words: str
-    """What it is, and which limit keeps it."""
+    """Name of the setting, and the limit that forbids it."""
     remedy: str
-    """How it is permitted."""
+    """How it can be permitted."""
 
 
 def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
-    """Ask in the first thread, from which others inherit it; returns what was refused."""
+    """Request in the first thread, from which others inherit it; return what was refused."""
     found = (
         _priority(scheduling.priority, system),
         _cores(scheduling.cores, system),
@@ -45,7 +45,7 @@ def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 
 def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
-    """Ask in a thread of its own, without the priority; returns what would be refused."""
+    """Request in a thread of its own, without the priority; return what would be refused."""
     # Memory is the process's, not a thread's, and so is judged by its limit.
     with ThreadPoolExecutor(1) as pool:
         tried = replace(scheduling, priority=0, lock_memory=False)
@@ -55,7 +55,7 @@ def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 
 def words(refusals: tuple[Refusal, ...]) -> str:
-    """What was refused, and how to permit it, in one line."""
+    """Return what was refused and how to permit it, in one line."""
     return (
         f"{' and without '.join(one.words for one in refusals)}. Permit it: "
         f"{'; '.join(one.remedy for one in refusals)}. docs/how-to/real-time.md says more"
@@ -152,12 +152,15 @@ def _listed(cores: tuple[int, ...]) -> str:
 log = logging.getLogger(__name__)
 FIFO = PRIORITY
 LAST = 10
-"""Niceness."""
+"""Niceness of programs that run after the loop."""
 _ANY = Scheduling()
 
 
 def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -> None:
-    """Ask to run before plots, tests and browsers; raises ConfigError where a need is refused."""
+    """Request to run before plots, tests and browsers.
+
+    Raises ConfigError if a required setting is refused.
+    """
     # A fair scheduler lets a thread that wakes up wait for the slices of others, a few ms each; a
     # tick has a dozen such waits one after another. So a fixed priority is asked for first.
     if system is None and sys.platform != "linux":
@@ -177,7 +180,7 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
 
 
 def lower_priority() -> None:
-    """Ask to run after everything that has a tick to keep; where it is called, a thread."""
+    """Let the calling thread run after everything that has a tick to keep."""
     with suppress(OSError):
         Linux().be_nice(max(LAST, os.getpriority(os.PRIO_PROCESS, 0)))
 

@@ -9,23 +9,23 @@ from collections.abc import Callable
 from time import CLOCK_BOOTTIME, CLOCK_MONOTONIC, clock_gettime
 
 LEAST_S = 0.01
-"""Sleep that is told; no machine sleeps and wakes in less."""
+"""Shortest sleep that is reported; no machine sleeps and wakes in less."""
 APART_S = 0.002
-"""The clocks are compared where all three readings came within this time."""
+"""Longest time for all three readings of the clocks; otherwise they are not compared."""
 
 Clocks = Callable[[int], float]
 
 
 class SleepWatch:
-    """Compares the clocks at each look."""
+    """Compares the clocks at each call."""
 
     def __init__(self, clock: Clocks = clock_gettime) -> None:
         self._clock = clock
         self._ahead_s: float | None = None
-        """Of the clock that does not count sleep, as it was last."""
+        """Last difference of the clock that counts sleep to the one that does not."""
 
     def slept_s(self) -> float:
-        """How long the machine slept since the last look; 0.0 where it did not."""
+        """Return how long the machine slept since the last call; 0.0 if it did not."""
         before_s = self._clock(CLOCK_MONOTONIC)
         with_sleep_s = self._clock(CLOCK_BOOTTIME)
         if self._clock(CLOCK_MONOTONIC) - before_s > APART_S:

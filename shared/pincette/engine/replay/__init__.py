@@ -1,1 +1,1 @@
-"""Recorded epochs through one service alone."""
+"""Replay of recorded epochs through one service alone."""

@@ -1,4 +1,4 @@
-"""What a service says anew beside what is recorded of it, bit by bit."""
+"""Comparison of a service's replayed outputs with the recorded ones, bit by bit."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable
@@ -11,14 +11,14 @@ from pincette.core.service import AnyService
 from pincette.core.topics import TOPIC_OF
 
 CLOCKED = ("command_age_s", "refused")
-"""What the actuator's clock makes of a tick in real time."""
+"""Fields that depend on the actuator's clock in real time."""
 OF_ARMS = ("", "second.")
 """Beginning of the name of a field of each arm."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A field that is not as recorded; without a field, an output that is not said again."""
+    """A field that differs from the record; without a field, an output that was not repeated."""
 
     topic: str
     seq: int
@@ -29,22 +29,22 @@ class Difference:
 
 @dataclass(slots=True)
 class Findings:
-    """What became of one service."""
+    """Results of one service."""
 
     service: str
     steps: int = 0
     identical: int = 0
-    """Outputs that are the same to the last bit, and those that"""
+    """Number of outputs that are bit-identical."""
     different: int = 0
     clocked: int = 0
-    """Outputs that only the clock of a real time led to; they are not repeated."""
+    """Number of outputs that only the clock of a real time caused; they are not repeated."""
     first: Difference | None = None
     stopped: str = ""
-    """Why it was not repeated, or not to its end."""
+    """Why the replay did not begin, or did not reach the end."""
 
     @property
     def same(self) -> bool:
-        """Whether all was repeated, and came out as recorded."""
+        """Return whether everything was repeated bit-identically."""
         return not self.different and not self.stopped
 
 
@@ -72,14 +72,14 @@ class Comparison:
             self._recorded[type(sample), sample.seq].append(sample)
 
     def take(self, outputs: Iterable[Message]) -> None:
-        """Compare what is said anew; what the record has not kept is passed over."""
+        """Compare a replayed output; outputs that the record lacks are skipped."""
         for output in outputs:
             recorded = self._recorded.get((type(output), getattr(output, "seq", -1)))
             if recorded:
                 self._compare(recorded.popleft(), cast(Sample, output))
 
     def end(self) -> None:
-        """Count what was not said again."""
+        """Count the outputs that were not repeated."""
         for samples in self._recorded.values():
             for sample in samples:
                 self._differs(sample, "", "said", None)
@@ -116,7 +116,7 @@ def values_of(sample: Sample) -> dict[str, Any]:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two values of a field are the same to the last bit; 0.0 and -0.0 are not."""
+    """Return whether two values of a field are bit-identical; 0.0 and -0.0 are not."""
     if one != other:
         return False
     return not isinstance(one, float) or copysign(1.0, one) == copysign(1.0, other)

@@ -20,7 +20,7 @@ def read_record(path: Path) -> Recording:
 
 
 def recorded_rig(recording: Recording, path: Path) -> RigFile:
-    """Return the rig file that a record was made with; raises ValueError where it has none."""
+    """Return the rig file of a record; raises ValueError if it has none."""
     if RIG not in recording.attachments:
         raise ValueError(f"{path} holds no {RIG}: the rig file that it was made with is not known")
     try:
@@ -30,7 +30,7 @@ def recorded_rig(recording: Recording, path: Path) -> RigFile:
 
 
 def recorded_epoch(recording: Recording) -> list[Message]:
-    """Return the messages of the epoch that was recorded."""
+    """Return the messages of the recorded epoch."""
     epoch = recording.about.get("epoch")
     messages = [item for item in recording.messages if isinstance(item, Sample | RequestLog)]
     return [item for item in messages if epoch is None or str(item.epoch) == epoch]

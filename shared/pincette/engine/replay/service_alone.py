@@ -1,4 +1,4 @@
-"""One service of a recorded epoch, armed, called and stepped as it was, and compared."""
+"""One service of a recorded epoch: armed, called and stepped as it was, and compared."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -26,35 +26,35 @@ CAUSES: Mapping[FaultCode, ErrorCode] = {
 
 @dataclass(slots=True)
 class Tape:
-    """Takes any voltage, and fails where the record says that the instrument did."""
+    """Output that accepts any voltage, and fails where the record says that the instrument did."""
 
     fault: Fault | None = None
     found_V: float = 0.0
-    """As at rest; the voltage at the begin of the epoch comes from the record."""
+    """Voltage at rest; that at the beginning of the epoch comes from the record."""
 
     def write_V(self, voltage_V: float) -> None:  # noqa: ARG002  it goes nowhere
-        """Put out nothing."""
+        """Accept a voltage without effect."""
         self.look()
 
     def read_V(self) -> float:
-        """What it was told to say."""
+        """Return the voltage that it was told to state."""
         return self.found_V
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
-        """Put out nothing."""
+        """Accept voltages without effect."""
         self.look()
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
-        """Put out nothing."""
+        """Accept a wave without effect."""
         self.look()
 
     def look(self) -> None:
-        """Fail, where that is recorded."""
+        """Raise the recorded failure, if there is one."""
         if self.fault is not None:
             raise InstrumentError(self.fault.words, CAUSES[self.fault.code])
 
     def close(self) -> None:
-        """Have nothing to give back."""
+        """Do nothing, since there is no port."""
 
 
 RANK = {topic.name: LOOP.index(topic.producer) for topic in TOPICS if topic.producer in LOOP}
@@ -62,7 +62,7 @@ RANK = {topic.name: LOOP.index(topic.producer) for topic in TOPICS if topic.prod
 
 
 class _StoppedError(Exception):
-    """Nothing more can be repeated; the text says why."""
+    """Nothing more can be repeated; the text gives the reason."""
 
 
 def replay(service: AnyService, rig: RigFile, messages: Sequence[Message]) -> Findings:
@@ -115,7 +115,10 @@ def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
 
 
 def _now(runner: Runner, step: Step) -> float:
-    """A time at which the slew limit gives a command what it gave it then; else all are one."""
+    """Return a time at which the slew limit gives a command the recorded time.
+
+    Else always the same.
+    """
     moved_s: float = getattr(runner.state, "moved_s", 0.0)
     return moved_s + (step.slewing_s or 0.0)
 
@@ -123,7 +126,7 @@ def _now(runner: Runner, step: Step) -> float:
 def _armed(
     service: AnyService, rig: RigFile, requests: Sequence[RequestLog], tapes: tuple[Tape, ...]
 ) -> Runner:
-    """The service as the epoch found it."""
+    """Return the service in its state at the beginning of the epoch."""
     armed = next((item for item in requests if item.arm is not None), None)
     if armed is None or armed.arm is None:
         raise _StoppedError("its arming is not in the record; older records do not hold it")
@@ -154,7 +157,7 @@ def _loaded(requests: Sequence[RequestLog]) -> list[Load]:
 
 
 def _request_of(item: RequestLog) -> Message | None:
-    """What was requests while the epoch went on."""
+    """Return the requests during the epoch."""
     return item.action or item.trip or item.reset
 
 

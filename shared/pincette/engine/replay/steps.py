@@ -1,4 +1,4 @@
-"""Which steps a service made, and with which samples: what a record tells of it; pure.
+"""Steps that a service made, and their samples, as far as a record shows; pure.
 
 In real time a sample may be passed over, and a partner may come too late. The outputs say so: an
 estimate that is degraded had no partner, and a sample without an output was not stepped with.
@@ -17,24 +17,24 @@ S = TypeVar("S", bound=Sample)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The samples of one step, the trigger last, and what the instrument said to its output."""
+    """The samples of one step, the trigger last, and the instrument's answer to its output."""
 
     samples: tuple[Sample, ...]
     fault: Fault | None = None
     slewing_s: float | None = None
-    """What the slew limit gave an actuator's command in real time; None where it is not told."""
+    """Time that the slew limit gave an actuator's command in real time; None if not recorded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A sample that a step had, and the record has not: nothing after it can be repeated."""
+    """A sample that a step used and the record lacks: nothing after it can be repeated."""
 
     topic: str
     seq: int
 
 
 class Samples:
-    """The samples of one epoch, by kind and number."""
+    """The samples of one epoch, by type and number."""
 
     def __init__(self, messages: Iterable[Message], *, lockstep: bool) -> None:
         self.lockstep = lockstep
@@ -45,28 +45,28 @@ class Samples:
                 by_seq.setdefault(message.seq, []).append(message)
 
     def seqs(self, *kinds: type[Sample]) -> list[int]:
-        """Numbers, from 0 on, of which there is a sample of one of these kinds."""
+        """Return the numbers from 0 on for which there is a sample of one of these types."""
         found = {seq for kind in kinds for seq in self._by_kind.get(kind, {}) if seq >= 0}
         return sorted(found)
 
     def all(self, kind: type[S], seq: int) -> list[S]:
-        """Every sample of a kind and number, in order of arrival."""
+        """Return every sample of a type and number, in order of arrival."""
         return cast("list[S]", self._by_kind.get(kind, {}).get(seq, []))
 
     def first_unknown(self, after: int, before: int) -> int | None:
-        """The first number between two of which nothing has come; a sensor leaves none out."""
+        """Return the first missing number between two present ones; a sensor leaves none out."""
         known = (self._by_kind.get(Position, {}), self._by_kind.get(Estimate, {}))
         between = range(after + 1, before)
         return next((seq for seq in between if not any(seq in kind for kind in known)), None)
 
     def newest(self, kind: type[S], seq: int) -> S | None:
-        """The one that came last; None without one."""
+        """Return the last sample; None without one."""
         found = self.all(kind, seq)
         return found[-1] if found else None
 
 
 def steps(service: str, samples: Samples) -> Iterator[Step | Gap]:
-    """The steps of a service in their order, up to the first gap; a sensor has none."""
+    """Return the steps of a service in order, up to the first gap; a sensor has none."""
     last = -1
     for step in STEPS[service](samples):
         seq = step.seq if isinstance(step, Gap) else step.samples[-1].seq
@@ -79,7 +79,7 @@ def steps(service: str, samples: Samples) -> Iterator[Step | Gap]:
 
 
 def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
-    """A step for each estimate, also for one that is known only by the command made of it."""
+    """Return a step for each estimate, also for one known only by the command made of it."""
     for seq in samples.seqs(Estimate, Command):
         position = samples.newest(Position, seq)
         if position is None:
@@ -98,7 +98,7 @@ def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
 
 
 def _joined(estimate: Estimate, applied: Applied) -> bool:
-    """Whether an estimate may have been made with this; a tick may be answered twice."""
+    """Return whether an estimate may have been made with this; a tick may be answered twice."""
     return (
         estimate.arms[0].applied_V == applied.arms[0].voltage_V
         and estimate.arms[0].limits_active == applied.arms[0].limits_active
@@ -107,7 +107,7 @@ def _joined(estimate: Estimate, applied: Applied) -> bool:
 
 
 def controller_steps(samples: Samples) -> Iterator[Step | Gap]:
-    """A step for each command."""
+    """Return a step for each command."""
     for seq in samples.seqs(Command, Telemetry):
         estimate = samples.newest(Estimate, seq)
         if estimate is None:
@@ -117,7 +117,10 @@ def controller_steps(samples: Samples) -> Iterator[Step | Gap]:
 
 
 def actuator_steps(samples: Samples) -> Iterator[Step | Gap]:
-    """In lockstep all steps; in real time those that took a command, since no clock is recorded."""
+    """Return all steps in lockstep.
+
+    In real time those that took a command, as no clock is recorded.
+    """
     last = max(samples.seqs(Applied), default=-1)
     for seq in samples.seqs(Position, Command):
         answers = samples.all(Applied, seq)
@@ -150,4 +153,4 @@ STEPS: Mapping[str, Callable[[Samples], Iterator[Step | Gap]]] = {
     "controller": controller_steps,
     "actuator": actuator_steps,
 }
-"""By service, where nothing is lost but what is seen to be."""
+"""Function for each service that returns its steps."""
