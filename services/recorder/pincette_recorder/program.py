@@ -60,6 +60,7 @@ class Recorder:
             "messages_lost": lost,
         }
         doing = "idle" if record is None else f"records job {record.job}"
+        doing = "; ".join(filter(None, (doing, keeper.lack)))[:MOST_TEXT]
         counted = {name: float(count) for name, count in counts.items() if count}
         findings = [fault(FaultCode.RECORDER_STATE, doing, **counted)]
         if record is not None and record.trouble:

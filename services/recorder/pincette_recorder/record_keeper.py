@@ -4,7 +4,7 @@ import json
 import logging
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import Any, cast
 
@@ -48,6 +48,7 @@ class Keeper:
         self.record: OpenRecord | None = None
         self.written = self.dropped = 0
         """Messages of all records since the start."""
+        self._lack = ""
         self.finished = 0
         """Records closed since the start."""
 
@@ -151,6 +152,12 @@ class Keeper:
         """True while no record is open and none is about to be opened."""
         return self.record is None and self._beginning is None
 
+    @property
+    def lack(self) -> str:
+        """What the newest record that has lost messages lacks; empty where none has."""
+        dropped = self._intake.dropped
+        return _lack(self.record.job, _not_kept(dropped)) if self.record and dropped else self._lack
+
     def take(self) -> None:
         """Write what has come, notice that a loop has fallen silent, and open what waits for it."""
         self._write_arrivals()
@@ -200,11 +207,8 @@ class Keeper:
         self.record = None
         self._intake.close()
         dropped = self._intake.dropped + record.refused
-        wrong = [text for text in (why, record.trouble) if text]
-        wrong += [
-            f"{count} of {topic} could not be kept" for topic, count in sorted(dropped.items())
-        ]
-        wrong += record.tables()
+        lack = [*_not_kept(dropped), *record.tables()]
+        wrong = [text for text in (why, record.trouble, *lack) if text]
         stepped = self._wall.words()
         recorded = Recorded(
             job=record.job,
@@ -231,6 +235,8 @@ class Keeper:
             log.warning("%s: %s", record.job, recorded.detail, extra={"job": record.job})
         self.finished += 1
         self.dropped += recorded.dropped
+        if recorded.dropped:
+            self._lack = _lack(record.job, lack)
         if self._finishing is not None:
             _, reply, _ = self._finishing
             self._finishing = None
@@ -253,6 +259,14 @@ class Keeper:
         self.take()
         if self.record is not None:
             self._close("the recorder was ended")
+
+
+def _not_kept(dropped: Mapping[str, int]) -> list[str]:
+    return [f"{count} of {topic} could not be kept" for topic, count in sorted(dropped.items())]
+
+
+def _lack(job: str, lack: Sequence[str]) -> str:
+    return f"the record of job {job} lacks messages: {', '.join(lack)}"
 
 
 def _lacking(recorded: Recorded, trouble: str) -> Recorded:

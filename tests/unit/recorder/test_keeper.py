@@ -86,7 +86,9 @@ def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
     bench = Bench(tmp_path, room=10)
     messages = loop(4)
     bench.begin()
+    assert bench.keeper.lack == ""
     bench.feed(messages)
+    assert "job j-1 lacks messages: " in bench.keeper.lack
     recorded = bench.finish(1)
     assert recorded is None
     bench.wait(2.0)
@@ -109,6 +111,7 @@ def test_a_sample_that_never_came_is_noticed(bench: Bench) -> None:
     assert isinstance(recorded, Recorded)
     assert (recorded.complete, recorded.dropped) == (False, 1)
     assert "1 of position never came" in recorded.detail
+    assert bench.keeper.lack == "the record of job j-1 lacks messages: 1 of position never came"
 
 
 def test_the_last_samples_are_waited_for(bench: Bench) -> None:

@@ -71,6 +71,7 @@ class CannedRig:
         self.mode: Mode | None = None
         """As the actuator's status has it."""
         self.findings: dict[str, tuple[Fault, ...]] = {}
+        self.missed = dict[str, int]()
         """What a program's status tells beside."""
         self.record: messages.Record | None = None
         self.records = Path()
@@ -146,7 +147,7 @@ class CannedRig:
                 if service == "actuator":
                     said |= {"mode": self.mode, "replaces": self.replaces}
                     said["predecessor"] = Predecessor.NONE
-                counts = (self.epoch, 0, 0, 0)
+                counts = (self.epoch, 0, self.missed.get(service, 0), 0)
                 return messages.Status(
                     service, "0.1.0", instance, digest, *counts, self.calibration, **said
                 )

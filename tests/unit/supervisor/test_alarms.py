@@ -13,7 +13,7 @@ from pincette_supervisor.alarms.trips import TripReason
 from pincette_supervisor.journal import alarm_rows
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
-from pincette_supervisor.watch.alarm_monitor import IDLE_S
+from pincette_supervisor.watch.alarm_monitor import AFTER_A_LOSS, IDLE_S
 
 from . import samples
 from .canned import IN_HOLD
@@ -305,6 +305,30 @@ def test_they_are_listed_in_pages_and_narrowed_down(harness: Harness) -> None:
     assert harness.call("GET", "/api/v1/alarms/99").status_code == 404
     assert harness.post("/alarms/99/actions", {"type": "acknowledge"}).status_code == 404
     assert harness.post("/alarms/3/actions", {"type": "forget"}).status_code == 422
+
+
+def test_lost_messages_are_told_with_the_record_that_lacks_them_and_what_to_do(
+    rig_file: RigFile, open_harness: Callable[..., Harness]
+) -> None:
+    now_s = 0.0
+    real = rig_file.model_copy(update={"rig": rig_file.rig.model_copy(update={"time": "real"})})
+    harness = open_harness(real, clock=lambda: now_s)
+    watch = harness.manager.alarm_monitor
+    harness.health.clock = lambda: now_s
+    lack = "idle; the record of job j-1 lacks messages: 3 of position never came"
+    harness.bus.findings["recorder"] = (fault(FaultCode.RECORDER_STATE, lack, messages_lost=3.0),)
+
+    def lost() -> list[dict[str, Any]]:
+        nonlocal now_s
+        now_s += 5.0
+        watch.poll()
+        return alarms(harness, cause="recorder.lost")
+
+    harness.until(lambda: lost() == [] and harness.health.status("recorder") is not None)
+    harness.bus.missed["recorder"] = 3
+    harness.until(lambda: bool(lost()))
+    (row,) = lost()
+    assert row["words"] == f"recorder lost 3 messages: {lack}; 3 messages lost; {AFTER_A_LOSS}"
 
 
 def test_a_rig_without_a_job_is_let_sample_seldom_after_a_while(

@@ -22,6 +22,10 @@ MISSED_SHARE, MISSED_S = 0.01, 10.0
 """Share of the ticks that may be missed within a while."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
 """Refusals that say that the command was another controller's."""
+AFTER_A_LOSS = (
+    "the job's result is complete, its record is not, and record_detail states what is missing: "
+    "see what else uses disk and processors, and repeat the job where the record is needed"
+)
 
 
 @dataclass(slots=True)
@@ -151,7 +155,8 @@ class AlarmMonitor:
             self._raise_transient("ticks.missed", f"sensor missed {missed} ticks, limit {limit}")
         if recorder is not None and (lost := self._lost.update(recorder.missed, now_s)):
             self._raise_transient(
-                "recorder.lost", f"recorder lost {lost} messages: {status_text(recorder)}"
+                "recorder.lost",
+                f"recorder lost {lost} messages: {status_text(recorder)}; {AFTER_A_LOSS}",
             )
 
     def _let_idle(self, now_s: float) -> None:
