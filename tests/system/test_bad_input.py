@@ -1,4 +1,4 @@
-"""Bad input is refused with what, value, unit, limit and what to do, and leaves nothing running."""
+"""A rig that cannot start is refused with what is wrong and what to do; nothing is left running."""
 
 import socket
 from pathlib import Path
@@ -11,72 +11,11 @@ from tests.support.grips import make_ready
 from tests.support.rigs import Tree, demo_rig, rig_toml
 from tests.support.running import RunningRig
 
-REQUESTS = {
-    "wrong type": ('{"kind": "grip", "force_mN": "20"}', ["force_mN = '20' mN", "number"]),
-    "unknown field": ('{"kind": "grip", "force": 20}', ["force is not a field"]),
-    "unknown kind": ('{"kind": "squeeze"}', ["kind = 'squeeze'", "'grip'"]),
-    "not a number": ('{"kind": "grip", "force_mN": NaN}', ["force_mN = nan mN", "finite"]),
-    "endless": ('{"kind": "grip", "hold_s": Infinity}', ["hold_s = inf s", "finite"]),
-    "below zero": ('{"kind": "grip", "force_mN": -1}', ["force_mN = -1", "must be above 0 mN"]),
-    "too long": ('{"kind": "grip", "hold_s": 9999}', ["hold_s = 9999", "3600 s"]),
-    "too strong": ('{"kind": "grip", "force_mN": 500}', ["force", "500", "limit 40 mN"]),
-    "no object": ("[20]", ["list"]),
-}
-
 
 @pytest.fixture
 def rig(paced: RunningRig) -> RunningRig:
     make_ready(paced)
     return paced
-
-
-@pytest.mark.parametrize("case", REQUESTS)
-def test_a_bad_request_is_refused(rig: RunningRig, case: str) -> None:
-    body, words = REQUESTS[case]
-    before = rig.get("/jobs")["jobs"]
-    answer = rig.client.post("/jobs", content=body, headers={"content-type": "application/json"})
-    assert answer.status_code == 422
-    assert answer.headers["content-type"] == "application/problem+json"
-    problem = answer.json()
-    assert [word for word in words if word not in problem["detail"]] == []
-    assert problem.get("errors") or problem.get("violations")
-    assert rig.get("/jobs")["jobs"] == before
-    assert rig.view()["can_start"]
-
-
-def test_a_request_that_is_not_json_is_refused(rig: RunningRig) -> None:
-    before = rig.get("/jobs")["jobs"]
-    answer = rig.client.post("/jobs", content="{", headers={"content-type": "application/json"})
-    assert answer.status_code == 400
-    assert answer.headers["content-type"] == "application/problem+json"
-    problem = answer.json()
-    assert problem["type"] == "urn:pincette:problem:bad-json"
-    assert "at line 1, column 2: mend the body and send it again" in problem["detail"]
-    assert rig.get("/jobs")["jobs"] == before
-    assert rig.view()["can_start"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "words"),
-    [
-        (("--force-mN", "abc"), 2, ["--force-mN", "'abc'", "mN"]),
-        (("--force-mN", "nan"), 2, ["--force-mN", "'nan'", "mN"]),
-        (("--force-mN", "500"), 5, ["force 500", "mN", "limit 40 mN"]),
-        (("--force-mN", "-3"), 1, ["force_mN = -3.0 mN", "must be above 0 mN"]),
-        (("--hold-s", "9999"), 1, ["hold_s = 9999.0 s", "3600 s"]),
-        (("--strength", "20"), 2, ["No such option", "--strength"]),
-    ],
-)
-def test_a_bad_word_is_refused(
-    rig: RunningRig, arguments: tuple[str, ...], status: int, words: list[str]
-) -> None:
-    url = f"http://127.0.0.1:{rig.rig.supervisor.port}"
-    before = rig.get("/jobs")["jobs"]
-    done = pincette("job", "grip", "--url", url, *arguments)
-    assert done.returncode == status
-    assert "Traceback" not in done.stderr
-    assert [word for word in words if word not in done.stderr] == []
-    assert rig.get("/jobs")["jobs"] == before
 
 
 def test_a_second_rig_on_the_same_file_is_refused(rig: RunningRig, tmp_path: Path) -> None:
@@ -147,7 +86,7 @@ def test_a_busy_port(tmp_path: Path, program: str) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(rig_toml(rig), encoding="utf-8")
     with socket.create_server(("127.0.0.1", rig.bus.port + offset)):
-        done = pincette("up", "--rig", path, "--data", tmp_path / "data")
+        done = pincette_here("up", "--rig", path, "--data", tmp_path / "data")
     assert done.returncode == 1
     assert f"{program}: 127.0.0.1:{rig.bus.port + offset} is in use" in done.stderr
     assert_nothing_is_left(rig, path)
@@ -158,12 +97,6 @@ def test_no_supervisor() -> None:
     assert done.returncode == 3
     assert "no supervisor answers at http://127.0.0.1:" in done.stderr
     assert "pincette up" in done.stderr
-
-
-def test_a_job_that_is_not_there(rig: RunningRig) -> None:
-    done = pincette("job", "stop", "no-job", "--url", f"http://127.0.0.1:{rig.rig.supervisor.port}")
-    assert done.returncode == 1
-    assert "no job 'no-job'" in done.stderr
 
 
 def test_a_program_that_does_not_start_takes_the_others_with_it(tmp_path: Path) -> None:

@@ -24,12 +24,12 @@ from pincette.core.topics import LOOP, POSITION, TOPICS, key
 from tests.support.arms import with_arm
 from tests.support.checkout import ROOT, environment, run
 from tests.support.foreign import declared, outsider
-from tests.support.grips import SHORT
 from tests.support.played import RIG, Played, played_rig
 from tests.support.rigs import demo_rig
 from tests.support.routed import router
-from tests.support.running import RunningRig, running_rig
+from tests.support.served import served
 from tests.unit.supervisor import samples
+from tests.unit.supervisor.harness import Harness
 
 EXAMPLES = ROOT / "docs/examples"
 FREE_OF_US = ("csv_export", "latest", "live_plot", "record_csv", "subscribe")
@@ -281,20 +281,22 @@ def test_a_plot_has_its_curves(played: Played, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
-    """A rig in lockstep that has gripped once."""
-    rig = demo_rig(SHORT, time="lockstep")
-    with running_rig(rig, tmp_path_factory.mktemp("gripped")) as running:
-        assert running.ended(running.start_grip())["state"] == "succeeded"
-        yield running
+def gripped(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Path, str]]:
+    """A supervisor that has a record of one job: the folder of the record, the address of REST."""
+    folder = tmp_path_factory.mktemp("gripped")
+    desk = Harness(demo_rig(time="lockstep"), folder)
+    job = desk.grip()["id"]
+    assert desk.ended(job)["state"] == "succeeded"
+    with served(desk.app) as address:
+        yield folder / "jobs" / job, f"{address}/api/v1"
+    desk.close()
 
 
-def test_a_record_is_handed_over_as_csv(gripped: RunningRig, tmp_path: Path) -> None:
-    api = str(gripped.client.base_url).rstrip("/")
-    job = gripped.get("/jobs")["jobs"][0]["id"]
+def test_a_record_is_handed_over_as_csv(gripped: tuple[Path, str], tmp_path: Path) -> None:
+    record, api = gripped
     said = done(command("record_csv", "--api", api, "--file", "job.csv"), tmp_path)
-    assert said == f"{job}: job.csv\n"
-    table = cast(Any, parquet).read_table(gripped.data / "jobs" / job / "samples.parquet")
+    assert said == f"{record.name}: job.csv\n"
+    table = cast(Any, parquet).read_table(record / "samples.parquet")
     rows = rows_of(tmp_path / "job.csv")
     assert list(rows[0]) == table.column_names
     for name in ("t_s", "x_um", "force_mN", "voltage_V"):
@@ -303,10 +305,9 @@ def test_a_record_is_handed_over_as_csv(gripped: RunningRig, tmp_path: Path) -> 
 
 
 def test_a_record_that_is_not_there_is_refused_in_words(
-    gripped: RunningRig, tmp_path: Path
+    gripped: tuple[Path, str], tmp_path: Path
 ) -> None:
-    api = str(gripped.client.base_url).rstrip("/")
-    ended = run(command("record_csv", "none", "--api", api), tmp_path, PATIENCE_S)
+    ended = run(command("record_csv", "none", "--api", gripped[1]), tmp_path, PATIENCE_S)
     assert ended.returncode == 1
     assert "none" in ended.stdout
     assert "Traceback" not in ended.stdout

@@ -54,18 +54,12 @@ def started(rig: RigFile, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_it_does_not_start_where_others_reach_it_without_a_key(tmp_path: Path) -> None:
-    rig = demo_rig({"supervisor": {"host": "0.0.0.0"}})
-    for prepare in (lambda: None, lambda: revoked(tmp_path / "data")):
-        prepare()
-        done = started(rig, tmp_path)
-        assert done.returncode == 2
-        assert "other machines can reach 0.0.0.0" in done.stderr
-        assert "pincette key add NAME" in done.stderr
-
-
-def revoked(data: Path) -> None:
-    made(data, "gone", "admin")
-    revoke(data, "gone")
+    made(tmp_path / "data", "gone", "admin")
+    revoke(tmp_path / "data", "gone")
+    done = started(demo_rig({"supervisor": {"host": "0.0.0.0"}}), tmp_path)
+    assert done.returncode == 2
+    assert "other machines can reach 0.0.0.0" in done.stderr
+    assert "pincette key add NAME" in done.stderr
 
 
 def revoke(data: Path, name: str) -> None:

@@ -42,8 +42,11 @@ def without_router(rig: RunningRig, number: signal.Signals) -> Generator[None]:
             rig.fleet.signal("router", signal.SIGCONT)
 
 
-@pytest.mark.parametrize("path", ["/rigs/demo/estop", "/estop"])
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
+@pytest.mark.parametrize(
+    ("number", "path"),
+    [(signal.SIGKILL, "/rigs/demo/estop"), (signal.SIGSTOP, "/estop")],
+    ids=["killed", "hung"],
+)
 def test_a_stop_over_rest_reaches_the_actuator(
     rig: RunningRig, number: signal.Signals, path: str
 ) -> None:
