@@ -14,8 +14,10 @@ export PYTHONDONTWRITEBYTECODE :=
 # `full`: too long for `make test`; `slow`: for `make soak` alone; `engine`: needs containers.
 TEST := not full and not slow and not engine
 FULL := full and not slow and not engine
-# What keeps no clock runs on every core; what keeps one runs alone, afterwards.
-PARALLEL := -n logical --dist worksteal
+# What keeps no clock runs on every core, with three workers for two cores, since workers also wait for
+# programs; what keeps one runs alone, afterwards.
+CORES := $(shell getconf _NPROCESSORS_ONLN)
+PARALLEL := -n $(shell expr \( $(CORES) \* 3 + 1 \) / 2) --dist worksteal
 OTHERS := tests/contract tests/integration tests/project tests/replay tests/unit
 # Packages beside the core have an environment of their own. SiLA's makes all of a process use another
 # protobuf, so its tests have a process of their own.
