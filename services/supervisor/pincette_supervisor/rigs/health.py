@@ -12,7 +12,7 @@ from pincette.api.live import LoopTiming
 from pincette.api.rig_states import RigState
 from pincette.bus.protocol import Bus, BusError
 from pincette.config import ConfigError, RigFile
-from pincette.core.faults import Cause, Mode, Predecessor
+from pincette.core.faults import Cause, Fault, FaultCode, Mode, Predecessor
 from pincette.core.idle_sampling import SAMPLE_S
 from pincette.core.messages import Applied, Idle, Position, Reset, Status, Timing, TimingRequest
 from pincette.core.messages.requests import ExchangeTimes
@@ -155,8 +155,13 @@ class Health:
 
     def status(self, service: str) -> Status | None:
         """The last status of a service; None where it did not answer."""
-        answer = self.statuses.get(service)
+        answer = self.simulation if service == SIMULATION else self.statuses.get(service)
         return answer if isinstance(answer, Status) else None
+
+    def findings(self, service: str, code: FaultCode) -> list[Fault]:
+        """Return what a service has found under one code; empty where it does not answer."""
+        answer = self.status(service)
+        return [] if answer is None else [one for one in answer.findings if one.code is code]
 
     def _ask(self, service: str) -> Status | str:
         try:

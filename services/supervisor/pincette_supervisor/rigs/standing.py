@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pincette.api.rig_states import PART, Certainty, PartState, ReportedPart, RigState
 from pincette.api.rigs import Standing
-from pincette.core.faults import Fault, FaultCode, Mode
+from pincette.core.faults import FaultCode, Mode
 from pincette.core.messages import Applied, Estimate
 from pincette.core.messages.arms import ArmEstimate
 from pincette_supervisor.alarms.trips import output_lost
@@ -138,7 +138,7 @@ def present(context: RigContext) -> Present | None:
         second_V=applied.arms[1].voltage_V if len(applied.arms) > 1 else None,
         second_um=second.x_um if second is not None and second.valid else None,
         memory_known=memory_known(context),
-        stroke=stroke_finding(context),
+        stroke=next(iter(context.health.findings("estimator", FaultCode.MODEL_MISMATCH)), None),
         force_mN=None if pressed is None else pressed.force_mN,
         force_uncertainty_mN=None if pressed is None else pressed.force_uncertainty_mN,
     )
@@ -156,14 +156,6 @@ def _pressing(context: RigContext, applied: Applied) -> ArmEstimate | None:
 
 def memory_known(context: RigContext) -> bool | None:
     """Whether the estimator knows the past of the arm's hysteresis; None where it is not heard."""
-    answer = context.health.status("estimator")
-    if answer is None:
+    if context.health.status("estimator") is None:
         return None
-    return all(finding.code is not FaultCode.MEMORY_UNKNOWN for finding in answer.findings)
-
-
-def stroke_finding(context: RigContext) -> Fault | None:
-    """Return the estimator's finding that the stroke of an arm has changed; None without one."""
-    answer = context.health.status("estimator")
-    findings = () if answer is None else answer.findings
-    return next((one for one in findings if one.code is FaultCode.MODEL_MISMATCH), None)
+    return not context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)

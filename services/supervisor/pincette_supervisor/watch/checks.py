@@ -1,7 +1,7 @@
 """Checks of a rig and of the supervisor, and alarm conditions, from known values alone."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from pincette_supervisor.journal.alarm_rows import Severity
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.rigs.standing import is_playing, stroke_finding
+from pincette_supervisor.rigs.standing import is_playing
 
 SAMPLES = {"estimator": Estimate, "controller": Telemetry}
 """Programs whose samples come while a program plays."""
@@ -176,7 +176,7 @@ def _disk(context: RigContext) -> Check:
     free_MB, limit_MB = free_space_MB(context.records), context.rig.recorder.min_free_MB
     ok = free_MB is None or free_MB >= limit_MB
     shown = "room is not known" if free_MB is None else f"{free_MB:.0f} MB free"
-    words = f"disk of the records: {shown}, limit {limit_MB:g} MB"
+    words = f"disk of {context.records}: {shown}, limit {limit_MB:g} MB"
     return _check("disk", ok, words, needed=False, value=free_MB, limit=limit_MB, unit="MB")
 
 
@@ -195,13 +195,10 @@ def _recorder(context: RigContext) -> Check:
 
 def _refused(context: RigContext) -> Check:
     """Whether a program, this supervisor included, has refused messages in the last minute."""
-    answers = [(program, context.health.status(program)) for program in PROGRAMS]
-    answers.append((SIMULATION, context.health.simulation))
     found = [
         (program, one)
-        for program, answer in answers
-        for one in (() if answer is None else answer.findings)
-        if one.code is FaultCode.MESSAGES_REFUSED
+        for program in (*PROGRAMS, SIMULATION)
+        for one in context.health.findings(program, FaultCode.MESSAGES_REFUSED)
     ]
     if (own := context.bus.refused.finding()) is not None:
         found.append(("supervisor", own))
@@ -220,8 +217,7 @@ def _refused(context: RigContext) -> Check:
 def _memory(context: RigContext) -> Check:
     """Whether the estimator has followed all that the arm remembers."""
     answer = context.health.status("estimator")
-    findings = () if answer is None else answer.findings
-    unknown = [one for one in findings if one.code is FaultCode.MEMORY_UNKNOWN]
+    unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
     words = "the arm's memory is known" if answer is not None else "estimator does not answer"
     return _check(
         "estimator.memory",
@@ -235,41 +231,32 @@ def _memory(context: RigContext) -> Check:
 
 def _stroke(context: RigContext) -> Check:
     """Return the check that the stroke of the arm is that of its calibration."""
-    found = stroke_finding(context)
-    told = {} if found is None else {value.name: value.value for value in found.values}
-    return _check(
-        "estimator.stroke",
-        found is None,
-        "no change of the arm's stroke was found" if found is None else fault_text(found),
-        needed=False,
-        value=told.get("change_percent"),
-        limit=told.get("limit_percent"),
-        unit="%",
-    )
+    found = context.health.findings("estimator", FaultCode.MODEL_MISMATCH)
+    words = "no change of the arm's stroke was found"
+    return _finding("estimator.stroke", found, words, "change_percent", "limit_percent", "%")
 
 
 def _forces(context: RigContext) -> Iterator[Check]:
     """Of two arms, whether both forces on a held part agree."""
-    if context.rig.second is None:
-        return
-    answer = context.health.status("estimator")
-    found = next(
-        (
-            one
-            for one in (() if answer is None else answer.findings)
-            if one.code is FaultCode.FORCES_DISAGREE
-        ),
-        None,
-    )
-    told = {} if found is None else {value.name: value.value for value in found.values}
-    yield _check(
-        "estimator.forces",
-        found is None,
-        "the forces of both arms agree" if found is None else fault_text(found),
+    if context.rig.second is not None:
+        found = context.health.findings("estimator", FaultCode.FORCES_DISAGREE)
+        words = "the forces of both arms agree"
+        yield _finding("estimator.forces", found, words, "difference_mN", "uncertainty_mN", "mN")
+
+
+def _finding(
+    name: str, found: Sequence[Fault], words: str, value: str, limit: str, unit: str
+) -> Check:
+    """Return a check that fails by a finding, with two of the finding's values."""
+    told = {one.name: one.value for one in found[0].values} if found else {}
+    return _check(
+        name,
+        not found,
+        fault_text(found[0]) if found else words,
         needed=False,
-        value=told.get("difference_mN"),
-        limit=told.get("uncertainty_mN"),
-        unit="mN",
+        value=told.get(value),
+        limit=told.get(limit),
+        unit=unit,
     )
 
 
@@ -307,20 +294,14 @@ def conditions(context: RigContext) -> Iterator[Condition]:
         yield Condition(f"program.{program}", f"{program} has gone: killed, hung or cut off")
     if "sensor" not in gone:
         yield from _sensor_conditions(context)
-    yield from _disk_space(context)
-    if context.store.trouble:
-        yield Condition("store", context.store.trouble)
-    if (stepped := clock_step(context)) is not None:
+    disk = _disk(context)
+    if not disk.ok:
+        yield Condition(disk.name, disk.words, "warning")
+    for check in of_supervisor(context.store):
+        if not check.ok:
+            yield Condition(check.name, check.words)
+    for stepped in context.health.findings("recorder", FaultCode.CLOCK_STEPPED):
         yield Condition(CLOCK, fault_text(stepped))
-    for cause, words in sorted(context.store.troubles.items()):
-        yield Condition(cause, words)
-
-
-def clock_step(context: RigContext) -> Fault | None:
-    """Return the recorder's finding that the time of day has stepped, until a person agrees."""
-    answer = context.health.status("recorder")
-    findings = () if answer is None else answer.findings
-    return next((one for one in findings if one.code is FaultCode.CLOCK_STEPPED), None)
 
 
 def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
@@ -335,14 +316,6 @@ def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
         trouble = context.health.sensor_trouble()
         if trouble:
             yield Condition("sensor", f"sensor {trouble}")
-
-
-def _disk_space(context: RigContext) -> Iterator[Condition]:
-    """Whether the disk has the room that a record needs to begin."""
-    free_MB, limit_MB = free_space_MB(context.records), context.rig.recorder.min_free_MB
-    if free_MB is not None and free_MB < limit_MB:
-        words = f"disk of {context.records}: {free_MB:.0f} MB free, limit {limit_MB:g} MB"
-        yield Condition("disk", words, "warning")
 
 
 def free_space_MB(folder: Path) -> float | None:
