@@ -8,7 +8,7 @@ from pincette.bus.protocol import BusError, RefusalError, Sink
 from pincette.bus.refused import RefusedMessages
 from pincette.core.messages import Applied, Message, Position
 from pincette.core.topics import TOPIC_OF, Request, Topic
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rigs.health import Health
 from pincette_supervisor.rigs.observer import Observer

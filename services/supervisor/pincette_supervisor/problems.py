@@ -35,6 +35,7 @@ CODES = {
     422: "invalid-request",
 }
 
+UNUSABLE = "The request cannot be used"
 ERRORS_MAX = 20
 """Errors of one request that are listed."""
 SERVED = "/api/v1"
@@ -175,8 +176,7 @@ def invalid(errors: Sequence[Mapping[str, Any]]) -> JSONResponse:
     detail = "; ".join(entry["message"] for entry in entries)
     if len(errors) > ERRORS_MAX:
         detail += f"; and {len(errors) - ERRORS_MAX} more"
-    title = "The request cannot be used"
-    return response_of(ProblemError(422, "invalid-request", title, detail, errors=entries))
+    return response_of(ProblemError(422, "invalid-request", UNUSABLE, detail, errors=entries))
 
 
 def allowed_methods(routes: Sequence[BaseRoute], scope: Scope) -> list[str]:
@@ -231,6 +231,12 @@ def install_handlers(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(Exception, internal)
+
+
+def unusable(message: str, **place: str) -> ProblemError:
+    """422 for one fault of a request; ``place`` is its pointer or its parameter."""
+    known: dict[str, Any] = {"errors": [{**place, "message": message}]} if place else {}
+    return ProblemError(422, "invalid-request", UNUSABLE, message, **known)
 
 
 def not_found(what: str, name: str, known: Sequence[str] = (), *, why: str = "") -> ProblemError:

@@ -9,7 +9,7 @@ import pytest
 from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Cause, FaultCode, Mode, fault
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.journal import alarm_rows
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError

@@ -7,7 +7,7 @@ import pytest
 from pincette.api.endings import Ending
 from pincette.api.states import GOOD_OUTCOMES, STATES, JobState
 from pincette.core.faults import ActionCode, Cause, Outcome
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.jobs.decide import (
     PLAYED,
     STOPPABLE,

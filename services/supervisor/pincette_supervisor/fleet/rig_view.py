@@ -24,7 +24,7 @@ from pincette.core.messages import Applied, Estimate, Position, Status, Telemetr
 from pincette.core.messages.arms import ArmEstimate
 from pincette.core.topics import LOOP, TOPICS
 from pincette.core.wording import status_text
-from pincette_supervisor.alarms.trips import fault_views
+from pincette_supervisor.alarms import fault_views
 from pincette_supervisor.jobs import job_queue
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.readiness import readiness

@@ -12,7 +12,7 @@ from typing import Literal
 from pincette.api.endings import Ending
 from pincette.api.states import GOOD_OUTCOMES, STATES, Event, JobState
 from pincette.core.faults import ActionCode, Cause, Outcome
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 
 States = frozenset[JobState]
 TERMINAL: States = frozenset(name for name, state in STATES.items() if state.terminal)

@@ -1,6 +1,6 @@
 """The jobs of a rig by name: how each stands, whether it waits, lives, or is over.
 
-Requests that wait for a change ask here again and again; only ``job`` reads the journal.
+Requests that wait for a change ask here again and again; of these only ``job`` reads the journal.
 """
 
 import hashlib
@@ -13,9 +13,10 @@ from time import monotonic
 from typing import Any
 
 from pincette.api.endings import Ending
-from pincette.api.jobs import Action, ArtifactState, Job
+from pincette.api.jobs import Action, ArtifactState, Job, JobEdit
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions
+from pincette.records import folder
 from pincette_supervisor.jobs import refusals
 from pincette_supervisor.jobs.job import ChangeNotifier, LiveJob
 from pincette_supervisor.jobs.job_queue import JobQueue
@@ -23,6 +24,8 @@ from pincette_supervisor.jobs.job_recorder import NOTHING, Left
 from pincette_supervisor.journal.database import columns
 from pincette_supervisor.journal.store import JobRow, utc_now
 from pincette_supervisor.plugin import Planned
+from pincette_supervisor.problems import ProblemError, not_found
+from pincette_supervisor.results.documents import restate
 from pincette_supervisor.rigs.rig_context import RigContext
 
 # A new job's row in the journal, and a job's form in REST.
@@ -227,6 +230,56 @@ class JobIndex:
             live.revise(revision)
         self._changes.notify_all()
 
+    def edit(self, name: str, said: JobEdit, by: str) -> Job:
+        """Keep what a person says of a job, in the journal and in the documents of its record."""
+        context = self._context
+        values = said.model_dump(exclude_none=True)
+        refusals.require_job(context.store, name)
+        if values:
+            with context.events.transaction("edit", name, changed=sorted(values), by=by):
+                revision = context.store.change(name, **values)
+            self.note_revision(name, revision)
+            row = refusals.require_job(context.store, name)
+            try:
+                context.archivist.submit(_restate, context.records / name, row).result()
+            except OSError as error:
+                raise ProblemError(
+                    503, "store-failed", "The record cannot be written", f"{name}: {error}"
+                ) from error
+        return self.job(name)
+
+    def delete_record(self, name: str, by: str) -> Job:
+        """Delete the files of a job that has ended; the journal keeps the job and its result."""
+        context, active = self._context, self.active
+        row = refusals.require_job(context.store, name)
+        if active is not None and active.id == name:
+            raise _kept(f"job {name} is {active.status.state}: its record is still being written")
+        if row.pinned:
+            raise _kept(f"the record of job {name} is pinned: unpin it first")
+        if not (context.records / name).is_dir():
+            raise not_found("record of job", name)
+        record = {"deleted_at": utc_now(), "detail": f"deleted by {by}"}
+        try:
+            folder.delete(context.records, name)
+        except OSError as error:
+            raise ProblemError(
+                503, "store-failed", "The record cannot be deleted", f"{name}: {error}"
+            ) from error
+        with context.events.transaction("edit", name, changed=["record"], by=by):
+            revision = context.store.change(name, plan={**row.plan, "record": record})
+        self.note_revision(name, revision)
+        return self.job(name)
+
     def _live(self, name: str) -> LiveJob | None:
         """A job that was started and may not be recorded yet; look into the queue first."""
         return next((live for live in self._lives if live.id == name), None)
+
+
+def _restate(where: Path, row: JobRow) -> None:
+    if where.is_dir():
+        folder.pin(where, pinned=row.pinned)
+        restate(where, row)
+
+
+def _kept(why: str) -> ProblemError:
+    return ProblemError(409, "record-kept", "The record stays", why)

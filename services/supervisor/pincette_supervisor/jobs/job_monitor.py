@@ -15,7 +15,7 @@ from pincette.core.wording import fault_text
 from pincette.engine.measuring.kept import asked, how, kept
 from pincette.latency.advice import age_change
 from pincette.latency.rule import TAIL
-from pincette_supervisor.alarms.trips import TripReason, trip_ending
+from pincette_supervisor.alarms import TripReason, trip_ending
 from pincette_supervisor.jobs.deafness import Silence
 from pincette_supervisor.jobs.decide import (
     Ask,

@@ -1,19 +1,36 @@
-"""Resolves and plans requests with what a rig knows: model, recipes, records, and position."""
+"""Requests: resolved and planned with what a rig knows, and kept as trajectories."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
-from pincette.api.requests import JobRequest
+from pincette.api.job_kinds import job_kinds
+from pincette.api.requests import JobRequest, PolicyRequest
+from pincette.api.trajectories import TrajectoryStart
+from pincette.config import ConfigError, calibrated
 from pincette_supervisor import problems
 from pincette_supervisor.journal.job_filter import JobFilter
-from pincette_supervisor.journal.library import LearnedRepository, RecipeRepository
+from pincette_supervisor.journal.library import (
+    LearnedRepository,
+    RecipeRepository,
+    TrajectoryRepository,
+    TrajectoryRow,
+)
+from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.planning import job_plans
 from pincette_supervisor.planning.job_plans import ResolvedRequest
 from pincette_supervisor.planning.last_pose import last_pose_um
 from pincette_supervisor.planning.recorded_jobs import recorded_motion
-from pincette_supervisor.plugin import FaultyRequestError, Planned, Present, UnsupportedError
+from pincette_supervisor.plugin import (
+    FaultyRequestError,
+    ModelInUse,
+    Planned,
+    Present,
+    UnsupportedError,
+)
 from pincette_supervisor.plugin.functions import kind_of
+from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import present
@@ -60,13 +77,144 @@ def _refusals() -> Generator[None]:
     try:
         yield
     except FaultyRequestError as error:
-        fault = {"pointer": error.pointer, "message": str(error)}
-        raise ProblemError(
-            422, "invalid-request", "The request cannot be used", str(error), errors=[fault]
-        ) from error
+        raise problems.unusable(str(error), pointer=error.pointer) from error
     except UnsupportedError as error:
         raise problems.unsupported(error) from error
     except ValueError as error:
         raise ProblemError(
             422, "invalid-request", "No plan can be made of this", str(error)
         ) from error
+
+
+# Trajectories of a rig: made, looked up, and planned again as they were made.
+
+OF_A_START = set(PolicyRequest.model_fields) - {"kind", "recipe"}
+"""Members that say how a job begins and ends, which is no part of a trajectory."""
+
+
+class TrajectoryStore:
+    """The trajectories of one rig."""
+
+    def __init__(self, context: RigContext) -> None:
+        self._context = context
+        self.book = TrajectoryRepository(context.store)
+        self._find_recipe = RecipeRepository(context.store).find
+
+    def row_of(self, resolved: ResolvedRequest) -> TrajectoryRow:
+        """Return a request with the rig file and the model that it was resolved with.
+
+        Raises
+        ------
+        ProblemError
+            Where its target depends on the position of the arm.
+        """
+        kept, model = resolved.kept, resolved.model
+        for name in resolved.kind.relative:
+            if getattr(kept, name) is not None:
+                raise problems.unusable(
+                    f"{name}: a trajectory goes to a place; say to_um or to_V", pointer=f"/{name}"
+                )
+        tree = kept.model_dump(mode="json", exclude_unset=True, exclude=OF_A_START)
+        return TrajectoryRow(
+            rig=self._context.rig.rig.name,
+            request=tree,
+            rig_file_digest=model.rig_file_digest,
+            model_version=model.version,
+            model_digest=model.digest,
+        )
+
+    def get(self, digest: str) -> TrajectoryRow:
+        """One that is kept; raises ProblemError where there is none of this digest."""
+        row = self.book.get(digest)
+        if row is None:
+            raise problems.not_found("trajectory", digest)
+        return row
+
+    def stale(self, row: TrajectoryRow) -> list[str]:
+        """What has changed since it was made, in words."""
+        model = self._context.model.in_use
+        found: list[str] = []
+        if (kind := row.request["kind"]) not in job_kinds():
+            found.append(f"kind: {kind} is not known any more, make the trajectory again")
+        if row.rig_file_digest != model.rig_file_digest:
+            found.append(f"rig file {row.rig_file_digest} is {model.rig_file_digest} at present")
+        if row.model_digest != model.digest:
+            before, at_present = (
+                f"version {version} ({digest})" if digest else "the rig file alone"
+                for version, digest in (
+                    (row.model_version, row.model_digest),
+                    (model.version, model.digest),
+                )
+            )
+            found.append(f"model: {before} was in use, {at_present} is at present")
+        return found
+
+    def planned(self, row: TrajectoryRow) -> Planned | None:
+        """The plan as it was made; None where its rig file, model or kind is not there any more."""
+        model = self._model_of(row)
+        if model is None or row.request["kind"] not in job_kinds():
+            return None
+        request = REQUEST.validate_python(row.request)
+        resolved = job_plans.resolve(request, model, None, self._find_recipe)
+        return job_plans.plan(resolved)
+
+    def require_planned(self, row: TrajectoryRow) -> Planned:
+        """The same; raises ProblemError."""
+        planned = self.planned(row)
+        if planned is None:
+            raise self._stale(row)
+        return planned
+
+    def request(self, row: TrajectoryRow, start: TrajectoryStart) -> JobRequest:
+        """The request for a job of it.
+
+        Raises
+        ------
+        ProblemError
+            Where something has changed since, or the start does not go with its kind.
+        """
+        if self.stale(row):
+            raise self._stale(row)
+        options: dict[str, Any] = start.model_dump(mode="json", exclude_unset=True)
+        for name in ("on_stop", "on_abort"):
+            if options.get(name) is None:
+                options.pop(name, None)
+            elif not job_kinds()[row.request["kind"]].holds_part:
+                raise problems.unusable(
+                    f"{name}: a {row.request['kind']} holds no part", pointer=f"/{name}"
+                )
+        return REQUEST.validate_python({**row.request, **options})
+
+    def _stale(self, row: TrajectoryRow) -> ProblemError:
+        changed = self.stale(row)
+        return ProblemError(
+            409,
+            "trajectory-stale",
+            "What the trajectory was made with is not in use",
+            f"{'; '.join(changed)}: POST its request to /api/v1/trajectories again",
+            changed=changed,
+        )
+
+    def _model_of(self, row: TrajectoryRow) -> ModelInUse | None:
+        context, in_use = self._context, self._context.model.in_use
+        if row.rig_file_digest != in_use.rig_file_digest:
+            return None
+        if row.model_digest == in_use.digest:
+            return in_use
+        if not row.model_digest:
+            return rig_file_alone(context.model.file)
+        try:
+            stored = context.model.files.read(row.model_version)
+            if stored.digest != row.model_digest:
+                return None
+            rig = calibrated(context.model.file, stored.calibration)
+        except ConfigError:
+            return None
+        alone = rig_file_alone(context.model.file)
+        return replace(
+            alone,
+            rig=rig,
+            version=stored.version,
+            calibration=stored.calibration,
+            uncertainties=stored.uncertainties,
+        )

@@ -11,7 +11,7 @@ from pincette.api.rigs import PartState, Standing
 from pincette.api.states import JobState
 from pincette.core.faults import KEPT, Cause
 from pincette.core.messages import Applied, Estimate, Telemetry
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.jobs.job import JobStatus
 from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import PLAYING_S, is_playing, standing

@@ -22,7 +22,7 @@ from pincette.core.messages import (
 )
 from pincette.core.topics import APPLIED, LOOP, TOPIC_OF, TOPICS, Topic
 from pincette.core.wording import fault_text
-from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.alarms import TripReason, reason_of
 from pincette_supervisor.plugin import Planned, Wait
 from pincette_supervisor.plugin.figures import MOST_MISSING
 from pincette_supervisor.results.run_samples import THINNED, RunSamples

@@ -14,11 +14,10 @@ from pincette.api.problems import responses
 from pincette.api.requests import LABEL_NAME
 from pincette.api.states import JobState
 from pincette.records import number_table
-from pincette_supervisor.jobs import keeping
+from pincette_supervisor import problems
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.kinds.bodies import KindName
-from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     OBSERVE,
@@ -51,13 +50,7 @@ def _utc(name: str, time: datetime | None) -> str | None:
         return utc_text(time)
     except OverflowError as error:  # within hours of the first or the last year
         message = f"{name} = {time}: beyond the years 1 to 9999 in UTC"
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            message,
-            errors=[{"parameter": name, "message": message}],
-        ) from error
+        raise problems.unusable(message, parameter=name) from error
 
 
 async def _filter(
@@ -202,7 +195,7 @@ def edit(
     Report and manifest of its record say the same from then on; files of samples stay as they are.
     """
     note(", ".join(sorted(body.model_fields_set)))
-    edited = keeping.edit(rigs.of_job(job), job, body, by)
+    edited = rigs.of_job(job).index.edit(job, body, by)
     response.headers["ETag"] = etag(edited.id, edited.revision)
     return edited
 
@@ -211,4 +204,4 @@ def edit(
 def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
     """Delete the files of a job that has ended and is not pinned; its result stays."""
     note(f"record of {job}")
-    return keeping.delete_record(rigs.of_job(job), job, by)
+    return rigs.of_job(job).index.delete_record(job, by)

@@ -21,8 +21,8 @@ from pincette.api.trajectories import (
 from pincette_supervisor import problems
 from pincette_supervisor.jobs import planner
 from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.jobs.planner import TrajectoryStore
 from pincette_supervisor.jobs.refusals import require_feasible
-from pincette_supervisor.jobs.trajectory_store import TrajectoryStore
 from pincette_supervisor.journal.library import TrajectoryRow
 from pincette_supervisor.kinds.bodies import TrajectoryBody
 from pincette_supervisor.planning.dry_run import DryRun

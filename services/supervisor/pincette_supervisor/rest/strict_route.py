@@ -155,12 +155,7 @@ def require_known(request: Request, known: list[str]) -> None:
     """Raise RequestValidationError for each query parameter that is unknown or repeated."""
     count = request.scope["query_string"].count(b"&") + 1
     if count > PARAMETERS_MAX:
-        raise ProblemError(
-            422,
-            "invalid-request",
-            "The request cannot be used",
-            f"{count} query parameters: the limit is {PARAMETERS_MAX}",
-        )
+        raise problems.unusable(f"{count} query parameters: the limit is {PARAMETERS_MAX}")
     errors: list[dict[str, Any]] = []
     for name, count in Counter(name for name, _ in request.query_params.multi_items()).items():
         value = request.query_params[name]

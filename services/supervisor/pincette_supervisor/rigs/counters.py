@@ -22,7 +22,7 @@ from pincette.core.messages.requests import InstrumentCounts
 from pincette.core.topics import LOOP, TOPIC_OF, Topic
 from pincette.latency.histogram import Distribution, Histogram, first_ns
 from pincette.records.timings import QUANTITIES
-from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.alarms import TripReason, reason_of
 
 # Counters and histograms that never fall, of sources that restart at zero; pure.
 

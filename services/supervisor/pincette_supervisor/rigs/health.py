@@ -22,7 +22,7 @@ from pincette.core.wording import fault_text
 from pincette.engine.arming import status
 from pincette.engine.timing_budget import Budget, budget, lets_go_s
 from pincette.records.timings import program_timing
-from pincette_supervisor.alarms.trips import TripReason, reason_of
+from pincette_supervisor.alarms import TripReason, reason_of
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue
 from pincette_supervisor.rigs.observer import Observer

@@ -12,7 +12,7 @@ from pincette.bus.stopping import TRIP_S
 from pincette.core.faults import Cause
 from pincette.core.messages import Trip
 from pincette.engine.threads import log_failure
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rigs.rig_context import RigContext
 

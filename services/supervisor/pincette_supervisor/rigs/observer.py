@@ -19,7 +19,7 @@ from pincette.core.topics import (
     Topic,
 )
 from pincette.engine.threads import RepeatedAction
-from pincette_supervisor.alarms.trips import TripMonitor
+from pincette_supervisor.alarms import TripMonitor
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.rigs.counters import RigCounters
 

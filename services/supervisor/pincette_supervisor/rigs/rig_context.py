@@ -10,8 +10,7 @@ from time import monotonic
 from pincette.api.requests import JobRequest, ZeroingRequest
 from pincette.config import RigFile
 from pincette.core.messages import Trip
-from pincette_supervisor.alarms.alarms import AlarmLog
-from pincette_supervisor.alarms.trips import TripReason
+from pincette_supervisor.alarms import AlarmLog, TripReason
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue

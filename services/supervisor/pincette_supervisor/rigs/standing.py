@@ -14,7 +14,7 @@ from pincette.api.rigs import Standing
 from pincette.core.faults import FaultCode, Mode
 from pincette.core.messages import Applied, Estimate
 from pincette.core.messages.arms import ArmEstimate
-from pincette_supervisor.alarms.trips import output_lost
+from pincette_supervisor.alarms import output_lost
 from pincette_supervisor.plugin import Present
 from pincette_supervisor.rigs.rig_context import RigContext
 

@@ -1,14 +1,157 @@
 """The alarm log of a rig: raised, counted, cleared and acknowledged, each with an event."""
 
 import threading
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import Any, NamedTuple
 
-from pincette.core.faults import Cause
-from pincette_supervisor.alarms.trips import TripReason
+from pincette.api.checks import FaultView
+from pincette.api.endings import Ending
+from pincette.config import RigFile
+from pincette.core.faults import TRIPPED, Cause, Fault, FaultCode
+from pincette.core.messages import Applied, Command, Estimate, Message, Position, Telemetry
+from pincette.core.topics import Topic
+from pincette.core.wording import cause_text, fault_text
 from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow, Clears, Severity
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.journal.write_queue import WriteQueue
+
+# Why the actuator has tripped, with the program that was silent at that moment.
+
+# The actuator knows only that no command came. Which program was silent is seen from outside, by
+# the numbers of the programs' newest samples at the moment of the trip.
+
+
+LATE_PERIODS = 1.5
+"""A sensor without a sample for so long is silent; its samples come one a period."""
+IN_FLIGHT = 1
+"""By so many samples a program may lag behind the one before it."""
+
+
+def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
+    """Faults as REST has them."""
+    return [
+        FaultView(
+            code=fault.code,
+            values={item.name: item.value for item in fault.values},
+            text=fault_text(fault),
+        )
+        for fault in faults
+    ]
+
+
+class TripReason(NamedTuple):
+    """Why the actuator is latched: a code, and what was found."""
+
+    cause: Cause
+    faults: tuple[Fault, ...] = ()
+
+    def with_fault(self, found: Fault) -> "TripReason":
+        """Return this reason with one more fault."""
+        return TripReason(self.cause, (*self.faults, found))
+
+    def text(self, silent: str = "") -> str:
+        """For people; ``silent`` is the program that was silent when it came."""
+        return cause_text(self.cause, self.faults, silent)
+
+
+@dataclass(frozen=True, slots=True)
+class LastSample:
+    """The newest sample of a program, and how long ago it came."""
+
+    seq: int
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TripRecord:
+    """A trip, until the actuator is reset."""
+
+    epoch: int
+    reason: TripReason
+    newest: Mapping[str, LastSample]
+    """The newest sample of each program of the loop when it came."""
+    at_s: float = 0.0
+    """When it came, or what was found changed."""
+
+
+def reason_of(applied: Applied) -> TripReason:
+    """The reason that the actuator reports."""
+    return TripReason(applied.cause, applied.faults)
+
+
+def trip_ending(trip: TripReason) -> Ending:
+    """Why a job ends whose actuator has tripped; the abort of a person is no fault."""
+    if trip.cause == Cause.ABORT:
+        return Ending(code="requested")
+    return Ending(code="tripped", trip=str(trip.cause), faults=fault_views(trip.faults))
+
+
+def silent_program(newest: Mapping[str, LastSample], period_s: float) -> str:
+    """The first silent program, in the order of a tick; empty where all go on."""
+    sensor = newest.get("sensor")
+    if sensor is None:
+        return ""
+    if sensor.age_s > LATE_PERIODS * period_s:
+        return "sensor"
+    seq = sensor.seq
+    for program in ("estimator", "controller"):
+        one = newest.get(program)
+        if one is None or one.seq < seq - IN_FLIGHT:
+            return program
+        seq = min(seq, one.seq)
+    return ""
+
+
+def output_lost(reason: TripReason) -> bool:
+    """Whether the output does not confirm its voltage."""
+    codes = {one.code for one in reason.faults}
+    return reason.cause == Cause.DEVICE or FaultCode.OUTPUT_UNCONFIRMED in codes
+
+
+class TripMonitor:
+    """The trip that the actuator is in, if any; see ``take``."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.newest: TripRecord | None = None
+        self._clock = clock
+        self._samples: dict[str, tuple[int, int, float]] = {}
+        """Epoch, number and arrival of each program's newest sample."""
+
+    def take(self, topic: Topic, message: Message) -> None:
+        """Follow a message; called in threads of the bus."""
+        if isinstance(message, Applied):
+            self._take_applied(message)
+        elif isinstance(message, Position | Estimate | Command | Telemetry):
+            self._samples[topic.producer] = (message.epoch, message.seq, self._clock())
+
+    def _take_applied(self, applied: Applied) -> None:
+        if applied.state not in TRIPPED:
+            self.newest = None
+        elif self.newest is None or self.newest.reason != reason_of(applied):
+            now = self._clock()
+            newest = {
+                program: LastSample(seq, now - at_s)
+                for program, (epoch, seq, at_s) in list(self._samples.items())
+                if epoch == applied.epoch
+            }
+            self.newest = TripRecord(applied.epoch, reason_of(applied), newest, now)
+
+    def lost_s(self, reason: TripReason) -> float | None:
+        """How long ago the output was lost that a reason tells of; None where that is not known."""
+        trip = self.newest
+        return None if trip is None or trip.reason != reason else self._clock() - trip.at_s
+
+    def words(self, reason: TripReason, rig: RigFile) -> str:
+        """A reason for people, with the silent program where it is that of the newest trip."""
+        trip = self.newest
+        if trip is None or trip.reason != reason:
+            return reason.text()
+        # In lockstep the clock on the wall says nothing of a sample's age.
+        period_s = inf if rig.lockstep else rig.rig.period_s
+        return reason.text(silent_program(trip.newest, period_s))
 
 
 class AlarmLog:

@@ -1,1 +1,0 @@
-"""Alarms: what is wrong with a rig, and since when."""
