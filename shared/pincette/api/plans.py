@@ -1,7 +1,6 @@
 """Plans of jobs over REST, and the control laws that a job may choose."""
 
-from collections.abc import Sequence
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -228,40 +227,6 @@ class LawGain(Model):
     """Whether the gain must be above 0; else it must be at least 0."""
 
 
-class DescribedLaw(Protocol):
-    """Description of a law by its ``LawDefinition``; a client has no definitions."""
-
-    @property
-    def name(self) -> str:
-        """Name of the law in requests."""
-        ...
-
-    @property
-    def title(self) -> str:
-        """Name of the law for people."""
-        ...
-
-    @property
-    def summary(self) -> str:
-        """What distinguishes the law."""
-        ...
-
-    @property
-    def parameters(self) -> Sequence[object]:
-        """Gains of the law, each with the members of ``LawGain``."""
-        ...
-
-    @property
-    def search(self) -> Sequence[object]:
-        """Gains that a search varies; empty: there is no search."""
-        ...
-
-    @property
-    def arms(self) -> int:
-        """Number of arms that the law drives."""
-        ...
-
-
 class InstalledLaw(Model):
     """A control law that a job may choose."""
 
@@ -283,18 +248,6 @@ class InstalledLaw(Model):
     """Whether ``"gains": "tuned"`` is offered."""
     arms: int = 1
     """Number of driven arms of the rigs for which it is offered."""
-
-    @classmethod
-    def of(cls, law: DescribedLaw) -> "InstalledLaw":
-        """Return the description of a law."""
-        return cls(
-            scheme=law.name,
-            title=law.title,
-            summary=law.summary,
-            gains=[LawGain.model_validate(gain, from_attributes=True) for gain in law.parameters],
-            tunable=bool(law.search),
-            arms=law.arms,
-        )
 
 
 class LawList(Model):

@@ -37,13 +37,11 @@ class Driver:
 
 def show_drivers(form: Json) -> None:
     """Print the drivers and laws that a rig file can name, and why one cannot be used."""
-    from pincette.api.plans import InstalledLaw
-    from pincette.config.laws import laws_by_name
+    from pincette.config.laws import described_laws
 
     if form.json:
         found = {kind: [asdict(one) for one in installed(name)] for name, kind in TABLES.items()}
-        laws = [InstalledLaw.of(law).model_dump() for law in laws_by_name().values()]
-        emit({**found, "laws": laws})
+        emit({**found, "laws": [law.model_dump() for law in described_laws()]})
         return
     for name, kind in plugins.DRIVERS.items():
         print(f"{kind}s, for `driver` in [{TABLES[name]}]:")

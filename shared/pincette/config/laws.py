@@ -1,6 +1,7 @@
 """Installed control laws, and the default law of a rig's jobs."""
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -11,6 +12,9 @@ from pincette.control.laws.parameters import ForceAge, LawSpec, ParameterSet
 from pincette.control.laws.two_arm_law import LAW as TWO_ARMS
 from pincette.control.laws.two_arm_law import TwoArmLaw
 from pincette.core import plugins
+
+if TYPE_CHECKING:
+    from pincette.api.plans import InstalledLaw
 
 
 @cache
@@ -46,6 +50,23 @@ def laws_by_name() -> dict[str, LawDefinition | TwoArmLaw]:
     """Return the usable laws of one arm and of two by name."""
     found: dict[str, LawDefinition | TwoArmLaw] = {**installed_laws(), TWO_ARMS.name: TWO_ARMS}
     return {name: found[name] for name in plugins.names(plugins.LAWS) if name in found}
+
+
+def described_laws() -> "list[InstalledLaw]":
+    """Describe every installed law, as REST lists them."""
+    from pincette.api.plans import InstalledLaw, LawGain
+
+    return [
+        InstalledLaw(
+            scheme=law.name,
+            title=law.title,
+            summary=law.summary,
+            gains=[LawGain.model_validate(gain, from_attributes=True) for gain in law.parameters],
+            tunable=bool(law.search),
+            arms=law.arms,
+        )
+        for law in laws_by_name().values()
+    ]
 
 
 def resolved_law(spec: LawSpec) -> LawSettings:

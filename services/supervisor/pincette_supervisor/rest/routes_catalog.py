@@ -6,8 +6,8 @@ from fastapi import APIRouter
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.kinds import KindList, described
-from pincette.api.plans import InstalledLaw, LawList
-from pincette.config.laws import laws_by_name
+from pincette.api.plans import LawList
+from pincette.config.laws import described_laws
 from pincette_supervisor.rest.dependencies import OBSERVE
 from pincette_supervisor.rest.strict_route import StrictRoute
 
@@ -29,4 +29,4 @@ def kinds() -> KindList:
 @router.get("/laws", tags=["laws"], dependencies=[OBSERVE])
 def laws() -> LawList:
     """The control laws that a job may choose, each with its gains."""
-    return LawList(laws=[InstalledLaw.of(law) for law in laws_by_name().values()])
+    return LawList(laws=described_laws())
