@@ -26,7 +26,6 @@ from pincette.client import (
     ClientError,
     NothingHeldError,
     WhichRigError,
-    kept_by_stop,
     left_s,
     require_feasible,
 )
@@ -141,7 +140,8 @@ class Gripper(Device):
     async def set(self, value: float) -> AsyncIterator[WatcherUpdate[float]]:
         """Grip with a force in mN and end once it is settled, or let go with 0.
 
-        A force with which the part is held already is left as it is. Raises the client's errors:
+        A part that this device holds is loaded or unloaded to the force without letting it go; one
+        that is held with it already is left as it is. Raises the client's errors:
         with 0 also RigBusyError while a job is under way that holds no part yet.
         """
         value = force_of(value)
@@ -161,13 +161,13 @@ class Gripper(Device):
                 )
 
     async def _grip(self, motion: Motion, force_mN: float) -> AsyncGenerator[Progress]:
-        job = await self._rig.active_job()
-        own = job is not None and job.job.labels.get(LABEL) == self.name
-        if job is not None and own and (kept := kept_by_stop(job.job, force_mN)) is not None:
+        own = (LABEL, self.name)
+        job, kept = await self._rig.reach(
+            force_mN, own=own, idempotency_key=motion.key, labels=self._labels
+        )
+        if kept is not None:
             yield kept
             return
-        if job is None or not self._is_that(job, force_mN):
-            job = await self._start(motion, "grip", force_mN=force_mN, until_released=True)
         motion.job = job
         async for now in job.to_hold():
             yield now
@@ -180,13 +180,6 @@ class Gripper(Device):
         motion.job = job
         async for now in job.to_release():
             yield now
-
-    def _is_that(self, job: AsyncJobHandle, force_mN: float) -> bool:
-        """Whether a job is the grip that is asked for: a plan is rewound, or began earlier."""
-        values, wanted = job.job.values, job.job.labels.get(LABEL) == self.name
-        same = math.isclose(values.get("force_mN", math.nan), force_mN)
-        running = job.state in ("queued", "preparing", "ready", "running")
-        return wanted and same and running and values.get("hold_s") is None
 
     @AsyncStatus.wrap
     async def prepare(self, value: Mapping[str, Any]) -> None:

@@ -10,13 +10,12 @@ from event_model import DataKey
 
 from pincette.api.jobs import Job
 from pincette.api.rigs import Rig
+from pincette.client.following import LETTING_GO
 from pincette.core.units import unit_of
 
 NUMBERS = ("force_mN", "force_uncertainty_mN", "x_um", "voltage_V")
 """Of the newest sample; NaN where nothing is known."""
 TEXTS = ("part", "job")
-OPENING = ("unload", "retreat")
-"""Phases in which the force of a job is not the one it was asked for any more."""
 STANDING = ("rig", "rig_digest", "model_digest", "period_s")
 """What is read once of a run."""
 COLUMNS = (
@@ -85,7 +84,8 @@ def setpoint_mN(rig: Rig, job: Job | None) -> float:
     if job.ended_at is not None:  # stopped, and its part is kept with the reference it had then
         force_mN = None if now is None or not now.held else now.force_r_mN
     else:
-        force_mN = None if now is not None and now.phase in OPENING else job.values.get("force_mN")
+        lets_go = now is not None and now.phase in LETTING_GO
+        force_mN = None if lets_go else job.values.get("force_mN")
     return float(force_mN) if isinstance(force_mN, int | float) else math.nan
 
 

@@ -139,14 +139,20 @@ def test_a_part_stays_held_from_one_plan_to_the_next(
     assert (rig.view()["part"], rig.job(job)["state"]) == ("held", "running")
     engine(bps.mv(gripper, FORCE_MN))
     assert rig.view()["active_job"] == job
-    assert isinstance(
-        failure(engine, bps.mv(gripper, FORCE_MN - 2.0)), RigBusyError | PartHeldError
-    )
     assert located(engine, gripper) == FORCE_MN
     engine(bps.mvr(gripper, 0.0))
     assert (rig.view()["part"], rig.view()["active_job"]) == ("held", job)
-    assert isinstance(failure(engine, bps.mvr(gripper, 3.0)), PartHeldError)
+    assert isinstance(failure(engine, bps.mvr(gripper, 100.0)), LimitViolationError)
     assert located(engine, gripper) == FORCE_MN
+    engine(bps.mvr(gripper, 3.0))
+    assert located(engine, gripper) == FORCE_MN + 3.0
+    rig.post(f"/jobs/{rig.view()['active_job']}/actions", {"type": "release"})
+    until(lambda: rig.view()["active_job"] is None, "the part is not released")
+    job = rig.start_grip(force_mN=FORCE_MN, until_released=True, labels={"cell": "7"})
+    rig.until_phase(job, "hold")
+    held = failure(engine, bps.mv(gripper, FORCE_MN - 2.0))
+    assert isinstance(held, PartHeldError)
+    assert (held.job, held.labels) == (job, {"cell": "7"})
     engine(bps.mv(gripper, 0.0))
     assert rig.view()["part"] == "none"
     assert located(engine, gripper) == 0.0

@@ -27,7 +27,6 @@ from pincette.client import (
     RigHandle,
     RigStatus,
     Supervisor,
-    kept_by_stop,
     require_feasible,
 )
 from pincette.client.status import NEWS_S, unknown_status
@@ -133,19 +132,17 @@ class Gripper(RestNode):
     def grip(self, force_mN: float) -> ActionResult:
         """Grip; ends when the part is held, and it stays held until release.
 
-        A part that a stop has left with that force is held on as it is.
+        A part that this node holds is loaded or unloaded to the force without letting it go; one
+        that is held with it already is left as it is.
         """
         key = uuid4().hex
         with self._noted(key):
             try:
                 rig, labels = self._rig(), {LABEL: self.node_info.node_name}
-                active = rig.active_job()
-                if active is not None and active.job.labels.items() >= labels.items():
-                    kept = kept_by_stop(active.job, force_mN)
-                    if kept is not None:
-                        return gripped(active, kept)
-                wanted: dict[str, Any] = {"force_mN": force_mN, "until_released": True}
-                job = rig.start("grip", idempotency_key=key, labels=labels, **wanted)
+                own = (LABEL, self.node_info.node_name)
+                job, now = rig.reach(force_mN, own=own, idempotency_key=key, labels=labels)
+                if now is not None:
+                    return gripped(job, now)
                 self._actions[key] = job
                 now = last(job.to_hold())
             except ClientError as error:

@@ -1,47 +1,99 @@
-"""Tokens of feasible plans: what may be gripped, once, for a limited time."""
+"""Tokens of feasible plans: what may be gripped, once, for a limited time.
 
+A token holds the plan and a signature. The secret of the signature is a file of the account, so
+that a token is also good for the server that takes the place of an ended one.
+"""
+
+import hmac
+import json
 import secrets
+from base64 import urlsafe_b64decode, urlsafe_b64encode
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from hashlib import sha256
+from typing import NamedTuple
+
+from pincette.core.files import replace_file
+from pincette.core.user_folders import config_folder
 
 VALID_S = 120.0
-MOST = 100
+SIGNATURE_BYTES = 12
+SECRET_BYTES = 32
+SECRET = "pincette/mcp-tokens"
+"""File of the secret, in the account's folder of settings."""
 
 
 class NoPlanError(Exception):
     """A token that names no plan that may be run."""
 
+    def __init__(self, why: str) -> None:
+        words = f"no-plan: this token {why}; call plan_grip, and grip with the token of its plan"
+        super().__init__(words)
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    fields: dict[str, Any]
+
+class Plan(NamedTuple):
+    """A feasible plan, as its token states it."""
+
+    id: str
+    """Name of the plan: label and Idempotency-Key of its job."""
+    rig: str
+    force_mN: float
+    hold_s: float | None
+    """None: until the release."""
     until_s: float
+    """Time of the system clock from which the token is too old, in s."""
 
 
-class Plans:
-    """Feasible plans by their tokens."""
+class Tokens:
+    """Signs plans, and takes each of them once."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self._clock = clock
-        self._kept: dict[str, _Kept] = {}
+    def __init__(self, secret: bytes, clock: Callable[[], float]) -> None:
+        self._secret, self._clock = secret, clock
+        self._taken: set[str] = set()
 
-    def keep(self, fields: dict[str, Any]) -> str:
-        """Return the token of what has been planned."""
-        now_s = self._clock()
-        self._kept = {token: one for token, one in self._kept.items() if one.until_s > now_s}
-        if len(self._kept) >= MOST:
-            del self._kept[next(iter(self._kept))]
-        token = secrets.token_urlsafe(16)
-        self._kept[token] = _Kept(fields, now_s + VALID_S)
-        return token
+    def of(self, rig: str, force_mN: float, hold_s: float | None) -> str:
+        """Return the token of a plan."""
+        until_s = round(self._clock() + VALID_S, 1)
+        plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s)
+        text = json.dumps(plan, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 3)  # base64 of a whole number of groups ends without =
+        return f"{_text(text)}.{_text(self._signature(text))}"
 
-    def take(self, token: str) -> dict[str, Any]:
-        """Return what was planned; the token is then no more. Raises NoPlanError."""
-        kept = self._kept.pop(token, None)
-        if kept is None or kept.until_s <= self._clock():
-            raise NoPlanError(
-                f"no-plan: this token is used, older than {VALID_S:g} s, or was never given; call "
-                "plan_grip, and grip with the token of a feasible plan"
-            )
-        return kept.fields
+    def take(self, token: str) -> Plan:
+        """Return what was planned; the token is then used. Raises NoPlanError."""
+        text, _, signature = token.partition(".")
+        try:
+            content, signed = urlsafe_b64decode(text), urlsafe_b64decode(signature)
+        except ValueError:
+            content = signed = b""
+        if not hmac.compare_digest(signed, self._signature(content)):
+            raise NoPlanError("was never given")
+        plan = Plan(*json.loads(content))
+        if plan.until_s <= self._clock():
+            raise NoPlanError(f"is older than {VALID_S:g} s")
+        if plan.id in self._taken:
+            raise NoPlanError("is used")
+        self._taken.add(plan.id)
+        return plan
+
+    def _signature(self, content: bytes) -> bytes:
+        return hmac.digest(self._secret, content, sha256)[:SIGNATURE_BYTES]
+
+
+def account_secret() -> bytes:
+    """Return the secret of the account; one for this process alone where it cannot be kept."""
+    made, folder = secrets.token_bytes(SECRET_BYTES), config_folder()
+    if folder is None:
+        return made
+    path = folder / SECRET
+    try:
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(path, made, 0o600)
+        found = path.read_bytes()
+    except OSError:
+        return made
+    return found if len(found) == SECRET_BYTES else made
+
+
+def _text(content: bytes) -> str:
+    return urlsafe_b64encode(content).decode()

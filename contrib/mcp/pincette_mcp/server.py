@@ -1,13 +1,15 @@
 """The tools: what looks and what stops is always there, what moves only where it is asked for."""
 
 import time
-from collections.abc import AsyncGenerator, Generator
+from collections.abc import AsyncGenerator, Callable, Generator
 from contextlib import contextmanager, suppress
-from typing import Annotated
+from typing import Annotated, Any
 
 import anyio
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
+from mcp.server.mcpserver.tools import Tool
+from mcp.server.mcpserver.utilities.func_metadata import FuncMetadata
 from mcp_types import ToolAnnotations
 from pydantic import BaseModel, Field
 
@@ -22,14 +24,14 @@ from pincette.client import (
     NotPermittedError,
     WaitTimeoutError,
     WhichRigError,
-    kept_by_stop,
     left_s,
 )
 from pincette.client.status import NEWS_S, RigStatus, unknown_status
-from pincette_mcp.plans import NoPlanError, Plans
+from pincette_mcp.plans import NoPlanError, Plan, Tokens, account_secret
 
 LABEL = "mcp"
-"""Label of a job: the token of its plan."""
+"""Label of a job: the name of its plan."""
+OWN = (LABEL, None)
 RESTS_S = 30.0
 """Longest wait of ``stop`` for a motion to come to rest, in s."""
 UNKNOWN = "unknown"
@@ -76,9 +78,15 @@ class Status(BaseModel):
 
 
 class GripPlan(BaseModel):
-    """What a grip would do."""
+    """What a grip would do, with every value that its token stands for."""
 
     feasible: bool
+    rig: str
+    kind: str
+    """``grip``; or ``hold`` where a part that is held is loaded or unloaded to the force."""
+    force_mN: float
+    hold_s: float | None
+    """Null: until release."""
     duration_s: float
     violations: list[str]
     """Limits that it breaks, with value, unit and limit."""
@@ -123,9 +131,9 @@ class Tools:
 
     def __init__(self, supervisor: AsyncSupervisor, rig: str | None) -> None:
         self._supervisor, self._name = supervisor, rig
-        self._plans = Plans(time.monotonic)
+        self._tokens = Tokens(account_secret(), time.time)
         self._asked: set[str] = set()
-        """Tokens whose grip is under way."""
+        """Names of the plans whose grip is under way."""
 
     async def status(self) -> Status:
         """Whether the rig is ready, what it holds, and its newest sample."""
@@ -157,45 +165,54 @@ class Tools:
         )
 
     async def plan_grip(self, force_mN: Force, hold_s: Hold = None) -> GripPlan:
-        """Predict a grip; nothing moves. A feasible plan has the token that grip takes."""
-        hold = {"until_released": True} if hold_s is None else {"hold_s": hold_s}
-        fields = {"force_mN": force_mN, **hold}
+        """Predict a grip, in some seconds; nothing moves. A feasible plan has a token for grip."""
         with told():
-            plan = await (await self._rig()).plan("grip", **fields)
+            rig = await self._rig()
+            plan = await rig.plan_reach(force_mN, own=OWN, hold_s=hold_s)
         return GripPlan(
             feasible=plan.feasible,
+            rig=rig.name,
+            kind=plan.kind,
+            force_mN=force_mN,
+            hold_s=hold_s,
             duration_s=plan.duration_s,
             violations=[violation.message for violation in plan.violations],
             warnings=list(getattr(plan, "warnings", ())),
-            token=self._plans.keep(fields) if plan.feasible else None,
+            token=self._tokens.of(rig.name, force_mN, hold_s) if plan.feasible else None,
         )
 
     async def grip(self, token: str, context: Context) -> Gripped:
-        """Grip as planned. It ends when the part is held, or with the hold time that was given.
+        """Grip as planned; takes some 5 s to 60 s, and the hold time that was given.
 
-        A part that a stop has left with that force is held on as it is.
+        It ends when the part is held, or with that hold time. A part that an earlier grip holds is
+        loaded or unloaded to the force; one that is held with it is held on as it is.
         """
         with told():
-            rig, fields = await self._rig(), self._plans.take(token)
-            self._asked.add(token)  # before anything is awaited: a stop may come meanwhile
+            plan = self._tokens.take(token)
+            self._asked.add(plan.id)  # before anything is awaited: a stop may come meanwhile
+            rig: AsyncRigHandle | None = None
             try:
-                active = await rig.active_job()
-                own = active is not None and LABEL in active.job.labels and "hold_s" not in fields
-                if active is not None and own:
-                    now = kept_by_stop(active.job, fields["force_mN"])
-                    if now is not None:
-                        return _gripped(active, "held", now.force_mN, now.force_uncertainty_mN)
-                labels = {LABEL: token}
-                job = await rig.start("grip", idempotency_key=token, labels=labels, **fields)
-                endless = "hold_s" not in fields
+                rig = await self._rig()
+                await _require_unused(rig, plan)
+                job, now = await rig.reach(
+                    plan.force_mN,
+                    own=OWN,
+                    hold_s=plan.hold_s,
+                    idempotency_key=plan.id,
+                    labels={LABEL: plan.id},
+                )
+                if now is not None:
+                    return _gripped(job, "held", now.force_mN, now.force_uncertainty_mN)
+                endless = plan.hold_s is None
                 await follow(job.to_hold() if endless else job.to_success(), context)
                 found = await job.refresh()
             except anyio.get_cancelled_exc_class():
-                with anyio.CancelScope(shield=True):
-                    await rig.stop(token)
+                if rig is not None:
+                    with anyio.CancelScope(shield=True):
+                        await rig.stop(plan.id)
                 raise
             finally:
-                self._asked.discard(token)
+                self._asked.discard(plan.id)
         if endless:
             now = found.progress
             held_mN = None if now is None else now.force_held_mN
@@ -206,7 +223,7 @@ class Tools:
         return _gripped(job, result.get("outcome", ""), *figures)
 
     async def release(self, context: Context) -> Done:
-        """Let go of what is held, whoever has gripped it; ends once the arm rests."""
+        """Let go of what is held, whoever has gripped it; ends once the arm rests, in some 5 s."""
         with told():
             rig = await self._rig()
             job = await rig.let_go(labels={LABEL: "release"})
@@ -216,12 +233,12 @@ class Tools:
     async def stop(self) -> Done:
         """Bring a motion to rest; a held part stays held. It may be called at any time.
 
-        It ends once the motion rests, and the next one can start.
+        It ends once the motion rests, and the next one can start: in 30 s at the latest.
         """
         with told():
             rig = await self._rig()
-            for token in list(self._asked):
-                await rig.stop(token)
+            for name in list(self._asked):
+                await rig.stop(name)
             job = await rig.active_job()
             if job is None:
                 return Done(job=None, part=(await rig.state()).part, detail="nothing moves")
@@ -293,14 +310,49 @@ def _gripped(
 def serve(supervisor: AsyncSupervisor, rig: str | None, *, moving: bool) -> MCPServer:
     """A server of a rig's tools; those that move only with ``moving``."""
     tools = Tools(supervisor, rig)
-    server = MCPServer(
-        "pincette", instructions=INSTRUCTIONS, version=__version__, log_level="WARNING"
+    offered = [
+        *(strict(tool, LOOKS) for tool in (tools.status, tools.plan_grip)),
+        *(strict(tool, STOPS) for tool in (tools.stop, tools.emergency_stop)),
+        *(strict(tool, MOVES) for tool in (tools.grip, tools.release) if moving),
+    ]
+    return MCPServer(
+        "pincette",
+        instructions=INSTRUCTIONS,
+        version=__version__,
+        log_level="WARNING",
+        tools=offered,
     )
-    for tool in (tools.status, tools.plan_grip):
-        server.add_tool(tool, annotations=LOOKS)
-    for tool in (tools.stop, tools.emergency_stop):
-        server.add_tool(tool, annotations=STOPS)
-    if moving:
-        for tool in (tools.grip, tools.release):
-            server.add_tool(tool, annotations=MOVES)
-    return server
+
+
+class _AsSent(FuncMetadata):
+    """Arguments as they are sent; the SDK would read JSON out of a text."""
+
+    def pre_parse_json(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Return the arguments."""
+        return data
+
+
+def strict(function: Callable[..., Any], annotations: ToolAnnotations) -> Tool:
+    """Return a tool that refuses unknown arguments, and texts in the place of numbers."""
+    tool = Tool.from_function(function, annotations=annotations)
+    loose = tool.fn_metadata
+
+    class Arguments(loose.arg_model, extra="forbid", strict=True):
+        pass
+
+    metadata = _AsSent(
+        arg_model=Arguments,
+        output_schema=loose.output_schema,
+        output_model=loose.output_model,
+        wrap_output=loose.wrap_output,
+    )
+    parameters = Arguments.model_json_schema(by_alias=True)
+    return tool.model_copy(update={"parameters": parameters, "fn_metadata": metadata})
+
+
+async def _require_unused(rig: AsyncRigHandle, plan: Plan) -> None:
+    """Raise NoPlanError where a plan is of another rig, or has a job already."""
+    if plan.rig != rig.name:
+        raise NoPlanError(f"is for rig {plan.rig}, and this is {rig.name}")
+    if jobs := await rig.jobs(1, label=f"{LABEL}={plan.id}"):
+        raise NoPlanError(f"is used: job {jobs[0].id} is {jobs[0].state}")

@@ -1,9 +1,11 @@
 """The stock client of the Model Context Protocol drives a rig over stdio, in lockstep."""
 
 import asyncio
+import json
 import os
 import signal
 import sys
+from base64 import urlsafe_b64decode
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,8 @@ def test_a_grip_takes_the_token_of_a_plan_once(rig: RunningRig) -> None:
             assert (status["part"], status["job"]) == ("held", held["job"])
             assert "no-plan" in await refused(client, "grip", token=token)
             assert "no-plan" in await refused(client, "grip", token="made up")
+            forged = f"{token[:-1]}{'A' if token[-1] != 'A' else 'B'}"
+            assert "never given" in await refused(client, "grip", token=forged)
             released = await said(client, "release")
             assert (released["job"], released["part"]) == (held["job"], "none")
             assert "nothing-held: " in await refused(client, "release")
@@ -97,6 +101,44 @@ def test_a_stop_in_a_timed_hold_ends_the_call_with_the_part_held(rig: RunningRig
             assert done["outcome"] == "gripped"
 
     asyncio.run(drive())
+
+
+def test_a_token_states_its_plan_and_is_good_for_the_next_server_once(rig: RunningRig) -> None:
+    async def drive() -> None:
+        async with agent(rig.rig.supervisor.url, "--move") as client:
+            plan = await said(client, "plan_grip", force_mN=FORCE_MN)
+        stated = {name: plan[name] for name in ("rig", "kind", "force_mN", "hold_s")}
+        assert stated == {"rig": "demo", "kind": "grip", "force_mN": FORCE_MN, "hold_s": None}
+        async with agent(rig.rig.supervisor.url, "--move") as client:
+            held = await said(client, "grip", token=plan["token"])
+            assert (await said(client, "plan_grip", force_mN=FORCE_MN - 2.0))["kind"] == "hold"
+        async with agent(rig.rig.supervisor.url, "--move") as client:
+            words = await refused(client, "grip", token=plan["token"])
+            assert f"is used: job {held['job']} is running" in words
+            await said(client, "release")
+
+    asyncio.run(drive())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"force_mN": FORCE_MN, "hold": 2.0},
+        {"force_mN": str(FORCE_MN)},
+        {"force_mN": FORCE_MN, "hold_s": "null"},
+        {"force_mN": FORCE_MN, "hold_s": "2.0"},
+    ],
+)
+def test_unknown_arguments_and_texts_for_numbers_are_refused(
+    rig: RunningRig, arguments: dict[str, Any]
+) -> None:
+    async def drive() -> str:
+        async with agent(rig.rig.supervisor.url) as client:
+            for tool in (await client.list_tools()).tools:
+                assert tool.input_schema["additionalProperties"] is False
+            return await refused(client, "plan_grip", **arguments)
+
+    assert any(name in asyncio.run(drive()) for name in ("hold", "force_mN"))
 
 
 def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
@@ -147,8 +189,8 @@ def test_a_stop_during_the_request_leaves_no_job(rig: RunningRig) -> None:
             assert (await grip).is_error
             return token
 
-    token = asyncio.run(drive())
-    assert {job["state"] for job in rig.get("/jobs", label=f"mcp={token}")["jobs"]} <= {"stopped"}
+    plan = json.loads(urlsafe_b64decode(asyncio.run(drive()).partition(".")[0]))
+    assert {job["state"] for job in rig.get("/jobs", label=f"mcp={plan[0]}")["jobs"]} <= {"stopped"}
 
 
 def test_an_emergency_stop_and_the_latch_are_told(rig: RunningRig) -> None:

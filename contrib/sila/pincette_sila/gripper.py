@@ -139,9 +139,20 @@ class Gripper(FeatureImplementationBase):
         metadata: MetadataDict,
         instance: Execution,
     ) -> Responses:
-        """Grip the part; without a hold time until it is held."""
+        """Grip the part; without a hold time until it is held.
+
+        A part that a command of this server holds is loaded or unloaded to the force.
+        """
         wanted = motion.grip_fields(Force, HoldTime, Recipe)
-        return self._begin("Grip", instance, metadata, "grip", **wanted)
+        if Recipe or Force == motion.DEFAULT:
+            return self._begin("Grip", instance, metadata, "grip", **wanted)
+        instance.begin_execution()
+        execution = instance.execution_uuid
+        rig = self.rigs[execution] = self._callers.rig(metadata)
+        job, kept = self._call(motion.reach(rig, execution, Force, HoldTime or None))
+        if kept is not None:
+            return job.id, "held", kept.force_mN or 0.0, known(kept.force_uncertainty_mN)
+        return self.resume("Grip", instance, job, execution, rig)
 
     def Hold(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
         """Go on holding what is held."""

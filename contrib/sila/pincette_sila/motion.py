@@ -62,6 +62,16 @@ async def start(
     return await rig.start(kind, idempotency_key=key, labels=named, **fields)
 
 
+async def reach(
+    rig: AsyncRigHandle, execution: UUID, force_mN: float, hold_s: float | None
+) -> tuple[AsyncJobHandle, Progress | None]:
+    """Start what brings a part to a force once for a command; see ``AsyncRigHandle.reach``."""
+    key, named = str(execution), labels("Grip", execution)
+    return await rig.reach(
+        force_mN, own=(LABEL, None), hold_s=hold_s, idempotency_key=key, labels=named
+    )
+
+
 async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
     """Start the same job again, as the next try of the same command."""
     asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}

@@ -31,7 +31,7 @@ EndingCode = Literal[
 ]
 ENDINGS: Mapping[EndingCode, str] = {
     "done": "the program was played to its end, with a good outcome",
-    "requested": "a person has stopped or aborted it",
+    "requested": "a person has stopped or aborted it, or released its part while it was loaded",
     "bad_outcome": "the program has ended otherwise than planned; the result has the outcome",
     "no_finding": "it was played to its end, but the samples do not give what it was for",
     "samples_missing": "a phase lacks more samples than it may; it was not played to its end",

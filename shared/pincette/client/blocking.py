@@ -13,7 +13,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 import httpx
 
-from pincette.api.jobs import Job
+from pincette.api.jobs import Job, Progress
 from pincette.api.results import JobResult
 from pincette.api.states import JobState
 from pincette.client.call import PATIENCE_S
@@ -151,6 +151,11 @@ def _all(jobs: list[AsyncJobHandle]) -> list[JobHandle]:
     return [JobHandle(job) for job in jobs]
 
 
+def _reached(found: tuple[AsyncJobHandle, Progress | None]) -> tuple[JobHandle, Progress | None]:
+    job, kept = found
+    return JobHandle(job), kept
+
+
 class RigHandle(Blocking[AsyncRigHandle]):
     """One rig: its state, its plans, its jobs, its emergency stop."""
 
@@ -172,6 +177,8 @@ class RigHandle(Blocking[AsyncRigHandle]):
     jobs = blocking(AsyncRigHandle.jobs, _all)
     job = blocking(AsyncRigHandle.job, JobHandle)
     stop = blocking(AsyncRigHandle.stop)
+    reach = blocking(AsyncRigHandle.reach, _reached)
+    plan_reach = blocking(AsyncRigHandle.plan_reach)
     let_go = blocking(AsyncRigHandle.let_go, JobHandle)
     active_job = blocking(AsyncRigHandle.active_job, _optional)
     events = iterator(AsyncRigHandle.events)

@@ -6,6 +6,7 @@ phase alone does not show it: a job that is stopped while it loads holds its par
 
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
+from math import isclose
 from typing import TYPE_CHECKING, Any
 
 from pincette.api.jobs import Job, Progress
@@ -28,6 +29,9 @@ LOOK_S = 0.1
 TERMINAL = frozenset(name for name, state in STATES.items() if state.terminal)
 ENDING = frozenset({"stopping", "aborting"})
 """States of a job that will not reach any more what it was asked for."""
+BEGUN = ("queued", "preparing", "ready", "running")
+LETTING_GO = ("unload", "retreat")
+"""Phases in which a job lets its part go."""
 LATCHED = ("frozen", "ramping", "latched")
 TOLERANCE = 0.02
 """Tolerance of a force whose request has none, as a share of the force asked for. The stated
@@ -95,6 +99,26 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
     return abs(force_mN - asked_mN) <= force_tolerance_mN(job, uncertainty_mN)
 
 
+def is_on_its_way(job: Job, force_mN: float) -> bool:
+    """Return whether a job that runs holds a part with a force until its release, or will do so."""
+    now, asked_mN = job.progress, force_asked_mN(job)
+    if job.state not in BEGUN or (now is not None and now.phase in LETTING_GO):
+        return False
+    return asked_mN is not None and isclose(asked_mN, force_mN) and _is_endless(job)
+
+
+def rests_with_part(job: Job) -> bool:
+    """Return whether a job does nothing but keep its part at rest until the release."""
+    if "release" not in job.allowed_actions:
+        return False
+    in_hold = job.progress is not None and job.progress.phase == "hold"
+    return job.state == "stopped" or (job.state == "running" and in_hold and _is_endless(job))
+
+
+def _is_endless(job: Job) -> bool:
+    return job.values.get("hold_s") is None
+
+
 def kept_by_stop(job: Job, force_mN: float) -> Progress | None:
     """Return the progress of a stopped job that keeps its part with a force; None if it does not.
 
@@ -146,7 +170,7 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
     held_mN = _number(result["force_held_mN"])
     uncertainty_mN = _number(result.get("force_uncertainty_mN"))
     # A hold that is too short to settle has no mean force, but it was played as planned.
-    unsettled = held_mN is None and result.get("outcome") != "released"
+    unsettled = held_mN is None and not _was_let_go(found)
     if not unsettled and not is_reached(found, held_mN, uncertainty_mN):
         raise _not_reached(found, held_mN, uncertainty_mN)
 
@@ -202,8 +226,11 @@ def _not_reached(
 
 def _has_released(job: Job) -> bool:
     """Return whether a job that has ended was the one that released its part."""
-    if job.state == "succeeded":
-        return True
+    return job.state == "succeeded" or _was_let_go(job)
+
+
+def _was_let_go(job: Job) -> bool:
+    """Return whether the part was let go by the action ``release``."""
     return any(one.type == "release" and one.applied_at is not None for one in job.actions)
 
 

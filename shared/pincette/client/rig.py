@@ -7,7 +7,7 @@ from uuid import uuid4
 from pincette.api.access import Claim
 from pincette.api.checklist import Checklist
 from pincette.api.events import Event, EventList
-from pincette.api.jobs import Job, JobList, StoppedRequest
+from pincette.api.jobs import Job, JobList, Progress, StoppedRequest
 from pincette.api.learning import Erased, LearnedList, LearnedProgram
 from pincette.api.live import LoopTiming
 from pincette.api.models import ModelView
@@ -17,6 +17,7 @@ from pincette.api.rigs import Rig, Stopped
 from pincette.api.simulation import SimulationCommand
 from pincette.client.call import PLANNING_S, Call, content, get, model, post
 from pincette.client.errors import ClientError, NotPermittedError, refused
+from pincette.client.following import is_on_its_way, kept_by_stop, rests_with_part
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
@@ -114,6 +115,66 @@ class AsyncRigHandle:
             "no second job",
         )
         return AsyncJobHandle(self._transport, await self._transport.send(call))
+
+    async def reach(
+        self,
+        force_mN: float,
+        *,
+        own: tuple[str, str | None],
+        hold_s: float | None = None,
+        idempotency_key: str | None = None,
+        **fields: Any,
+    ) -> tuple[AsyncJobHandle, Progress | None]:
+        """Start the job that brings a part to a force, from whatever an own job has left.
+
+        A free arm grips. A part that an own job holds until its release is loaded or unloaded to
+        the force by a job ``hold``. Nothing starts where an own job holds the force already, or is
+        on its way to it.
+
+        Parameters
+        ----------
+        own
+            Label of the caller's jobs, and its text; None: any text.
+        hold_s
+            Time for which the force is held; None: until the release.
+
+        Returns
+        -------
+        job, progress
+            The job to follow; and the progress of a stopped one that holds the force, of which
+            nothing is to be followed.
+
+        Raises
+        ------
+        PartHeldError, RigBusyError
+            A job of another caller holds a part, or an own one moves.
+        """
+        job, kind = await self._toward(force_mN, own, hold_s)
+        if job is not None:
+            return job, kept_by_stop(job.job, force_mN)
+        fields |= _held_for(hold_s)
+        key = idempotency_key
+        return await self.start(kind, idempotency_key=key, force_mN=force_mN, **fields), None
+
+    async def plan_reach(
+        self, force_mN: float, *, own: tuple[str, str | None], hold_s: float | None = None
+    ) -> JobPlan:
+        """Plan what ``reach`` would start; nothing moves."""
+        job, kind = await self._toward(force_mN, own, hold_s)
+        kind = kind if job is None else "hold"
+        return await self.plan(kind, force_mN=force_mN, **_held_for(hold_s))
+
+    async def _toward(
+        self, force_mN: float, own: tuple[str, str | None], hold_s: float | None
+    ) -> tuple[AsyncJobHandle | None, str]:
+        """Return the job that holds a force or comes to it; else None, and the kind to start."""
+        active = await self.active_job()
+        if active is None or not _is_own(active.job, own):
+            return None, "grip"
+        reached = kept_by_stop(active.job, force_mN) or is_on_its_way(active.job, force_mN)
+        if hold_s is None and reached:
+            return active, active.job.kind
+        return None, "hold" if rests_with_part(active.job) else "grip"
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
         """Jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""
@@ -264,6 +325,15 @@ class AsyncRigHandle:
             return {"kind": request, "rig": self.name, **fields}
         given = request.model_dump(mode="json", exclude_unset=True)
         return {**given, "rig": self.name, **fields}
+
+
+def _is_own(job: Job, own: tuple[str, str | None]) -> bool:
+    label, text = own
+    return label in job.labels and text in (None, job.labels[label])
+
+
+def _held_for(hold_s: float | None) -> dict[str, Any]:
+    return {"until_released": True} if hold_s is None else {"hold_s": hold_s}
 
 
 async def stop(transport: Transport, idempotency_key: str) -> Job | None:

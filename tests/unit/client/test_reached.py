@@ -1,5 +1,6 @@
 """A motion has reached what was asked for, or it ends with an error that states both forces."""
 
+import json
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from .desk import Desk
 ASKED_MN = 15.0
 VALUES = {"force_mN": ASKED_MN, "hold_s": None}
 REQUESTED: dict[str, Any] = {"code": "requested", "values": {}, "problem": ""}
+RELEASE = {"type": "release", "requested_at": "a", "by": "b", "applied_at": "c", "seq": 9}
 STOPPED: dict[str, Any] = {
     "state": "stopped",
     "values": VALUES,
@@ -124,16 +126,19 @@ def test_a_job_that_was_asked_for_no_force_is_held_by_its_phase() -> None:
         ({"outcome": "gripped", "force_held_mN": 14.9, "force_uncertainty_mN": 0.1}, True),
         ({"outcome": "gripped", "force_held_mN": None, "force_uncertainty_mN": None}, True),
         ({"outcome": "gripped", "force_held_mN": 12.0, "force_uncertainty_mN": 0.1}, False),
-        ({"outcome": "released", "force_held_mN": None, "force_uncertainty_mN": None}, False),
         ({"outcome": "moved"}, True),
         (None, True),
+        ({"outcome": "released", "force_held_mN": None, "force_uncertainty_mN": None}, True),
+        ("let go", False),
     ],
 )
 def test_a_job_has_succeeded_with_the_force_that_was_asked_for(
-    result: dict[str, Any] | None, reached: bool
+    result: dict[str, Any] | str | None, reached: bool
 ) -> None:
     stream = desk.stream(event(1, "state", state="succeeded"))
-    ended = {"state": "succeeded", "values": VALUES, "result": result}
+    ended: dict[str, Any] = {"state": "succeeded", "values": VALUES, "result": result}
+    if result == "let go":
+        ended |= {"actions": [RELEASE], "result": {"outcome": "released", "force_held_mN": None}}
     supervisor = Desk(desk.job(values=VALUES), stream, desk.job(**ended))
     job = supervisor.supervisor().job("j")
     if reached:
@@ -148,11 +153,7 @@ def test_another_job_on_the_rig_is_no_release(released: bool) -> None:
     ended: dict[str, Any] = {
         **STOPPED,
         "allowed_actions": [],
-        "actions": [
-            {"type": "release", "requested_at": "a", "by": "b", "applied_at": "c", "seq": 9}
-        ]
-        if released
-        else [],
+        "actions": [RELEASE] if released else [],
     }
     taken = desk.rig(part="held", active_job="other")
     supervisor = Desk(desk.job(**ended), taken, desk.job(**ended), taken, desk.job(**ended))
@@ -202,3 +203,43 @@ def test_a_stopped_job_that_keeps_a_force_is_known(
     newest = {"held": True, "force_held_mN": None, "force_uncertainty_mN": 0.1, **now}
     found = Job.model_validate(desk.example(Job, **job, progress=desk.example(Progress, **newest)))
     assert (kept_by_stop(found, ASKED_MN) is not None) == held
+
+
+OWN: dict[str, Any] = {"labels": {"cell": "7"}, "allowed_actions": ["release"]}
+HOLDS_5: dict[str, Any] = {"phase": "hold", "force_mN": 5.0, "force_r_mN": 5.0}
+
+
+@pytest.mark.parametrize(
+    ("active", "now", "hold_s", "started"),
+    [
+        (None, {}, None, "grip"),
+        ({**OWN, "state": "running", "values": {"force_mN": 5.0}}, HOLDS_5, None, "hold"),
+        ({**OWN, "state": "stopped", "values": VALUES}, HOLDS_5, None, "hold"),
+        ({**OWN, "state": "stopped", "values": VALUES}, {"force_r_mN": 15.0}, None, ""),
+        ({**OWN, "state": "stopped", "values": VALUES}, {"force_r_mN": 15.0}, 2.0, "hold"),
+        ({**OWN, "state": "running", "values": VALUES}, {"phase": "load"}, None, ""),
+        ({**OWN, "state": "running", "values": VALUES}, {"phase": "unload"}, None, "grip"),
+        ({**OWN, "state": "running", "values": {"hold_s": 9.0}}, {"phase": "hold"}, None, "grip"),
+        ({**OWN, "state": "paused", "values": VALUES}, {"phase": "hold"}, None, "grip"),
+        ({**OWN, "state": "stopped", "labels": {"cell": "8"}}, HOLDS_5, None, "grip"),
+    ],
+)
+def test_a_force_is_reached_from_what_an_own_job_has_left(
+    active: dict[str, Any] | None, now: dict[str, Any], hold_s: float | None, started: str
+) -> None:
+    newest = {"held": True, "force_mN": 15.0, "force_uncertainty_mN": 0.1, **now}
+    answers = [desk.rig(active_job=None if active is None else "j")]
+    if active is not None:
+        progress = desk.example(Progress, force_held_mN=None, **newest)
+        answers.append(desk.job(id="j", progress=progress, **active))
+    supervisor = Desk(*answers, desk.job(id="new"))
+    rig = supervisor.supervisor().rig("demo")
+    job, kept = rig.reach(ASKED_MN, own=("cell", "7"), hold_s=hold_s, labels={"cell": "7"})
+    assert job.id == ("new" if started else "j")
+    assert (kept is not None) == (not started and job.state == "stopped")
+    if not started:
+        return
+    body = json.loads(supervisor.asked[-1].content)
+    held = {"until_released": True} if hold_s is None else {"hold_s": hold_s}
+    expected = {"kind": started, "force_mN": ASKED_MN, "labels": {"cell": "7"}, **held}
+    assert expected.items() <= body.items()

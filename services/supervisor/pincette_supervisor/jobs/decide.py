@@ -55,6 +55,8 @@ class Facts:
     """True when no program is heard and none answers; the lease then ends the program."""
     lease: Why | None = None
     """Cause if the controller has stopped because its lease expired."""
+    cut_short: Why | None = None
+    """Cause if the part was let go before the force or path asked for had begun."""
     lack: Why | None = None
     """Cause if more samples are missing than the kind of job allows."""
     asked: Asked = "no"
@@ -147,6 +149,7 @@ RULES: tuple[Rule, ...] = (
         lambda f: Close("fail" if f.given_up else "confirm"),
     ),
     Rule(STOPPABLE, lambda f: f.over and f.outcome == Outcome.STOPPED, lambda _: Move("stop")),
+    Rule(STOPPABLE, lambda f: f.over and f.cut_short, lambda f: Move("stop", f.cut_short)),
     Rule(
         PLAYED,
         lambda f: f.over,

@@ -185,6 +185,10 @@ LATE_S = 0.5
 """How long the last samples of a run may come after the one that ended it."""
 PROGRESS_S = 0.2
 """How often progress is published at most."""
+CUT_SHORT: Why = (
+    "the part was released while it was loaded: the force asked for was not reached",
+    Ending(code="requested"),
+)
 TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
 """Outcomes of a job whose arm something presses."""
 
@@ -272,6 +276,7 @@ class JobMonitor:
             late=late,
             cut_off=silent is not None and self._silence.cut_off,
             lease=self._lease,
+            cut_short=CUT_SHORT if tracker.cut_short else None,
             lack=self._missing.lack,
             asked=self._asked(),
             stop_acts=tracker.stop_took_effect,
@@ -400,7 +405,7 @@ class JobMonitor:
         elif why is not None and why is self._lease:
             # The controller stops by itself: a second order would start its stop again.
             self._asked_in, self._effective_seq = self._moves + 1, self._lease_seq
-        elif move.event == "stop" and why is not None:
+        elif why is not None and why == self._missing.lack:
             self._given_up = True
 
     def _ask(self, action: ActionCode, state: JobState) -> None:

@@ -63,6 +63,7 @@ class Tracker:
         self.trip: TripReason | None = None
         self.outcome = Outcome.NONE
         self.released = False
+        self._loaded = self._pressed_as_asked = False
         self.held = False
         self.phase = ""
         self.phases: list[tuple[str, int, bool]] = []
@@ -158,6 +159,8 @@ class Tracker:
         self.paused, self.telemetry_seq = sample.paused, sample.seq
         self._paused_ticks += sample.paused
         self.outcome = sample.outcome or self.outcome
+        self._loaded = self._loaded or self.phase == Phase.LOAD
+        self._pressed_as_asked = self._pressed_as_asked or self.phase in (Phase.HOLD, Phase.TRACK)
         if self._hold_seq is None and self.phase == Phase.HOLD:
             self._hold_seq = sample.seq
         for acted in sample.acted:
@@ -178,6 +181,11 @@ class Tracker:
         if self.phase == Phase.STOPPED or self._hold_at_s is None or self._hold_seq is not None:
             return None
         return max(0.0, self._hold_at_s - self.played_s)
+
+    @property
+    def cut_short(self) -> bool:
+        """True where the part was let go in the load, before its hold or its path had begun."""
+        return self.released and self._loaded and not self._pressed_as_asked
 
     @property
     def played_s(self) -> float:

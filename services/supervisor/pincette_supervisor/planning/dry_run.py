@@ -51,17 +51,7 @@ def run_dry(planned: Planned, present: Present, *, part: bool) -> DryRun:
     ----------
     part
         Whether the part is there, as the rig file or a recipe has it.
-
-    Raises
-    ------
-    ValueError
-        For a new force on a held part: what its arm remembers of the grip is not known to a model.
     """
-    if planned.program.takes_force_over:
-        raise ValueError(
-            "a new force on a held part is not played: the plan has its voltages by the identified "
-            "free response; leave predict out"
-        )
     rig = planned.armed.rig
     rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"time": "lockstep"})})
     instruments, period_s = stated_instruments(rig), rig.rig.period_s

@@ -50,11 +50,16 @@ class PredictionCache:
     def predicted(self, planned: Planned) -> Planned:
         """A plan with what playing it predicts.
 
+        A new force on a held part is planned alone: what its arm remembers of the grip is not known
+        to a model.
+
         Raises
         ------
         ProblemError
             Where too many wait already, or nothing of it can be played.
         """
+        if planned.program.takes_force_over:
+            return planned
         try:
             return with_prediction(planned, self.dry_run(planned))
         except ValueError as error:

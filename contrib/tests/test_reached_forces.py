@@ -1,0 +1,221 @@
+"""Forces that are asked for one after another, and stops in each phase, by every adapter."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from anyio.from_thread import start_blocking_portal
+from bluesky.utils import FailedStatus
+from mcp import Client, StdioServerParameters
+
+from contrib.support.reaching import (
+    NEAR_MN,
+    SLOW,
+    STOPS,
+    Driver,
+    NotReachedError,
+    climb,
+    stop_and_ask_again,
+)
+from contrib.support.run_engine import bps, closed, connected, ended, new_engine
+from tests.support.adapters import adapter_rig, until
+from tests.support.grips import make_ready
+from tests.support.running import Json, RunningRig
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
+    with adapter_rig(tmp_path_factory.mktemp("rig"), SLOW) as found:
+        yield found
+
+
+class Rest:
+    """REST alone: a grip, or a hold of the part that is held."""
+
+    def __init__(self, rig: RunningRig) -> None:
+        self.rig = rig
+
+    @property
+    def kind(self) -> str:
+        return "hold" if self.rig.view()["part"] == "held" else "grip"
+
+    def kept(self, force_mN: float) -> float | None:
+        """Force of a part that is held with a force already; None where none is."""
+        if (job := self.rig.view()["active_job"]) is None:
+            return None
+        now = self.rig.job(job)["progress"]
+        reached = max(abs(now[name] - force_mN) for name in ("force_r_mN", "force_mN")) < NEAR_MN
+        return now["force_mN"] if reached else None
+
+    def reach(self, force_mN: float) -> float:
+        if (kept_mN := self.kept(force_mN)) is not None:
+            return kept_mN
+        answer = self.rig.post(
+            "/jobs",
+            {"kind": self.kind, "force_mN": force_mN, "until_released": True, "autostart": True},
+        )
+        assert answer.status_code == 201, answer.text
+        return held_by(self.rig, answer.json()["id"])
+
+    def release(self) -> None:
+        job = self.rig.view()["active_job"]
+        self.rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+
+        def ended() -> bool:
+            if self.rig.job(job)["actions"][-1]["type"] == "stop":
+                raise NotReachedError("the release was stopped")
+            return self.rig.view()["active_job"] is None
+
+        until(ended, "the part is not released")
+
+
+def held_by(rig: RunningRig, job: str) -> float:
+    """Force that a job holds, once it is settled; raises NotReachedError where it has ended."""
+    found: Json = {}
+
+    def settled() -> bool:
+        found.update(rig.job(job))
+        now: Json | None = found["progress"]
+        return found["ended_at"] is not None or (
+            now is not None and now["force_held_mN"] is not None
+        )
+
+    until(settled, "the force does not settle")
+    if found["state"] != "running":
+        raise NotReachedError(found["state"])
+    return found["progress"]["force_held_mN"]
+
+
+class CommandLine(Rest):
+    """``pincette job grip`` and ``pincette job hold``, each followed by its own process."""
+
+    def __init__(self, rig: RunningRig) -> None:
+        super().__init__(rig)
+        self.following: list[subprocess.Popen[str]] = []
+
+    def reach(self, force_mN: float) -> float:
+        if (kept_mN := self.kept(force_mN)) is not None:
+            return kept_mN
+        before = self.rig.view()["active_job"]
+        line = [
+            sys.executable,
+            "-m",
+            "pincette",
+            "job",
+            self.kind,
+            "--url",
+            self.rig.rig.supervisor.url,
+        ]
+        line += ["--force-mN", f"{force_mN:g}", "--until-released"]
+        process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+        self.following.append(process)
+        until(
+            lambda: self.rig.view()["active_job"] not in (None, before) or process.poll(), "no job"
+        )
+        try:
+            return held_by(self.rig, self.rig.view()["active_job"] or before)
+        except NotReachedError:
+            assert process.wait(30.0) == 1
+            raise
+
+
+@contextmanager
+def bluesky(rig: RunningRig) -> Generator[Driver]:
+    engine: Any = new_engine()
+    gripper = connected(rig.rig.supervisor.url)
+
+    class Plans:
+        def reach(self, force_mN: float) -> float:
+            try:
+                engine(bps.mv(gripper, force_mN))
+            except FailedStatus as error:
+                raise NotReachedError(str(error.__cause__)) from error
+            return rig.view()["newest"]["force_mN"]
+
+        def release(self) -> None:
+            try:
+                engine(bps.mv(gripper, 0.0))
+            except FailedStatus as error:
+                raise NotReachedError(str(error.__cause__)) from error
+
+    try:
+        yield Plans()
+    finally:
+        closed(engine, gripper)
+        ended(engine)
+
+
+@contextmanager
+def agent(rig: RunningRig) -> Generator[Driver]:
+    words = ["-m", "pincette_mcp", "--url", rig.rig.supervisor.url, "--move"]
+    server = StdioServerParameters(command=sys.executable, args=words)
+    with (
+        start_blocking_portal() as portal,
+        portal.wrap_async_context_manager(Client(server)) as client,
+    ):
+
+        def call(tool: str, **arguments: Any) -> Any:
+            answer = portal.call(client.call_tool, tool, arguments)
+            if answer.is_error:
+                raise NotReachedError(getattr(answer.content[0], "text", ""))
+            return answer.structured_content
+
+        class Tools:
+            def reach(self, force_mN: float) -> float:
+                plan = call("plan_grip", force_mN=force_mN)
+                assert plan["token"], plan
+                held = call("grip", token=plan["token"])
+                assert held["outcome"] == "held"
+                return held["force_held_mN"]
+
+            def release(self) -> None:
+                assert call("release")["part"] == "none"
+
+        yield Tools()
+
+
+@contextmanager
+def rest(rig: RunningRig) -> Generator[Driver]:
+    yield Rest(rig)
+
+
+@contextmanager
+def command_line(rig: RunningRig) -> Generator[Driver]:
+    commands = CommandLine(rig)
+    yield commands
+    for process in commands.following:
+        process.communicate(timeout=30.0)
+
+
+ADAPTERS: tuple[Callable[[RunningRig], AbstractContextManager[Driver]], ...] = (
+    rest,
+    command_line,
+    bluesky,
+    agent,
+)
+
+
+@pytest.mark.parametrize("adapter", ADAPTERS)
+def test_a_staircase_of_forces_is_climbed_without_letting_go(
+    rig: RunningRig,
+    adapter: Callable[[RunningRig], AbstractContextManager[Driver]],
+    tmp_path: Path,
+) -> None:
+    with adapter(rig) as driver:
+        climb(rig, driver, tmp_path)
+
+
+@pytest.mark.parametrize("phase", STOPS)
+@pytest.mark.parametrize("adapter", ADAPTERS)
+def test_a_force_is_reached_after_a_stop_in_each_phase(
+    rig: RunningRig,
+    adapter: Callable[[RunningRig], AbstractContextManager[Driver]],
+    phase: str,
+) -> None:
+    make_ready(rig)
+    with adapter(rig) as driver:
+        stop_and_ask_again(rig, driver, phase)
