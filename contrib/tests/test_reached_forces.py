@@ -97,27 +97,22 @@ class CommandLine(Rest):
         super().__init__(rig)
         self.following: list[subprocess.Popen[str]] = []
 
+    def newest(self) -> str:
+        """Id of the newest job; empty before the first."""
+        jobs: list[Json] = self.rig.get("/jobs", limit=1)["jobs"]
+        return jobs[0]["id"] if jobs else ""
+
     def reach(self, force_mN: float) -> float:
         if (kept_mN := self.kept(force_mN)) is not None:
             return kept_mN
-        before = self.rig.view()["active_job"]
-        line = [
-            sys.executable,
-            "-m",
-            "pincette",
-            "job",
-            self.kind,
-            "--url",
-            self.rig.rig.supervisor.url,
-        ]
-        line += ["--force-mN", f"{force_mN:g}", "--until-released"]
+        before = self.newest()
+        line = [sys.executable, "-m", "pincette", "job", self.kind, "--until-released"]
+        line += ["--force-mN", f"{force_mN:g}", "--url", self.rig.rig.supervisor.url]
         process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
         self.following.append(process)
-        until(
-            lambda: self.rig.view()["active_job"] not in (None, before) or process.poll(), "no job"
-        )
+        until(lambda: self.newest() != before, "no job")
         try:
-            return held_by(self.rig, self.rig.view()["active_job"] or before)
+            return held_by(self.rig, self.newest())
         except NotReachedError:
             assert process.wait(30.0) == 1
             raise

@@ -87,6 +87,8 @@ def everything(client: RestNodeClient, rest: str, force_mN: float, process: int)
     said["grip"] = act("grip", force_mN=force_mN)
     said["part"] = rig()["part"]
     said["second"] = act("grip", force_mN=force_mN)
+    said["higher"] = act("grip", force_mN=force_mN + 5.0)
+    said["lower"] = act("grip", force_mN=force_mN)
     said["release"] = act("release")
     said["nothing"] = act("release")
     client.send_admin_command("lock")

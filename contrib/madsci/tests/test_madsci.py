@@ -118,8 +118,12 @@ def test_the_stock_client_grips_and_is_refused(
     assert held["status"] == "succeeded"
     assert abs(held["json"]["force_held_mN"] - FORCE_MN) < NEAR_MN
     assert said["part"] == "held"
-    assert code_of(said["second"]) in ("job-active", "part-held")
-    assert said["release"]["json"]["job"] == held["json"]["job"]
+    assert said["second"]["json"]["job"] == held["json"]["job"]
+    for name in ("higher", "lower"):
+        assert said[name]["status"] == "succeeded"
+        assert rig.job(said[name]["json"]["job"])["kind"] == "hold"
+    assert abs(said["higher"]["json"]["force_held_mN"] - FORCE_MN - 5.0) < NEAR_MN
+    assert said["release"]["json"]["job"] == said["lower"]["json"]["job"]
     assert code_of(said["nothing"]) == "nothing-held"
     assert said["locked"] == "not_ready"
     assert code_of(said["requested"], "cancelled") in ("key-stopped", "cancelled")
