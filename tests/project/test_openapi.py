@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette_supervisor.rest.api import openapi_document
+from pincette_supervisor.rest.openapi import OPERATIONS
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
 
@@ -23,6 +24,13 @@ def test_every_model_has_an_example() -> None:
         if "enum" not in schema and "examples" not in schema
     ]
     assert not without
+
+
+def test_every_operation_has_a_name_in_plain_words() -> None:
+    paths = json.loads(openapi_document())["paths"].values()
+    names = [one["operationId"] for operations in paths for one in operations.values()]
+    assert sorted(names) == sorted(set(OPERATIONS.values()))
+    assert {"start_job", "get_job", "act_on_job", "estop_rig"} <= set(names)
 
 
 def test_an_operation_has_one_content_type_with_a_schema() -> None:

@@ -35,10 +35,9 @@ from pincette_supervisor.rest import (
 from pincette_supervisor.rest.dependencies import cookie_name
 from pincette_supervisor.rest.limits import RateLimit
 from pincette_supervisor.rest.middleware import AuditLog, HeadAndOptions, OriginCheck
-from pincette_supervisor.rest.openapi import complete
+from pincette_supervisor.rest.openapi import BASE, complete
 from pincette_supervisor.rest.request_target import NormalTarget
 
-BASE = "/api/v1"
 VERSIONED = (
     routes_rigs,
     routes_job_list,

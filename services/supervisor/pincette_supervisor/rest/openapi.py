@@ -8,6 +8,7 @@ from pincette.api.problems import Problem, responses
 from pincette.api.results import JobResult
 from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES
 
+BASE = "/api/v1"
 SCHEMAS = "#/components/schemas/"
 NAMES = {
     401: "NoKey",
@@ -21,6 +22,83 @@ NAMES = {
     503: "Busy",
 }
 EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 422, 429, 503), (401,), (408, 413, 415)
+
+OPERATIONS = {
+    "post /estop": "estop_all_rigs",
+    "get /rigs": "list_rigs",
+    "get /rigs/{rig}": "get_rig",
+    "post /rigs/{rig}/estop": "estop_rig",
+    "post /rigs/{rig}/reset": "reset_rig",
+    "put /rigs/{rig}/claim": "claim_rig",
+    "delete /rigs/{rig}/claim": "give_back_rig",
+    "post /rigs/{rig}/queue/actions": "control_queue",
+    "get /rigs/{rig}/timing": "get_timing",
+    "get /rigs/{rig}/model": "get_model",
+    "get /rigs/{rig}/checklist": "get_checklist",
+    "post /rigs/{rig}/model/actions": "use_model",
+    "get /rigs/{rig}/history": "get_history",
+    "get /rigs/{rig}/samples": "list_samples",
+    "get /rigs/{rig}/live": "stream_samples",
+    "get /jobs": "list_jobs",
+    "post /jobs": "start_job",
+    "get /jobs/export.csv": "export_jobs_as_csv",
+    "get /jobs/export.numbers.csv": "export_numbers_as_csv",
+    "get /jobs/export.numbers.csv-metadata.json": "describe_numbers",
+    "get /jobs/export.parquet": "export_jobs_as_parquet",
+    "patch /jobs/{job}": "describe_job",
+    "get /jobs/{job}": "get_job",
+    "delete /jobs/{job}/record": "delete_record",
+    "post /jobs/stop": "stop_request",
+    "post /jobs/{job}/actions": "act_on_job",
+    "get /jobs/{job}/artifacts": "list_artifacts",
+    "get /jobs/{job}/artifacts/{name}": "get_artifact",
+    "get /jobs/{job}/artifacts/{name}/content": "get_artifact_content",
+    "get /kinds": "list_job_kinds",
+    "get /laws": "list_laws",
+    "post /calibrations": "start_calibration",
+    "get /calibrations": "list_proposals",
+    "get /calibrations/{calibration}": "get_proposal",
+    "post /calibrations/{calibration}/actions": "decide_proposal",
+    "get /rigs/{rig}/learning": "list_learned_programs",
+    "delete /rigs/{rig}/learning": "erase_learned_programs",
+    "delete /rigs/{rig}/learning/{program}": "erase_learned_program",
+    "post /recipes": "save_recipe",
+    "get /recipes": "list_recipes",
+    "get /recipes/{name}": "get_recipe",
+    "get /recipes/{name}/{version}": "get_recipe_version",
+    "get /rigs/{rig}/simulation/commands": "list_simulation_commands",
+    "post /rigs/{rig}/simulation/commands": "simulate",
+    "post /trajectories": "save_trajectory",
+    "get /trajectories": "list_trajectories",
+    "post /trajectories/plot": "plot_plan",
+    "get /trajectories/{digest}": "get_trajectory",
+    "get /trajectories/{digest}/samples": "get_trajectory_samples",
+    "get /trajectories/{digest}/samples.csv": "get_trajectory_as_csv",
+    "get /trajectories/{digest}/samples.parquet": "get_trajectory_as_parquet",
+    "get /trajectories/{digest}/plot": "plot_trajectory",
+    "post /trajectories/{digest}/jobs": "start_trajectory",
+    "get /jobs/{job}/events/list": "list_job_events",
+    "get /rigs/{rig}/events/list": "list_rig_events",
+    "get /events/list": "list_events",
+    "get /jobs/{job}/events": "stream_job_events",
+    "get /rigs/{rig}/events": "stream_rig_events",
+    "get /events": "stream_events",
+    "get /alarms": "list_alarms",
+    "get /alarms/{alarm}": "get_alarm",
+    "post /alarms/{alarm}/actions": "acknowledge_alarm",
+    "get /session": "get_session",
+    "post /session": "sign_in",
+    "delete /session": "sign_out",
+    "post /rigs/{rig}/page-check": "check_page",
+    "get /audit": "list_audit_entries",
+    "get /audit/chain": "check_audit_chain",
+    "get /asyncapi.json": "get_asyncapi",
+    "get /livez": "check_liveness",
+    "get /readyz": "check_readiness",
+    "get /metrics": "get_metrics",
+    "get /version": "get_version",
+}
+"""Name of each operation by its method and path; clients and tools are generated with it."""
 
 
 def complete(document: dict[str, Any]) -> None:
@@ -39,6 +117,7 @@ def complete(document: dict[str, Any]) -> None:
     told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
+    _name_operations(document)
     for operation in _operations(document):
         for parameter in operation.get("parameters", ()):
             parameter["schema"] = _sent(parameter["schema"])
@@ -53,6 +132,14 @@ def complete(document: dict[str, Any]) -> None:
             )
             _name_inner_unions(content["schema"], schemas)
     _add_shared_responses(document)
+
+
+def _name_operations(document: dict[str, Any]) -> None:
+    """Name each operation; one that has no name in ``OPERATIONS`` keeps what FastAPI made."""
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            name = OPERATIONS.get(f"{method} {path.removeprefix(BASE)}")
+            operation["operationId"] = name or operation["operationId"]
 
 
 def _sent(schema: dict[str, Any]) -> dict[str, Any]:
@@ -102,7 +189,7 @@ def _add_shared_responses(document: dict[str, Any]) -> None:
         wanted = EVERYWHERE
         if path.endswith(ESTOP):  # which is refused for no parameter
             wanted = tuple(status for status in wanted if status != 422)
-        if "security" in operation or operation["operationId"].startswith("sign_in"):
+        if "security" in operation or operation["operationId"] == "sign_in":
             wanted += WITH_KEY
         if "requestBody" in operation:
             wanted += WITH_BODY
