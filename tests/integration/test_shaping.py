@@ -8,7 +8,7 @@ import pytest
 from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.track import TrackJobRequest
-from pincette_supervisor.planning.identified_arm import Instruments, identified_arm
+from pincette_supervisor.planning.identified_arms import Instruments, identified_arm
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.fast_output import DELAY_S, Kind, fast_rig
 
@@ -78,7 +78,7 @@ def test_the_prediction_knows_the_parts() -> None:
         missed_um = list[float]()
         for tick in range(50):
             arm = arm.moved(0.02 * tick)
-            missed_um.append(abs(arm.x_um - arm.response.position_um()))
+            missed_um.append(abs(arm.tips_um[0] - arm.response.position_um()))
         left[kind] = max(missed_um)
     assert left["one write"] > 0.1
     assert left["three writes"] < 0.1 * left["one write"]

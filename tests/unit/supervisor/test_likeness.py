@@ -3,7 +3,7 @@
 import pytest
 
 from pincette.config import Calibration, read_rig
-from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
+from pincette_supervisor.kinds.calibrate.calibration import require_like_in_use
 from pincette_supervisor.plugin import ModelInUse
 from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from tests.support.rigs import DEMO

@@ -6,6 +6,7 @@ from typing import TypeVar
 from pincette.api.job_kinds import FieldSpec, ResultField, choices, number
 from pincette.config.laws import installed_laws
 from pincette.control.laws import two_arm_law
+from pincette.control.laws.parameters import LawParameter
 
 Shown = TypeVar("Shown", FieldSpec, ResultField)
 
@@ -113,10 +114,31 @@ ERROR_SOURCES = tuple(
     )
 )
 """Where the errors of a hold or a path come from."""
-LAW = (
+SPEEDS = (
     FieldSpec(name="load_s", label="Load over", advanced=True),
     FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
     FieldSpec(name="seek_um_per_s", label="Seek contact at", advanced=True),
+)
+
+
+def _gain(law: str, gain: LawParameter, placeholder: str, **when: tuple[str, ...]) -> FieldSpec:
+    """Return the field of a gain of a law, shown while other fields have these values."""
+    return FieldSpec(
+        name=f"{law}-{gain.name}",
+        label=gain.name,
+        widget="number",
+        placeholder=placeholder,
+        sent_as=gain.name,
+        within="gains",
+        own_unit=gain.unit,
+        meaning=gain.meaning,
+        when=when,
+        advanced=True,
+    )
+
+
+LAW = (
+    *SPEEDS,
     FieldSpec(
         name="scheme",
         label="Law",
@@ -135,18 +157,7 @@ LAW = (
         advanced=True,
     ),
     *(
-        FieldSpec(
-            name=f"{law.name}-{gain.name}",
-            label=gain.name,
-            widget="number",
-            placeholder=f"{gain.default:g}",
-            sent_as=gain.name,
-            within="gains",
-            own_unit=gain.unit,
-            meaning=gain.meaning,
-            when={"scheme": (law.name,), "gains": ("",)},
-            advanced=True,
-        )
+        _gain(law.name, gain, f"{gain.default:g}", scheme=(law.name,), gains=("",))
         for law in installed_laws().values()
         for gain in law.parameters
     ),
@@ -213,24 +224,9 @@ MOTION: tuple[ResultField, ...] = (
     ResultField(name="held_at_end", label="part still held"),
 )
 PAIR_LAW: tuple[FieldSpec, ...] = (
-    FieldSpec(name="load_s", label="Load over", advanced=True),
-    FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
-    FieldSpec(name="seek_um_per_s", label="Seek contact at", advanced=True),
+    *SPEEDS,
     FieldSpec(name="contact_force_mN", label="A touch is", advanced=True),
-    *(
-        FieldSpec(
-            name=f"{two_arm_law.LAW.name}-{gain.name}",
-            label=gain.name,
-            widget="number",
-            placeholder="as usual",
-            sent_as=gain.name,
-            within="gains",
-            own_unit=gain.unit,
-            meaning=gain.meaning,
-            advanced=True,
-        )
-        for gain in two_arm_law.LAW.parameters
-    ),
+    *(_gain(two_arm_law.LAW.name, gain, "as usual") for gain in two_arm_law.LAW.parameters),
 )
 PAIR_FIGURES: tuple[ResultField, ...] = (
     number("force_held_mN", "force of both arms", uncertainty="force_uncertainty_mN", main=True),

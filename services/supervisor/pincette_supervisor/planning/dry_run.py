@@ -7,12 +7,13 @@ from pincette.api.results import JobResult
 from pincette.config import RigFile
 from pincette.engine.timing_budget import stated_output
 from pincette.records.columns import columns
-from pincette_supervisor.planning.identified_arm import (
+from pincette_supervisor.planning.identified_arms import (
     IdentifiedArm,
+    IdentifiedPair,
     Instruments,
     identified_arm,
+    identified_pair,
 )
-from pincette_supervisor.planning.identified_pair import IdentifiedPair, identified_pair
 from pincette_supervisor.planning.predicted_samples import Samples
 from pincette_supervisor.planning.rig_emulator import RigEmulator
 from pincette_supervisor.plugin import Planned, Present, Run

@@ -1,39 +1,42 @@
-"""What is predicted, sample by sample."""
+"""What is predicted, sample by sample, and as JSON, CSV and Parquet; units go with it in each."""
 
+import csv
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from io import BytesIO, StringIO
+from typing import Any
 
-from pincette.control.laws.two_arms import Pair
-from pincette.core.messages import Telemetry
+from pincette.api.trajectories import SampleColumn
+from pincette.core.messages import Applied, Command, Telemetry
+from pincette.records import parquet
 
-
-@dataclass(slots=True)
-class SecondSamples:
-    """What is predicted of the second arm, and of the part between both; lists of one length."""
-
-    x_um: list[float] = field(default_factory=list[float])
-    force_mN: list[float] = field(default_factory=list[float])
-    asked_V: list[float] = field(default_factory=list[float])
-    voltage_V: list[float] = field(default_factory=list[float])
-    place_um: list[float] = field(default_factory=list[float])
-    """q = (x_1 - x_2)/2, and"""
-    place_r_um: list[float] = field(default_factory=list[float])
-    """its reference."""
-
-    def add(self, tips_um: Pair, force_mN: float, voltages_V: Pair, place_r_um: float) -> None:
-        """Add a sample, as ``Samples.add``."""
-        x_1, x_2 = tips_um
-        self.x_um.append(x_2)
-        self.force_mN.append(force_mN)
-        self.asked_V.append(voltages_V[0])
-        self.voltage_V.append(voltages_V[1])
-        self.place_um.append(0.5 * (x_1 - x_2))
-        self.place_r_um.append(place_r_um)
+Answers = tuple[Command, Applied, Telemetry]
+"""To one sample."""
+COLUMNS = (
+    SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
+    SampleColumn(name="phase", unit="", meaning="phase of the program"),
+    SampleColumn(name="x_r_um", unit="µm", meaning="reference position, x_r"),
+    SampleColumn(name="force_r_mN", unit="mN", meaning="reference force, F_r"),
+    SampleColumn(name="x_um", unit="µm", meaning="position of the tip, predicted"),
+    SampleColumn(name="force_mN", unit="mN", meaning="contact force, predicted"),
+    SampleColumn(name="voltage_V", unit="V", meaning="voltage applied, predicted"),
+    SampleColumn(name="sliding_um", unit="µm", meaning="sliding function, predicted"),
+)
+SECOND_COLUMNS = (
+    SampleColumn(name="second_x_um", unit="µm", meaning="position of the second tip, predicted"),
+    SampleColumn(name="second_force_mN", unit="mN", meaning="force of the second arm, predicted"),
+    SampleColumn(name="second_voltage_V", unit="V", meaning="second voltage applied, predicted"),
+    SampleColumn(name="place_um", unit="µm", meaning="place of the part, predicted"),
+    SampleColumn(name="place_r_um", unit="µm", meaning="reference of the place, q_r"),
+)
 
 
 @dataclass(slots=True)
 class Samples:
-    """What is predicted, sample by sample; lists of one length."""
+    """What is predicted, sample by sample; lists of one length, those of a second arm or empty."""
 
+    arms: int = 1
+    """Number of driven arms."""
     t_s: list[float] = field(default_factory=list[float])
     phase: list[str] = field(default_factory=list[str])
     x_um: list[float] = field(default_factory=list[float])
@@ -47,34 +50,96 @@ class Samples:
     force_r_mN: list[float] = field(default_factory=list[float])
     sliding_um: list[float] = field(default_factory=list[float])
     band_um: list[float] = field(default_factory=list[float])
-    second: SecondSamples | None = None
-    """Of the second arm, where there is one."""
+    second_x_um: list[float] = field(default_factory=list[float])
+    second_force_mN: list[float] = field(default_factory=list[float])
+    second_asked_V: list[float] = field(default_factory=list[float])
+    second_voltage_V: list[float] = field(default_factory=list[float])
+    place_um: list[float] = field(default_factory=list[float])
+    """Place of the part between two arms, q = (x_1 - x_2)/2."""
+    place_r_um: list[float] = field(default_factory=list[float])
+    """Reference of that place."""
 
     def of_arms(self) -> "list[Samples]":
         """The samples of each arm as if it were the only one."""
-        if self.second is None:
+        if self.arms == 1:
             return [self]
         second = replace(
             self,
-            x_um=self.second.x_um,
-            force_mN=self.second.force_mN,
-            asked_V=self.second.asked_V,
-            voltage_V=self.second.voltage_V,
-            second=None,
+            x_um=self.second_x_um,
+            force_mN=self.second_force_mN,
+            asked_V=self.second_asked_V,
+            voltage_V=self.second_voltage_V,
         )
-        return [replace(self, second=None), second]
+        return [self, second]
 
     def add(
-        self, t_s: float, x_um: float, force_mN: float, voltages_V: Pair, told: Telemetry
+        self, t_s: float, tips_um: Sequence[float], forces_mN: Sequence[float], told: Answers
     ) -> None:
-        """Add a sample: voltage asked for and applied, and what the controller has told of it."""
+        """Add a sample: where the arms are, and what the services have answered to it.
+
+        Raises
+        ------
+        ValueError
+            Where the services have answered for another number of arms.
+        """
+        command, applied, view = told
+        asked_V = [one.voltage_V for one in command.arms]
+        voltages_V = [one.voltage_V for one in applied.arms]
         self.t_s.append(t_s)
-        self.phase.append(told.phase)
-        self.x_um.append(x_um)
-        self.force_mN.append(force_mN)
-        self.asked_V.append(voltages_V[0])
-        self.voltage_V.append(voltages_V[1])
-        self.x_r_um.append(told.arms[0].x_r_um)
-        self.force_r_mN.append(told.force_r_mN)
-        self.sliding_um.append(told.sliding_um)
-        self.band_um.append(told.band_um)
+        self.phase.append(view.phase)
+        self.x_um.append(tips_um[0])
+        self.force_mN.append(forces_mN[0])
+        self.asked_V.append(asked_V[0])
+        self.voltage_V.append(voltages_V[0])
+        self.x_r_um.append(view.arms[0].x_r_um)
+        self.force_r_mN.append(view.force_r_mN)
+        self.sliding_um.append(view.sliding_um)
+        self.band_um.append(view.band_um)
+        if self.arms == 1:
+            return
+        if len(asked_V) == 1 or len(voltages_V) == 1 or view.place_r_um is None:
+            raise ValueError("the services have answered for one arm")
+        self.second_x_um.append(tips_um[1])
+        self.second_force_mN.append(forces_mN[1])
+        self.second_asked_V.append(asked_V[1])
+        self.second_voltage_V.append(voltages_V[1])
+        self.place_um.append(0.5 * (tips_um[0] - tips_um[1]))
+        self.place_r_um.append(view.place_r_um)
+
+
+def columns_of(samples: Samples) -> tuple[SampleColumn, ...]:
+    """What is known of each sample, of two arms more than of one."""
+    return COLUMNS if samples.arms == 1 else (*COLUMNS, *SECOND_COLUMNS)
+
+
+def table(samples: Samples) -> dict[str, list[Any]]:
+    """Columns by their names."""
+    return {column.name: getattr(samples, column.name) for column in columns_of(samples)}
+
+
+def as_csv(samples: Samples, about: dict[str, str]) -> bytes:
+    """Comments that say whose they are and what each column is, names, a line for each sample."""
+    stream = StringIO()
+    for name, value in about.items():
+        stream.write(f"# {name}: {value}\n")
+    for column in columns_of(samples):
+        unit = f" [{column.unit}]" if column.unit else ""
+        stream.write(f"# {column.name}{unit}: {column.meaning}\n")
+    writer = csv.writer(stream, lineterminator="\n")
+    columns = table(samples)
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return stream.getvalue().encode()
+
+
+def as_parquet(samples: Samples, about: dict[str, str]) -> bytes:
+    """The same columns, with what is said of them beside each."""
+    fields = [
+        parquet.Field(
+            column.name, column.unit, column.meaning, "text" if column.name == "phase" else "float"
+        )
+        for column in columns_of(samples)
+    ]
+    stream = BytesIO()
+    parquet.write(stream, fields, table(samples), about)
+    return stream.getvalue()

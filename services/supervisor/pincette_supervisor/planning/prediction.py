@@ -1,25 +1,34 @@
 """What playing a plan on the model in use predicts: curves, peaks, margins, limits broken."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.pairs import PairPrediction, PairResult, PredictedPairCurves
-from pincette.api.predictions import PredictedCurves, PredictedPhase, Prediction, Violation
+from pincette.api.predictions import (
+    Margin,
+    Peaks,
+    PredictedCurves,
+    PredictedPhase,
+    Prediction,
+    Quantity,
+    Side,
+    Violation,
+)
 from pincette.api.states import GOOD_OUTCOMES
 from pincette.config import RigFile
 from pincette.config.laws import resolved_law
 from pincette_supervisor.planning.dry_run import DryRun, run_dry
-from pincette_supervisor.planning.identified_arm import Instruments
-from pincette_supervisor.planning.margins import margins, peaks, violations
-from pincette_supervisor.planning.predicted_samples import Samples, SecondSamples
+from pincette_supervisor.planning.identified_arms import Instruments
+from pincette_supervisor.planning.predicted_samples import Samples
 from pincette_supervisor.plugin import ASSUMED, UNITS, ModelInUse, Planned, Present, value_of
 from pincette_supervisor.plugin.functions import functions_of
 from pincette_supervisor.plugin.laws import SENSITIVITY_PEAK, SPECTRAL_RADIUS
 
 CURVE_POINTS = 400
+C = TypeVar("C", bound=PredictedCurves)
 SECOND = "second."
 ARM = (
     "model.natural_frequency_rad_per_s",
@@ -28,6 +37,8 @@ ARM = (
     "model.compliance_um_per_mN",
 )
 PART = ("part.contact_um", "part.stiffness_mN_per_um")
+ROUNDING = 1e-9
+"""What touches a limit is within it, rounding included."""
 
 
 def played(planned: Planned) -> DryRun:
@@ -79,11 +90,11 @@ def predict(planned: Planned, dry_run: DryRun) -> Prediction:
         ],
         "assumptions": _assumptions(planned, dry_run.instruments),
     }
-    if samples.second is None:
-        return Prediction(curves=curves(samples), **common)
+    if samples.arms == 1:
+        return Prediction(curves=_curves(PredictedCurves, samples), **common)
     figures = dry_run.figures
     return PairPrediction(
-        curves=_pair_curves(samples, samples.second),
+        curves=_curves(PredictedPairCurves, samples),
         second_peaks=peaks(*arms[1][1]),
         figures=figures if isinstance(figures, PairResult) else None,
         **common,
@@ -109,31 +120,10 @@ def _of_arm(broken: Violation, arm: int, arms: int) -> Violation:
     return broken.model_copy(update={"message": f"arm {arm}: {broken.message}"})
 
 
-def _pair_curves(samples: Samples, second: SecondSamples) -> PredictedPairCurves:
-    stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
-    return PredictedPairCurves(
-        **curves(samples).model_dump(),
-        second_x_um=second.x_um[::stride],
-        second_force_mN=second.force_mN[::stride],
-        second_voltage_V=second.voltage_V[::stride],
-        place_um=second.place_um[::stride],
-        place_r_um=second.place_r_um[::stride],
-    )
-
-
-def curves(samples: Samples) -> PredictedCurves:
+def _curves(of: type[C], samples: Samples) -> C:
     """Samples thinned out to ``CURVE_POINTS``, the first one kept."""
     stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
-    return PredictedCurves(
-        t_s=samples.t_s[::stride],
-        phase=samples.phase[::stride],
-        x_um=samples.x_um[::stride],
-        force_mN=samples.force_mN[::stride],
-        voltage_V=samples.voltage_V[::stride],
-        x_r_um=samples.x_r_um[::stride],
-        force_r_mN=samples.force_r_mN[::stride],
-        sliding_um=samples.sliding_um[::stride],
-    )
+    return of(**{name: getattr(samples, name)[::stride] for name in of.model_fields})
 
 
 def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
@@ -191,3 +181,151 @@ def _free_response(rig: RigFile) -> str:
     if rig.model.recorded_response is not None:
         return f"as recorded, with hysteresis and without creep; {begin}"
     return "a straight line, without hysteresis and creep: none was identified"
+
+
+class Limit(NamedTuple):
+    """A limit of a quantity, and the values that it holds for."""
+
+    quantity: Quantity
+    unit: str
+    limit: float
+    side: float
+    """+1: values must not be above, -1: not below."""
+    values: Sequence[float]
+
+
+def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
+    """Rate at which each voltage that is asked for would be come to from the one before."""
+    return [
+        0.0 if index == 0 else (asked_V - samples.voltage_V[index - 1]) / period_s
+        for index, asked_V in enumerate(samples.asked_V)
+    ]
+
+
+def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
+    """The limits of a rig file, each with the samples it holds for.
+
+    Of the voltage that is what the controller asks for: the actuator keeps its limits.
+    """
+    limits, slew = rig.limits, rates_V_per_s(samples, rig.rig.period_s)
+    return [
+        Limit("force", "mN", limits.force_max_mN, 1.0, samples.force_mN),
+        Limit("position", "µm", limits.position_max_um, 1.0, samples.x_um),
+        Limit("position", "µm", limits.position_min_um, -1.0, samples.x_um),
+        Limit("voltage", "V", limits.voltage_max_V, 1.0, samples.asked_V),
+        Limit("voltage", "V", limits.voltage_min_V, -1.0, samples.asked_V),
+        Limit("slew", "V/s", limits.slew_V_per_s, 1.0, slew),
+        Limit("slew", "V/s", -limits.slew_V_per_s, -1.0, slew),
+    ]
+
+
+def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
+    """The least distance to each limit, and to the band of the sliding function.
+
+    Parameters
+    ----------
+    samples
+        One at least.
+    switches
+        Whether the law has a switching gain K_S; without one nothing keeps s to its band.
+    """
+    found = [_margin(limit, samples) for limit in limits_of(rig, samples)]
+    if switches:
+        found.extend(_band_margin(samples))
+    return found
+
+
+def _margin(limit: Limit, samples: Samples) -> Margin:
+    worst = max(range(len(limit.values)), key=lambda index: limit.side * limit.values[index])
+    return Margin(
+        quantity=limit.quantity,
+        limit=limit.limit,
+        nearest=limit.values[worst],
+        distance=limit.side * (limit.limit - limit.values[worst]),
+        unit=limit.unit,
+        at_s=samples.t_s[worst],
+        phase=_led(samples, worst),
+    )
+
+
+def _led(samples: Samples, index: int) -> str:
+    """The phase that has led to a sample; its own may be what the sample has brought about."""
+    return samples.phase[max(0, index - 1)]
+
+
+def _band_margin(samples: Samples) -> Iterator[Margin]:
+    """Of |s| to its band, where a law leads; beyond it, the law brings s back."""
+    room = [band - abs(s) for s, band in zip(samples.sliding_um, samples.band_um, strict=True)]
+    led = [index for index, band_um in enumerate(samples.band_um) if band_um > 0.0]
+    if not led:
+        return
+    worst = min(led, key=room.__getitem__)
+    yield Margin(
+        quantity="sliding",
+        limit=samples.band_um[worst],
+        nearest=abs(samples.sliding_um[worst]),
+        distance=room[worst],
+        unit="µm",
+        at_s=samples.t_s[worst],
+        phase=_led(samples, worst),
+    )
+
+
+def violations(
+    rig: RigFile, samples: Samples, pointer: Callable[[str, str], str]
+) -> list[Violation]:
+    """Every limit that is broken, by the phases in which that begins, in the order of the limits.
+
+    Parameters
+    ----------
+    pointer
+        Member of the request that leads beyond a limit, by quantity and phase.
+    """
+    return [
+        found for limit in limits_of(rig, samples) for found in _broken(limit, samples, pointer)
+    ]
+
+
+def _broken(
+    limit: Limit, samples: Samples, pointer: Callable[[str, str], str]
+) -> Iterator[Violation]:
+    begun: dict[str, int] = {}
+    worst: dict[str, int] = {}
+    phase: str | None = None
+    for index, value in enumerate(limit.values):
+        if limit.side * (value - limit.limit) <= ROUNDING:
+            phase = None
+            continue
+        phase = _led(samples, index) if phase is None else phase
+        begun.setdefault(phase, index)
+        held = worst.setdefault(phase, index)
+        if limit.side * (value - limit.values[held]) > 0.0:
+            worst[phase] = index
+    side: Side = "above" if limit.side > 0.0 else "below"
+    for phase, first in begun.items():
+        value, at_s = limit.values[worst[phase]], samples.t_s[first]
+        yield Violation(
+            pointer=pointer(limit.quantity, phase),
+            quantity=limit.quantity,
+            side=side,
+            value=value,
+            limit=limit.limit,
+            unit=limit.unit,
+            at_s=at_s,
+            message=(
+                f"predicted: {limit.quantity} {value:.3f} {limit.unit} {side} the limit "
+                f"{limit.limit:g} {limit.unit}, from {at_s:.2f} s ({phase})"
+            ),
+        )
+
+
+def peaks(rig: RigFile, samples: Samples) -> Peaks:
+    """Extremes of the samples, of which there is one at least."""
+    return Peaks(
+        force_max_mN=max(samples.force_mN),
+        x_min_um=min(samples.x_um),
+        x_max_um=max(samples.x_um),
+        voltage_min_V=min(samples.voltage_V),
+        voltage_max_V=max(samples.voltage_V),
+        slew_max_V_per_s=max(map(abs, rates_V_per_s(samples, rig.rig.period_s))),
+    )

@@ -18,13 +18,12 @@ from pincette.control.planning.contact_plan import PlannedRig, voltage_range
 from pincette.control.planning.contact_request import MARGIN_UM
 from pincette.control.planning.feasibility import Violation as Broken
 from pincette.control.planning.feasibility import named_violation
-from pincette.control.planning.home import home_um
-from pincette.control.planning.pair_conditioning import pair_conditioning
 from pincette.control.planning.pair_plan import PairRequest
 from pincette.control.planning.pair_prediction import (
     PairCourse,
     after_strokes,
     broken_limits,
+    pair_conditioning,
     predict_pair,
 )
 from pincette.control.planning.planned_arm import PlannedArm
@@ -108,18 +107,17 @@ def pair_hasty(
 
 
 def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
-    """Return the positions to which both arms go back from a force; see ``home_um``."""
+    """Return the positions to which both arms go back from a force; see ``PlannedArm.home_um``."""
     first, second = (
-        home_um(
-            PlannedArm(
-                X_START_UM,
-                arm.model.piezo_um_per_V,
-                arm.model.compliance_um_per_mN,
-                contact_um=furthest_um,
-                stiffness_mN_per_um=request.stiffness_mN_per_um,
-                free_response=derived.identified_hysteresis(arm.model),
-                memory=derived.begin_memory(arm.model),
-            ),
+        PlannedArm(
+            X_START_UM,
+            arm.model.piezo_um_per_V,
+            arm.model.compliance_um_per_mN,
+            contact_um=furthest_um,
+            stiffness_mN_per_um=request.stiffness_mN_per_um,
+            free_response=derived.identified_hysteresis(arm.model),
+            memory=derived.begin_memory(arm.model),
+        ).home_um(
             furthest_um + highest_mN / request.stiffness_mN_per_um,
             highest_mN,
             stand_off_um=stand_off_um,

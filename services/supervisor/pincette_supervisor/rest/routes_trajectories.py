@@ -26,7 +26,8 @@ from pincette_supervisor.jobs.refusals import require_feasible
 from pincette_supervisor.journal.library import TrajectoryRow
 from pincette_supervisor.kinds.bodies import TrajectoryBody
 from pincette_supervisor.planning.dry_run import DryRun
-from pincette_supervisor.planning.sample_formats import (
+from pincette_supervisor.planning.predicted_samples import (
+    Samples,
     as_csv,
     as_parquet,
     columns_of,
@@ -205,7 +206,7 @@ def _played(stored: Stored) -> tuple[Planned, DryRun]:
 
 def _file(
     stored: Stored,
-    encode: Callable[[DryRun, dict[str, str]], bytes],
+    encode: Callable[[Samples, dict[str, str]], bytes],
     content: Content,
     suffix: str,
 ) -> Response:
@@ -220,7 +221,7 @@ def _file(
     }
     (media_type,) = content
     headers = {"Content-Disposition": f'attachment; filename="{row.digest}.{suffix}"'}
-    return Response(encode(dry_run, about), media_type=media_type, headers=headers)
+    return Response(encode(dry_run.samples, about), media_type=media_type, headers=headers)
 
 
 @router.get(

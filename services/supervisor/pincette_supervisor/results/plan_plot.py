@@ -55,7 +55,7 @@ def plan_png(planned: Planned, samples: Samples, *, name: str) -> bytes:
     axes: list[Axis] = list(figure.subplots(4, 1, sharex=True, height_ratios=(3.0, 3.0, 1.8, 1.2)))
     top = 0.875 - ROW * len(told)
     figure.subplots_adjust(left=0.085, right=0.985, top=top, bottom=0.06, hspace=0.12)
-    last = "sliding / µm" if samples.second is None else "place / µm"
+    last = "sliding / µm" if samples.arms == 1 else "place / µm"
     labels = ("position / µm", "contact force / mN", "voltage / V", last)
     for axis, label in zip(axes, labels, strict=True):
         drawing.prepare(axis, label)
@@ -85,19 +85,18 @@ def _courses(axes: Sequence[Axis], samples: Samples) -> None:
     def draw(axis: Axis, values: list[float], color: str, label: str, *, dashed: bool) -> None:
         drawing.line(axis, t_s, np.array(values), color, label, dashed=dashed)
 
-    second = samples.second
-    if second is not None:
-        draw(axes[1], second.force_mN, SECOND, "$F_2$ predicted", dashed=False)
-        draw(axes[2], second.voltage_V, SECOND, "$u_2$ predicted", dashed=False)
-        draw(axes[3], second.place_um, MEASURED, "$q$ predicted", dashed=False)
-        draw(axes[3], second.place_r_um, REFERENCE, "$q_r$ reference", dashed=True)
-        draw(axes[0], second.x_um, SECOND, "$x_2$ predicted", dashed=False)
+    if samples.arms == 2:
+        draw(axes[1], samples.second_force_mN, SECOND, "$F_2$ predicted", dashed=False)
+        draw(axes[2], samples.second_voltage_V, SECOND, "$u_2$ predicted", dashed=False)
+        draw(axes[3], samples.place_um, MEASURED, "$q$ predicted", dashed=False)
+        draw(axes[3], samples.place_r_um, REFERENCE, "$q_r$ reference", dashed=True)
+        draw(axes[0], samples.second_x_um, SECOND, "$x_2$ predicted", dashed=False)
     draw(axes[0], samples.x_um, MEASURED, "$x$ predicted", dashed=False)
     draw(axes[0], samples.x_r_um, REFERENCE, "$x_r$ reference", dashed=True)
     draw(axes[1], samples.force_mN, MEASURED, "$F$ predicted", dashed=False)
     draw(axes[1], samples.force_r_mN, REFERENCE, "$F_r$ reference", dashed=True)
     draw(axes[2], samples.voltage_V, MEASURED, "$u$ predicted", dashed=False)
-    if second is None:
+    if samples.arms == 1:
         draw(axes[3], samples.sliding_um, MEASURED, "s", dashed=False)
         axes[3].axhline(0.0, color=FAINT, linewidth=0.7, zorder=1)
     else:

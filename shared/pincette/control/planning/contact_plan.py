@@ -25,7 +25,6 @@ from pincette.control.planning.feasibility import (
     excursions,
     named_violation,
 )
-from pincette.control.planning.home import home_um
 from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.planned_arm import PlannedArm
 from pincette.control.planning.prediction import (
@@ -151,8 +150,7 @@ def plan_contact(
     from_um = request.furthest_um if flying else request.contact_um
     retreat_s = move_duration(from_um - arm.x_start_um, request.approach_um_per_s)
     highest_mN = max(_highest_mN(segment) for segment in pressing)
-    back_um = home_um(
-        arm,
+    back_um = arm.home_um(
         request.furthest_um + highest_mN / request.softest_mN_per_um,
         highest_mN,
         stand_off_um=request.stand_off_um,

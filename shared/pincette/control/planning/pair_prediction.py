@@ -5,28 +5,51 @@ With c the compliance of part and faces, and g the sum of both tips at first tou
     x_1 + x_2 = g + c·F,   x_1 - x_2 = 2q,   X_i = x_i + s_i·F
 
 where a part is held; each voltage is that which brings X_i by the arm's own free response.
+
+Conditioning strokes come first: both arms make them at the same time, each away from the part, as
+deep and as often as its own free response allows. The arm that is done first rests; one that cannot
+be conditioned keeps its voltage.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import zip_longest
+from typing import NamedTuple
 
 from pincette.control.laws.two_arms import Pair
+from pincette.control.planning.conditioning import PHASE, conditioning
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.feasibility import Excursion, excursions
-from pincette.control.planning.pair_conditioning import PairStrokes
 from pincette.control.planning.planned_arm import PlannedArm
 from pincette.control.planning.prediction import (
     Course,
     PlannedPhase,
     near_end,
+    nominal,
     planned_phases,
     predict,
     require_bounded,
     sample,
+    sample_course,
 )
 from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Program
-from pincette.control.planning.segments import Entry, Reference, Seek, Segment
+from pincette.control.planning.segments import Drive, Entry, Reference, Seek, Segment, Stay
+
+
+class PairStrokes(NamedTuple):
+    """Segments that condition both arms, with the predicted course of each arm."""
+
+    segments: tuple[Drive, ...]
+    phases: tuple[PlannedPhase, ...]
+    """Phases of the first arm."""
+    courses: tuple[Course, Course]
+
+    @property
+    def duration_s(self) -> float:
+        """Time that the strokes take."""
+        return self.phases[-1].end_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,3 +179,53 @@ def _course(
         rig.x_start_um, rig.piezo_um_per_V, rig.compliance_um_per_mN, 0.0, 1.0, rig.free_response
     )
     return Course(t_s, names, x_um, force_mN, free.voltages_V(x_um, force_mN, rig.period_s))
+
+
+def pair_conditioning(rigs: tuple[PlannedRig, PlannedRig]) -> PairStrokes | None:
+    """Return the strokes of both arms; None where neither rig has a ``condition_V``.
+
+    The nominal gain tells the voltages at which the arms stand.
+    """
+    each = [_strokes(rig) for rig in rigs]
+    if not any(each):
+        return None
+    segments = tuple(
+        Drive(
+            PHASE,
+            max(drive.duration_s or 0.0 for drive in both if drive is not None),
+            guarded=any(drive.guarded for drive in both if drive is not None),
+            courses=tuple(Stay() if drive is None else drive.courses[0] for drive in both),
+        )
+        for both in zip_longest(*each)
+    )
+    (phases, first), (_, second) = (
+        _predicted(
+            rig, [Drive(PHASE, one.duration_s, courses=one.courses[arm:][:1]) for one in segments]
+        )
+        for arm, rig in enumerate(rigs)
+    )
+    return PairStrokes(segments, phases, (first, second))
+
+
+def _strokes(rig: PlannedRig) -> Sequence[Drive]:
+    if rig.condition_V is None:
+        return ()
+    away_um = _stands_um(rig) - rig.x_start_um
+    return conditioning(
+        rig.condition_V, rig.limits.slew_V_per_s, away_um, rig.piezo_um_per_V, rig.strokes
+    )
+
+
+def _stands_um(rig: PlannedRig) -> float:
+    return rig.x_start_um if rig.stands_um is None else rig.stands_um
+
+
+def _predicted(
+    rig: PlannedRig, strokes: Sequence[Drive]
+) -> tuple[tuple[PlannedPhase, ...], Course]:
+    """Return the phases and the course of one arm."""
+    begin_um, d_p = _stands_um(rig), rig.piezo_um_per_V
+    begin = Reference(begin_um, voltages_V=((begin_um - rig.x_start_um) / d_p,))
+    pieces = predict(strokes, Entry(begin, rig.period_s), partial(nominal, d_p))
+    course = sample_course(pieces, rig.period_s)
+    return planned_phases(pieces, near_end(pieces, course.voltage_V, rig.period_s)), course

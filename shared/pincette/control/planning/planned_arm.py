@@ -23,6 +23,9 @@ from pincette.control.response.hysteresis import (
 from pincette.control.response.hysteresis import step as state_after
 from pincette.control.response.inverse import free_voltages
 
+HOME_SHARE = 0.5
+"""Share of the voltages below 0 V that the way back may need; the rest is for errors of the model,
+and for drift that no reading has shown."""
 LED_STEPS, LED_STEP_S = 50, 0.04
 """Steps, and the time of each, in which a model is moved to a position, or back to a voltage."""
 SHAKEN_V, SHAKES = 0.02, 25
@@ -64,7 +67,9 @@ class PlannedArm:
             return [displacement / self.piezo_um_per_V for displacement in free_um]
         return free_voltages(self.free_response, free_um, period_s, self.memory)
 
-    def way_back_um(self, x_um: float, force_mN: float, voltages_V: Sequence[float]) -> list[float]:
+    def _way_back_um(
+        self, x_um: float, force_mN: float, voltages_V: Sequence[float]
+    ) -> list[float]:
         """Return where the free arm is at voltages that fall, after a position against a force.
 
         Remanence keeps an arm with an identified free response above the place where it was before.
@@ -78,6 +83,42 @@ class PlannedArm:
             memory = _swept(model, memory, to_V)[-1]
             places_um.append(self.x_start_um + displacement_um(model, memory) - start_um)
         return places_um
+
+    def home_um(
+        self,
+        furthest_um: float,
+        highest_mN: float,
+        *,
+        stand_off_um: float,
+        voltage_min_V: float,
+        rest_um: float | None = None,
+    ) -> float:
+        """Return the place that the arm goes back to after it has pressed a part.
+
+        It is ``x_start_um`` where the arm surely reaches it, else where the arm rests at 0 V.
+        Remanence keeps an arm above the place where it rested before, by 7 µm and more where relays
+        are far from saturation, and the reading of that place drifts. A way back to ``x_start_um``
+        could then need a voltage below the limits, which ends as a following error.
+
+        Parameters
+        ----------
+        furthest_um, highest_mN
+            Furthest position and highest force of the plan.
+        stand_off_um
+            Position in front of the part beyond which home never lies.
+        voltage_min_V
+            Lower limit of the voltage.
+        rest_um
+            Reading of the arm at rest at 0 V as the plan begins; None: not known.
+        """
+        low_V = min(0.0, HOME_SHARE * voltage_min_V)
+        at_rest_um, lowest_um = self._way_back_um(furthest_um, highest_mN, (0.0, low_V))
+        reach_um = at_rest_um - lowest_um
+        if rest_um is not None:
+            at_rest_um = max(at_rest_um, rest_um)
+        if at_rest_um - reach_um <= self.x_start_um:
+            return self.x_start_um
+        return max(self.x_start_um, min(at_rest_um, stand_off_um))
 
     def swing_um(self, x_um: float, force_mN: float, swing_V: float, cycles: int) -> float:
         """Return how far the free arm comes back in swings of the voltage.

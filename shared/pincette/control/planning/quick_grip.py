@@ -17,10 +17,10 @@ more than 2.5·ΔF/(K_e·v).
 from typing import NamedTuple
 
 from pincette.control.planning.contact_plan import PlannedRig
-from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_touch_mN
+from pincette.control.planning.contact_request import force_at_touch_mN
 from pincette.control.planning.feasibility import Violation
 from pincette.control.planning.profiles import minimum_duration, move
-from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, short_load
+from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, SafeTouch, short_load
 
 SMOOTH, LONGEST = 2.0, 2.5
 """Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
@@ -49,19 +49,6 @@ class UsualSpeeds(NamedTuple):
     load_um_per_s: float
 
 
-class Touch(NamedTuple):
-    """What is to be met."""
-
-    force_mN: float
-    """Planned."""
-    contact_force_mN: float
-    """That counts as touch."""
-    stiffness_mN_per_um: float
-    """K_e."""
-    hardest_mN_per_um: float
-    """Largest K_e of a part that may be there."""
-
-
 class QuickSpeeds(NamedTuple):
     """Speeds of a grip, and what the load and the unload take."""
 
@@ -82,13 +69,6 @@ class QuickSpeeds(NamedTuple):
         }
 
 
-def speed_limit(touch: Touch, rig: PlannedRig, share: float = FORCE_SHARE) -> float:
-    """Highest speed in µm/s at which a touch is believed in time; 0 or less where none is."""
-    series = 1.0 / (1.0 / touch.hardest_mN_per_um + rig.compliance_um_per_mN)
-    room_mN = share * touch.force_mN - touch.contact_force_mN
-    return room_mN / (series * CONTACT_SAMPLES * rig.period_s)
-
-
 def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
     """Shortest time in s of a load over ``way_um`` from ``speed`` to rest, never above a speed."""
     longest_s = SMOOTH * way_um / speed
@@ -106,40 +86,46 @@ def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
 
 
 def quick_speeds(
-    asked: AskedSpeeds, usual: UsualSpeeds, touch: Touch, rig: PlannedRig
+    asked: AskedSpeeds, usual: UsualSpeeds, touch: SafeTouch, K_e: float, rig: PlannedRig
 ) -> QuickSpeeds | None:
     """Choose the speeds of a quick grip; None where no speed is slow enough for the force.
+
+    Parameters
+    ----------
+    touch
+        What is to be met, at the stiffness of the hardest part that may be there.
+    K_e
+        Stiffness of the part as it is expected.
 
     Raises
     ------
     ValueError
         Where a speed or a time is not finite and positive.
     """
-    limit = speed_limit(touch, rig)
-    if limit <= 0.0:
+    touch = touch._replace(seek_share=FORCE_SHARE, approach_share=EARLY_SHARE)
+    if FORCE_SHARE * touch.force_mN <= touch.contact_force_mN:
         return None
-    early = speed_limit(touch, rig, EARLY_SHARE)
+    limit, early = touch.limit("seek_um_per_s"), touch.limit("approach_um_per_s")
     least_s = LOAD_PERIODS * rig.period_s
     slew = SLEW_SHARE * rig.limits.slew_V_per_s * rig.piezo_um_per_V
     approach = asked.approach_um_per_s or min(usual.approach_um_per_s, early, slew)
     peak = asked.load_um_per_s or usual.load_um_per_s
     seek = asked.seek_um_per_s or min(usual.seek_um_per_s, peak, limit)
-    way_um = _way_um(touch, rig, seek)
+    way_um = _way_um(touch, K_e, seek)
     if asked.seek_um_per_s is None:
         # A load that takes longer, by request or by the period, begins more slowly.
         seek = min(seek, SMOOTH * way_um / max(asked.load_s or 0.0, least_s))
-        way_um = _way_um(touch, rig, seek)
+        way_um = _way_um(touch, K_e, seek)
     load_s = asked.load_s or max(least_s, load_duration(way_um, seek, peak))
-    unload_um = touch.force_mN / touch.stiffness_mN_per_um
+    unload_um = touch.force_mN / K_e
     unload_s = asked.load_s or max(least_s, minimum_duration(unload_um, peak))
     longest_s = max(least_s, LONGEST * way_um / seek)
-    found: list[Violation] = []
-    for name, value, share in (
-        ("approach_um_per_s", asked.approach_um_per_s, EARLY_SHARE),
-        ("seek_um_per_s", asked.seek_um_per_s, FORCE_SHARE),
-    ):
-        if value is not None and value > speed_limit(touch, rig, share) * (1.0 + 1e-9):
-            found.append(_too_fast(name, value, share, touch, rig))
+    stated = {
+        name: value
+        for name in ("approach_um_per_s", "seek_um_per_s")
+        if (value := getattr(asked, name)) is not None
+    }
+    found = list(touch.violations(stated))
     if asked.load_um_per_s is not None and asked.load_um_per_s < seek * (1.0 - 1e-9):
         message = (
             f"load_um_per_s = {asked.load_um_per_s:g} µm/s is below the speed of the seek, "
@@ -158,28 +144,9 @@ def quick_speeds(
     return QuickSpeeds(approach, seek, load_s, unload_s, tuple(found))
 
 
-def _way_um(touch: Touch, rig: PlannedRig, speed: float) -> float:
+def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
     """Way from where the touch is believed to the planned force; a tenth of it at least."""
-    K_e = touch.stiffness_mN_per_um
     begun_mN = force_at_touch_mN(
-        touch.contact_force_mN, K_e, rig.compliance_um_per_mN, speed, rig.period_s
+        touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )
     return max(0.1 * touch.force_mN, touch.force_mN - begun_mN) / K_e
-
-
-def _too_fast(name: str, value: float, share: float, touch: Touch, rig: PlannedRig) -> Violation:
-    limit = speed_limit(touch, rig, share)
-    at_mN = force_at_touch_mN(
-        touch.contact_force_mN,
-        touch.hardest_mN_per_um,
-        rig.compliance_um_per_mN,
-        value,
-        rig.period_s,
-    )
-    message = (
-        f"{name} = {value:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods of "
-        f"{rig.period_s:g} s the force would be {at_mN:.2f} mN before the touch is believed, more "
-        f"than {100.0 * share:g} % of {touch.force_mN:g} mN: go more slowly, shorten the period, "
-        "or plan more force"
-    )
-    return Violation(f"/{name}", "speed", value, limit, "µm/s", 0.0, message)

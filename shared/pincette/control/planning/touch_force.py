@@ -56,8 +56,8 @@ class SafeTouch(NamedTuple):
     """Limits of the speed at which an arm that stops at the touch may meet a part.
 
     The arm goes on until ``CONTACT_SAMPLES`` samples show the touch, as ``force_at_touch_mN`` has
-    it. Where the part is expected, at the speed of the seek, ``SEEK_SHARE`` of the planned force
-    may be there then, so that the arm can still stop. A part that is met early, at the speed of the
+    it. Where the part is expected, at the speed of the seek, a share of the planned force may be
+    there then, so that the arm can still stop. A part that is met early, at the speed of the
     approach, must not be pressed harder than planned.
     """
 
@@ -68,6 +68,10 @@ class SafeTouch(NamedTuple):
     """Stiffness of the hardest part that may be there."""
     compliance_um_per_mN: float
     period_s: float
+    seek_share: float = SEEK_SHARE
+    """Share of the planned force that may be there at the speed of the seek, and"""
+    approach_share: float = 1.0
+    """at the speed of the approach."""
 
     def limit(self, name: str) -> float:
         """Return the highest safe speed in µm/s; infinite for a force that is refused anyway.
@@ -77,7 +81,7 @@ class SafeTouch(NamedTuple):
         name
             ``seek_um_per_s`` or ``approach_um_per_s``.
         """
-        room_mN = (SEEK_SHARE if name == SEEK else 1.0) * self.force_mN - self.contact_force_mN
+        room_mN = self._share(name) * self.force_mN - self.contact_force_mN
         if room_mN <= 0.0:
             return inf
         per_speed_mN = force_at_touch_mN(
@@ -93,6 +97,9 @@ class SafeTouch(NamedTuple):
             if speed > self.limit(name) * (1.0 + 1e-9)
         )
 
+    def _share(self, name: str) -> float:
+        return self.seek_share if name == SEEK else self.approach_share
+
     def _violation(self, name: str, speed: float, limit: float) -> Violation:
         at_mN = force_at_touch_mN(
             self.contact_force_mN,
@@ -101,7 +108,7 @@ class SafeTouch(NamedTuple):
             speed,
             self.period_s,
         )
-        share = SEEK_SHARE if name == SEEK else 1.0
+        share = self._share(name)
         message = (
             f"{name} = {speed:g} µm/s is above {limit:.3g} µm/s: within {CONTACT_SAMPLES} periods "
             f"of {self.period_s:g} s the hardest part would be pressed with {at_mN:.2f} mN before "

@@ -15,25 +15,26 @@ from pincette.control.planning.quick_grip import (
     LOAD_PERIODS,
     AskedSpeeds,
     QuickSpeeds,
-    Touch,
     UsualSpeeds,
     load_duration,
     quick_speeds,
-    speed_limit,
 )
 from pincette.control.planning.segments import Press, Seek
+from pincette.control.planning.touch_force import SafeTouch
 
 from .bench import CONTACT, RIG
 
 NOTHING = AskedSpeeds(None, None, None, None)
 USUAL = UsualSpeeds(120.0, 40.0, 40.0)
-TOUCH = Touch(20.0, 2.0, 2.17, 2.17 * 1.3)
+TOUCH = SafeTouch(
+    20.0, 2.0, 2.17 * 1.3, RIG.compliance_um_per_mN, RIG.period_s, FORCE_SHARE, EARLY_SHARE
+)
 
 
 def speeds(
-    asked: AskedSpeeds = NOTHING, touch: Touch = TOUCH, rig: PlannedRig = RIG
+    asked: AskedSpeeds = NOTHING, touch: SafeTouch = TOUCH, rig: PlannedRig = RIG
 ) -> QuickSpeeds:
-    found = quick_speeds(asked, USUAL, touch, rig)
+    found = quick_speeds(asked, USUAL, touch, 2.17, rig)
     assert found is not None
     return found
 
@@ -43,8 +44,8 @@ def speeds(
 def test_a_touch_is_felt_below_its_share_of_the_planned_force(
     force_mN: float, period_s: float
 ) -> None:
-    touch, rig = TOUCH._replace(force_mN=force_mN), replace(RIG, period_s=period_s)
-    found = speeds(touch=touch, rig=rig)
+    touch = TOUCH._replace(force_mN=force_mN, period_s=period_s)
+    found = speeds(touch=touch, rig=replace(RIG, period_s=period_s))
     for v, share in ((found.approach_um_per_s, 0.75), (found.seek_um_per_s, 0.5)):
         at_mN = force_at_touch_mN(2.0, touch.hardest_mN_per_um, 0.46, v, period_s)
         assert at_mN <= share * force_mN + 1e-9
@@ -52,8 +53,7 @@ def test_a_touch_is_felt_below_its_share_of_the_planned_force(
 
 
 def test_a_force_below_twice_the_contact_force_has_no_speed() -> None:
-    assert quick_speeds(NOTHING, USUAL, TOUCH._replace(force_mN=4.0), RIG) is None
-    assert speed_limit(TOUCH._replace(force_mN=4.0), RIG) == 0.0
+    assert quick_speeds(NOTHING, USUAL, TOUCH._replace(force_mN=4.0), 2.17, RIG) is None
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_force_below_twice_the_contact_force_has_no_speed() -> None:
 def test_a_speed_above_the_limit_is_refused_with_value_limit_and_remedy(
     name: str, share: float
 ) -> None:
-    limit = speed_limit(TOUCH, RIG, share)
+    limit = TOUCH.limit(name)
     assert 100.0 < limit < 200.0
     found = speeds(NOTHING._replace(**{name: 210.0}))
     (violation, *_) = found.violations
@@ -74,8 +74,8 @@ def test_a_speed_above_the_limit_is_refused_with_value_limit_and_remedy(
 
 
 def test_a_shorter_period_allows_more_speed() -> None:
-    fast = replace(RIG, period_s=0.001)
-    assert speed_limit(TOUCH, fast) == pytest.approx(20.0 * speed_limit(TOUCH, RIG))
+    fast, slow = TOUCH._replace(period_s=0.001), TOUCH
+    assert fast.limit("seek_um_per_s") == pytest.approx(20.0 * slow.limit("seek_um_per_s"))
 
 
 def test_a_load_that_is_asked_to_take_long_begins_slowly() -> None:

@@ -1,20 +1,53 @@
-"""What the job ``calibrate`` calls of a calibration: program, analysis, plot."""
+"""What the job ``calibrate`` calls of a calibration, and what its analysis is made of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pincette.api.calibrations import Figure, Identified, Residuals
 from pincette.api.checklist import NeedCode
 from pincette.config import RigFile
+from pincette.control.planning.paths import Path
 from pincette.control.planning.program import Program
+from pincette.control.planning.segments import paths_of
 from pincette.core import plugins
+from pincette.core.messages import Message
+from pincette.records.columns import Columns
+from pincette.records.tables import joined
 from pincette_supervisor.kinds.calibrate import KIND
-from pincette_supervisor.kinds.calibrate.findings import Analysis
-from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait
+from pincette_supervisor.plugin import (
+    ASSUMED,
+    UNITS,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    Wait,
+    value_of,
+)
 from pincette_supervisor.plugin.drawing import Sheet
+from pincette_supervisor.plugin.figures import MOST_MISSING, Series, series
 
 CalibrationProgram = tuple[Program, dict[str, Any], dict[int, Wait]]
 """A program, the values it was made of, and its waits by the number of their segment."""
+MOST_UNLIKE = 0.1
+"""Share by which an arm, left as it is, may have changed since; a part in the way makes more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """Values, figures, residuals, and how sure they are."""
+
+    values: tuple[Identified, ...]
+    figures: tuple[Figure, ...]
+    residuals: Residuals
+    statement: str
+    drawn: Any
+    """What its plot shows."""
+    warnings: tuple[str, ...] = ()
 
 
 def _needed(_rig: RigFile) -> bool:
@@ -56,3 +89,157 @@ def functions_of(calibration: str) -> CalibrationFunctions:
     """Import the functions of a calibration; raises PluginError."""
     named = KIND.variants[calibration].functions
     return plugins.resolve(named, CalibrationFunctions, f"calibration {calibration!r}")
+
+
+def identified(quantity: str, value: float, uncertainty: float) -> Identified:
+    """A number with its standard uncertainty."""
+    return Identified(
+        quantity=quantity, value=float(value), unit=UNITS[quantity], uncertainty=float(uncertainty)
+    )
+
+
+def sure(value: float, uncertainty: float, unit: str, of: str) -> str:
+    """How sure a value is, in words."""
+    return (
+        f"{value:.5g} ± {2.0 * uncertainty:.2g} {unit} at about 95 % (two standard uncertainties, "
+        f"{of})"
+    )
+
+
+def residuals(of: str, unit: str, values: Sequence[float] | NDArray[np.float64]) -> Residuals:
+    """What a fit has left, in two numbers."""
+    found = np.asarray(values, dtype=np.float64)
+    return Residuals(
+        of=of,
+        unit=unit,
+        rms=float(np.sqrt(np.mean(found**2))),
+        maximum=float(np.max(np.abs(found))),
+        count=len(found),
+    )
+
+
+def path_of(planned: Planned, phase: str) -> Path:
+    """The path of a phase of the program; raises ValueError where there is none."""
+    paths = [path for s in planned.program.segments if s.phase == phase for path in paths_of(s)]
+    if not paths:
+        raise ValueError(f"the program has no path in its phase {phase!r}")
+    return paths[0]
+
+
+def figure(name: str, value: float, unit: str, meaning: str) -> Figure:
+    """Something that the measurement says beside its values."""
+    return Figure(name=name, value=float(value), unit=unit, meaning=meaning)
+
+
+def require_like_in_use(model: ModelInUse, quantity: str, value: float) -> None:
+    """Refuse what no arm becomes by itself; of an assumed value nothing follows.
+
+    Raises
+    ------
+    ValueError
+        Where ``value`` differs by more than ``MOST_UNLIKE`` from one that was calibrated.
+    """
+    source = model.calibration.sources.get(quantity, ASSUMED)
+    if source == ASSUMED:
+        return
+    in_use = value_of(model.rig, quantity)
+    off = value / in_use - 1.0
+    if abs(off) > MOST_UNLIKE:
+        raise ValueError(
+            f"{quantity} = {value:.4g} {UNITS[quantity]}, which is {100.0 * off:+.0f} % from the "
+            f"{in_use:.4g} {UNITS[quantity]} in use, found by calibration {source}; limit "
+            f"{100.0 * MOST_UNLIKE:g} %. Something may touch the arm, as a part that is in the "
+            "way: take it away and calibrate again. If arm, amplifier or sensor was changed, go "
+            "back to the rig file alone first (`pincette model use 0`)"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """N samples, one each period from the first to the last; NaN where one never came.
+
+    Voltage and position are of matched ages: the voltage is the one that led to the position.
+    """
+
+    period_s: float
+    phase: tuple[str, ...]
+    x_um: Series
+    voltage_V: Series
+    force_mN: Series
+    """As estimated, unfiltered."""
+
+    def of(self, phase: str) -> slice:
+        """The samples of a phase, from its first to its last.
+
+        Raises
+        ------
+        ValueError
+            Where it never came.
+        """
+        places = [place for place, name in enumerate(self.phase) if name == phase]
+        if not places:
+            raise ValueError(f"phase {phase!r} never came")
+        return slice(places[0], places[-1] + 1)
+
+    def filled(self, values: Series, place: slice, what: str) -> Series:
+        """Values with the few that are missing interpolated.
+
+        Raises
+        ------
+        ValueError
+            Where more than ``MOST_MISSING`` of them are.
+        """
+        found = values[place]
+        missing = np.isnan(found)
+        count = int(missing.sum())
+        if count > MOST_MISSING * len(found):
+            raise ValueError(
+                f"{count} of {len(found)} samples of the {what} are missing, "
+                f"limit {100.0 * MOST_MISSING:g} %"
+            )
+        if count:
+            grid = np.arange(len(found))
+            found = np.interp(grid, grid[~missing], found[~missing])
+        return found
+
+
+def samples(table: Columns, period_s: float) -> Samples:
+    """Put the columns of one epoch on their even grid."""
+    numbers = np.array(table["seq"], dtype=int)
+    count = int(numbers[-1]) + 1 if len(numbers) else 0
+
+    def spread(values: Series) -> Series:
+        grid = np.full(count, np.nan)
+        grid[numbers] = values
+        return grid
+
+    measured = series(table, "position_valid") == 1.0
+    voltage_V = spread(series(table, "voltage_V"))
+    names = dict(zip(table["seq"], table["phase"], strict=True))
+    phases: list[str] = []
+    for seq in range(count):
+        phases.append(names.get(seq) or (phases[-1] if phases else ""))
+    return Samples(
+        period_s=period_s,
+        phase=tuple(phases),
+        x_um=spread(np.where(measured, series(table, "x_um"), np.nan)),
+        voltage_V=np.concatenate([voltage_V[:1], voltage_V[:-1]]),
+        force_mN=spread(series(table, "force_mN")),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Acquisition:
+    """What the sensor acquired from its buffer, one sample each 1/``rate_hz``."""
+
+    rate_hz: float
+    x_um: Series
+    drive_V: Series
+
+
+def acquisition(messages: Iterable[Message]) -> Acquisition | None:
+    """Join the bursts of one epoch; None without one. Raises as ``joined`` does."""
+    found = joined(messages)
+    if found is None:
+        return None
+    return Acquisition(found.rate_hz, np.asarray(found.x_um), np.asarray(found.drive_V))

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from pincette.config import Calibration, RigFile
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Segment, Stay
-from pincette_supervisor.kinds.calibrate.findings import Analysis
+from pincette_supervisor.kinds.calibrate.calibration import Analysis
 from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Run
 from pincette_supervisor.plugin.figures import table_of_arm
 

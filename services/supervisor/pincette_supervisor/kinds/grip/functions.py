@@ -10,7 +10,6 @@ from pincette.control.planning.pair_plan import PairHold, grip_program
 from pincette.control.planning.quick_grip import (
     AskedSpeeds,
     QuickSpeeds,
-    Touch,
     UsualSpeeds,
     quick_speeds,
 )
@@ -198,33 +197,25 @@ def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeed
                 f"none: calibrate free_response, {GENTLY}",
             )
         return None
-    touch = _touch(request, rig)
-    usual = rig.grip.quick
+    grip, usual = rig.grip, rig.grip.quick
+    force_mN = request.force_mN or grip.force_mN
+    touch = arm_touch(rig, force_mN, request.contact_force_mN or grip.contact_force_mN)
     found = quick_speeds(
         AskedSpeeds(
             request.approach_um_per_s, request.seek_um_per_s, request.load_um_per_s, request.load_s
         ),
         UsualSpeeds(usual.approach_um_per_s, usual.seek_um_per_s, usual.load_um_per_s),
         touch,
+        rig.part.stiffness_mN_per_um,
         derived.planned_rig(rig),
     )
     if found is None and asked:
         (weak,) = weak_force(touch.force_mN, touch.contact_force_mN, "/force_mN", 0.0)
         raise FaultyRequestError("/force_mN", f"force_mN: {weak.message}")
-    slow = rig.grip.seek_um_per_s
+    slow = grip.seek_um_per_s
     if found is not None and not asked and request.seek_um_per_s is None:
         return found if found.seek_um_per_s >= slow else None
     return found
-
-
-def _touch(request: GripJobRequest, rig: RigFile) -> Touch:
-    part, grip = rig.part, rig.grip
-    return Touch(
-        force_mN=request.force_mN or grip.force_mN,
-        contact_force_mN=request.contact_force_mN or grip.contact_force_mN,
-        stiffness_mN_per_um=part.stiffness_mN_per_um,
-        hardest_mN_per_um=part.stiffness_mN_per_um * (1.0 + part.stiffness_tolerance),
-    )
 
 
 FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot, pointer=pointer)

@@ -8,17 +8,19 @@ from msgspec.structs import replace
 from pincette.config import RigFile, derived
 from pincette.control.calibration.weights import WeighedCompliance, weighed_compliance
 from pincette.control.planning.calibration_programs import compliance_program, there_and_back
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.compliance import ComplianceRequest, WeighedStep
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    Samples,
     figure,
     identified,
+    require_like_in_use,
     residuals,
+    samples,
     sure,
 )
-from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
-from pincette_supervisor.kinds.calibrate.samples import Samples, samples
+from pincette_supervisor.kinds.calibrate.compliance import ComplianceRequest, WeighedStep
 from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait, drawing
 from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, Sheet
 

@@ -20,17 +20,19 @@ from pincette.control.planning.contact_stiffness_program import (
     level_phase,
     levels_within,
 )
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    Samples,
     figure,
     identified,
     path_of,
     residuals,
+    samples,
     sure,
 )
-from pincette_supervisor.kinds.calibrate.samples import Samples, samples
+from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
 from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Present, Run, drawing
 from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, TRUE, Sheet
 from pincette_supervisor.plugin.plans import (

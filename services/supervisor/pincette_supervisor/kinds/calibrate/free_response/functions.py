@@ -19,18 +19,19 @@ from pincette.control.response.free_calibration import (
     calibrate_free_response,
     kink_text,
 )
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
     figure,
     identified,
     path_of,
+    require_like_in_use,
     residuals,
+    samples,
     sure,
 )
 from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
-from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
-from pincette_supervisor.kinds.calibrate.samples import samples
 from pincette_supervisor.plugin import UNITS, ModelInUse, Present, Run, drawing
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR

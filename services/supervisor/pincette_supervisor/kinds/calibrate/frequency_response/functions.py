@@ -8,18 +8,19 @@ from pincette.control.calibration.swept_mode import SweptMode, require_even_swin
 from pincette.control.planning.calibration_programs import frequency_response_program
 from pincette.engine.timing_budget import budget
 from pincette.instruments.protocols import Timing
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    acquisition,
     figure,
     identified,
+    require_like_in_use,
     residuals,
     sure,
 )
 from pincette_supervisor.kinds.calibrate.frequency_response import FrequencyResponseRequest
-from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.calibrate.output_timing import bursts_are_needed
-from pincette_supervisor.kinds.calibrate.samples import acquisition
 from pincette_supervisor.plugin import (
     InstrumentBandwidth,
     ModelInUse,

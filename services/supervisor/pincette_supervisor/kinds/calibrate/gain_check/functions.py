@@ -23,16 +23,18 @@ from pincette.control.response.stroke_check import (
     rest_base,
     stroke_change,
 )
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    Samples,
     figure,
     identified,
     residuals,
+    samples,
     sure,
 )
 from pincette_supervisor.kinds.calibrate.gain_check import GainCheckRequest
-from pincette_supervisor.kinds.calibrate.samples import Samples, samples
 from pincette_supervisor.plugin import UNITS, FaultyRequestError, ModelInUse, Present, Run, drawing
 from pincette_supervisor.plugin.drawing import MEASURED, Sheet
 from pincette_supervisor.plugin.figures import Series

@@ -2,16 +2,17 @@
 
 from pincette.control.calibration.noise import Noise, sensor_noise
 from pincette.control.planning.calibration_programs import noise_program
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
     figure,
     identified,
     residuals,
+    samples,
     sure,
 )
 from pincette_supervisor.kinds.calibrate.noise import NoiseRequest
-from pincette_supervisor.kinds.calibrate.samples import samples
 from pincette_supervisor.plugin import ASSUMED, ModelInUse, Present, Run, drawing
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 

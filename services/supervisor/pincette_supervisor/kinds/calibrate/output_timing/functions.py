@@ -9,21 +9,23 @@ from pincette.config import derived
 from pincette.control.calibration.output_timing import Burst, IdentifiedTiming, output_timing
 from pincette.control.calibration.visible_mode import NYQUIST_SHARE, require_visible
 from pincette.control.planning.calibration_programs import BURSTS, output_timing_program
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import (
+from pincette_supervisor.kinds.calibrate.calibration import (
     Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    Samples,
     figure,
     identified,
+    require_like_in_use,
     residuals,
+    samples,
     sure,
 )
 from pincette_supervisor.kinds.calibrate.frequency_response.functions import sweep_amplitude_V
-from pincette_supervisor.kinds.calibrate.likeness import require_like_in_use
 from pincette_supervisor.kinds.calibrate.output_timing import (
     OutputTimingRequest,
     bursts_are_needed,
 )
-from pincette_supervisor.kinds.calibrate.samples import Samples, samples
 from pincette_supervisor.plugin import ModelInUse, Present, Run, UnsupportedError, drawing
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.figures import Series

@@ -22,8 +22,13 @@ from pincette.control.response.residual_identification import (
 from pincette.control.response.residual_table import ResidualTable
 from pincette.engine.timing_budget import stated_output
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, CalibrationProgram
-from pincette_supervisor.kinds.calibrate.findings import Analysis, figure, residuals
+from pincette_supervisor.kinds.calibrate.calibration import (
+    Analysis,
+    CalibrationFunctions,
+    CalibrationProgram,
+    figure,
+    residuals,
+)
 from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
 from pincette_supervisor.plugin import (
     RESIDUALS,
