@@ -1,4 +1,4 @@
-"""What is wrong, as a code and numbers: programs compare codes, people read ``core.wording``."""
+"""Faults as codes and numbers: programs compare codes, people read ``core.wording``."""
 
 from math import isfinite
 
@@ -9,7 +9,7 @@ from pincette.control.vocabulary import LARGEST, FaultCode
 ZERO_REFUSED = frozenset(code for code in FaultCode if code.name.startswith("ZERO_"))
 """Why the force is not zeroed."""
 INSTRUMENT = frozenset(code for code in FaultCode if code.name.startswith("INSTRUMENT_"))
-"""What a driver reports of its instrument."""
+"""Codes that a driver reports about its instrument."""
 
 
 class Value(FrozenRecord, frozen=True):
@@ -20,24 +20,24 @@ class Value(FrozenRecord, frozen=True):
 
 
 class Fault(FrozenRecord, frozen=True):
-    """What is wrong: a code, its numbers, and words only where they come from outside."""
+    """A fault: a code, its numbers, and words only if they come from outside."""
 
     code: FaultCode
     values: Items[Value] = ()
     words: Text = ""
-    """Of a driver or a person; no program reads them."""
+    """Words of a driver or a person; no program reads them."""
 
     def number(self, name: str) -> float | None:
-        """The value of this name; None where it is not finite, or there is none."""
+        """Return the value of this name; None if it is not finite or does not exist."""
         return next((item.value for item in self.values if item.name == name), None)
 
     def with_values(self, **values: float) -> "Fault":
-        """This fault with more numbers."""
+        """Return this fault with more numbers."""
         return Fault(self.code, self.values + _values(values), self.words)
 
 
 def fault(code: FaultCode, words: str = "", /, **values: float) -> Fault:
-    """A fault with numbers by name; those beyond 1e15 become 1e15."""
+    """Return a fault with numbers by name; those beyond 1e15 become 1e15."""
     return Fault(code, _values(values), words[:MAX_TEXT])
 
 

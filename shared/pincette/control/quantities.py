@@ -1,8 +1,7 @@
-"""What a field of a record may hold: each type states its unit and its limit.
+"""Types of record fields: each states its unit and its limits.
 
-The limits lie far beyond any gripper: they keep out what would overflow further on, and leave it to
-each service to judge what is plausible. A decoder of messages enforces them; a constructor does
-not.
+The limits lie far beyond any gripper: they exclude values that would overflow later, and leave it
+to each service to judge what is plausible.
 """
 
 from typing import Annotated, NewType, TypeVar
@@ -36,12 +35,12 @@ Volt = Annotated[float, _within("V")]
 Second = Annotated[float, _within("s")]
 Hertz = Annotated[float, _within("Hz")]
 Number = Annotated[float, _within("")]
-"""Without a unit that its name ends with: a gain, a share, or of a path whose quantity says it."""
+"""A number without a unit: a gain, a share, or a path whose quantity has the unit."""
 
 Whole = Annotated[int, Meta(ge=-LARGEST_INT, le=LARGEST_INT)]
 Epoch = Annotated[int, Meta(ge=0, le=LARGEST_INT)]
 Seq = Annotated[int, Meta(ge=-1, le=LAST_SEQ)]
-"""Number of a sample; -1 comes before the first."""
+"""Number of a sample; -1 before the first."""
 
 Document = NewType("Document", str)
 """A text of many lines, as JSON; other texts are short."""

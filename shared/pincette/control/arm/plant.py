@@ -30,13 +30,13 @@ class OutputTiming(NamedTuple):
     """When a voltage acts on the arm."""
 
     delay_s: float = 0.0
-    """From a sample until the voltage that answers it is put out."""
+    """Time from a sample until the voltage that answers it is applied."""
     lag_s: float = 0.0
     """Time constant of a first-order lag between output and arm."""
 
 
 PROMPT = OutputTiming()
-"""At once."""
+"""Output without delay and lag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class DifferenceEquation:
     k_bar: float
     d_bar: float
     output: OutputTiming = PROMPT
-    """Of the voltage on its way to the arm, for laws that look ahead."""
+    """Delay and lag of the voltage on its way to the arm, for laws that look ahead."""
 
 
 def consistent_arm(

@@ -16,29 +16,29 @@ from pincette.control.checks import require_not_negative, require_positive
 
 Array = npt.NDArray[np.float64]
 ORDER = 14
-"""Of the exponential's series: below rounding where the scaled norm is at most 1/4."""
+"""Order of the series of the exponential: below rounding if the scaled norm is at most 1/4."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopCase:
-    """What a loop meets: the real arm, its contact, and when a voltage takes effect."""
+    """Conditions of a loop: the real arm, its contact, and when a voltage takes effect."""
 
     K_e_mN_per_um: float = 0.0
     """Stiffness of the contact; 0 is the free arm."""
     frequency_factor: float = 1.0
     """Real ω_n over the identified one."""
     delay_periods: float = 0.0
-    """From the sample to the change of the voltage, as a share of the period, 0 to 1."""
+    """Delay from the sample to the change of the voltage, as a share of the period, 0 to 1."""
     gain_factor: float = 1.0
     """Real d_p over the identified one."""
     damping_factor: float = 1.0
     """Real ζ over the identified one."""
     told_mN_per_um: float | None = None
-    """Stiffness of the contact that the law is told of, 0: of none; None: as it is."""
+    """Contact stiffness that the law is given, 0: no contact; None: the true one."""
 
     @property
     def told(self) -> float:
-        """What the law is told, in mN/µm."""
+        """Return the contact stiffness that the law is given, in mN/µm."""
         told = self.told_mN_per_um
         return self.K_e_mN_per_um if told is None else told
 
@@ -55,10 +55,10 @@ class LoopCase:
 def sampled_arms(
     arm: ArmParameters, period_s: float, output_lag_s: float, cases: tuple[LoopCase, ...]
 ) -> tuple[Array, Array]:
-    """Transition over one period of every case, and the effect of the voltage put out in it.
+    """Return the transition over one period of every case, and the effect of its voltage.
 
     The state is (x in µm, ẋ/ω_n in µm, y in V, u_{k-1} in V). The old voltage acts for the delay,
-    the new one for the rest. Without a lag y has no part in it and stays 0.
+    the new one for the rest of the period.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def sampled_arms(
 
 
 def exponential(matrices: Array) -> Array:
-    """Matrix exponentials of shape (…, n, n) by scaling and squaring of the Taylor series."""
+    """Return matrix exponentials, shape (…, n, n), by scaling and squaring of the Taylor series."""
     norm = float(np.max(np.sum(np.abs(matrices), axis=-1)))
     halvings = max(0, int(np.ceil(np.log2(norm))) + 2) if norm > 0.0 else 0
     small = matrices / 2.0**halvings

@@ -18,25 +18,25 @@ from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.checks import require_as_many
 
 TAIL = 1e-6
-"""Of the mode's ring, below which its answer to a voltage has ended."""
+"""Decay of the mode's ringing at which its answer to a voltage has ended."""
 LONGEST_RING = 4000
 """Ticks that such a ring is worked out for, at most."""
 MOST_DAMPING = 0.5
 """ζ up to which there is a mode."""
 LEAST_LOG_DAMPING = log(1e-4)
-"""Of log ζ, that a fit may come to; the most is 0."""
+"""Smallest log ζ that a fit may reach; the largest is 0."""
 ORDERS = (3, 8)
-"""Of the difference equation by which the mode is first looked for: the mode and a lag, and where
-noise hides it there, a longer one."""
+"""Orders of the difference equation in which the mode is first looked for: mode and lag, and a
+longer one for noisy records."""
 ROUNDS = 30
 SETTLED = 1e-2
 """Step of a fit, in its standard errors or log, below which it has settled."""
 STEPS = np.array([1e-5, 1e-3, 1e-3, 1e-3])
-"""Of the differences by which slopes are worked out: of both logs, and of D/T and τ/T."""
+"""Steps of the numerical derivatives: of both logs, and of D/T and τ/T."""
 DEGREE = 3
-"""Of the curve below a burst."""
+"""Degree of the curve below a burst."""
 MOST_LATE = 8.0
-"""Periods that a fit may come to, on its way."""
+"""Largest delay that a fit may reach on its way, in periods."""
 Column = NDArray[np.float64]
 
 
@@ -75,7 +75,7 @@ def _less(slow: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np
 
 
 def _impulse(period_s: float, at: Column) -> tuple[NDArray[np.float64], int]:
-    """Answers of mode and output to one voltage, shape (ticks, 2), and ticks that they come late.
+    """Return the answers of mode and output to one voltage, shape (ticks, 2), and their delay.
 
     Row j is the sample j + 1 ticks after the one that the voltage answers.
     """
@@ -96,7 +96,7 @@ def _impulse(period_s: float, at: Column) -> tuple[NDArray[np.float64], int]:
 
 
 def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDArray[np.float64]:
-    """What the voltages make of mode and output, shape (samples seen, 2)."""
+    """Return the answers of mode and output to the voltages, shape (samples seen, 2)."""
     impulse, late = _impulse(period_s, at)
     begin, found = late + 1, list[NDArray[np.float64]]()
     for one in some:
@@ -110,7 +110,7 @@ def _answers(some: Sequence[PreparedBurst], period_s: float, at: Column) -> NDAr
 
 
 def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[Column, Column]:
-    """Gains g and gρ of the best fit, and its residuals burst after burst."""
+    """Return gains g and gρ of the best fit, and its residuals of all bursts."""
     columns = _answers(some, period_s, at)
     target = np.concatenate([one.x_um for one in some])
     gains = np.linalg.lstsq(columns, target, rcond=None)[0]
@@ -119,7 +119,7 @@ def solved(some: Sequence[PreparedBurst], period_s: float, at: Column) -> tuple[
 
 
 def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: bool) -> Column:
-    """Parameters of the least residual by Levenberg and Marquardt; raises ValueError."""
+    """Return the parameters of the least residual by Levenberg and Marquardt; raises ValueError."""
     count, damping = 4 if lagged else 3, 1e-6
     _, left = solved(some, period_s, at)
     for _ in range(ROUNDS):
@@ -176,7 +176,7 @@ def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
 
 
 def _poles(bursts: Sequence[Burst], period_s: float, order: int) -> list[complex]:
-    """Poles in 1/s of the difference equation that explains the samples best."""
+    """Return the poles in 1/s of the difference equation that explains the samples best."""
     rows: list[NDArray[np.float64]] = []
     for burst in bursts:
         u, x = burst.voltage_V, burst.x_um

@@ -36,7 +36,7 @@ LEAST_LEVELS = 3
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """Whole cycles in contact at one level: N positions, and the unfiltered force (53) of each."""
+    """Whole cycles in contact at one level: N positions, and the unfiltered force (53) at each."""
 
     level_V: float
     """Peak to peak."""
@@ -85,7 +85,7 @@ def contact_stiffness(
     free_errors_um: Sequence[float] = (),
     least_force_mN: float = 0.0,
 ) -> ContactStiffness:
-    """Line of Fig. 8 and its stiffness.
+    """Return the line of Fig. 8 and its stiffness.
 
     Parameters
     ----------

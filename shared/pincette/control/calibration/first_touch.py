@@ -23,7 +23,7 @@ LEAST_SAMPLES = 30
 LEAST_SIDE = 10
 """Samples before the kink, and as many after it."""
 PLACES = 200
-"""Of the kink that are tried before the best is refined."""
+"""Number of places of the kink that are tried before the best one is refined."""
 ROUNDS = 30
 SURE = 5.0
 """Standard uncertainties by which β must be above 0."""
@@ -37,9 +37,10 @@ class FirstTouch:
 
     contact_um: float
     uncertainty_um: float
-    """Standard; of the scatter, whose errors are shared by neighbours, and of ``free_error_um``."""
+    """Standard uncertainty: from the scatter, which neighbours share, and from ``free_error_um``.
+    """
     stiffness_mN_per_um: float
-    """By the few µm after the touch; far less sure than that of Fig. 8."""
+    """Stiffness from the few µm after the touch; much less certain than that of Fig. 8."""
     residual_um: float
     """R.m.s. about the kinked line."""
     free_um: NDArray[np.float64]
@@ -111,7 +112,7 @@ def first_touch(
 
 
 def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], float]:
-    """D_0 and β of a kink, and the sum of squares that they leave."""
+    """Return D_0 and β of a kink, and the sum of squared residuals."""
     beyond = np.maximum(0.0, z - kink)
     about = beyond - np.mean(beyond)
     spread = float(about @ about)
@@ -122,7 +123,7 @@ def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], flo
 
 
 def _refined(z: Column, lack: Column, low: float, high: float) -> float:
-    """Kink of the least sum of squares between two places, by thirds."""
+    """Return the kink of the least sum of squares between two places, by ternary search."""
     for _ in range(ROUNDS):
         third = (high - low) / 3.0
         if _fit(z, lack, low + third)[1] < _fit(z, lack, high - third)[1]:

@@ -17,7 +17,7 @@ EDGE = 0.05
 """all but this share of the travel at both ends."""
 LEAST_CREEP_SAMPLES = 20
 LEAST_DECADE = 1.0
-"""Of time that a creep must be seen over."""
+"""Smallest range of times, in decades, from which a creep is determined."""
 
 Column = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Creep:
     """x = a + b·log10(t/1 s) after a step."""
 
     percent_per_decade: float
-    """Of the step."""
+    """Creep in % of the step."""
     uncertainty_percent: float
     """Standard; of the scatter alone."""
     um_per_decade: float
@@ -58,7 +58,7 @@ class Creep:
 def secant_gain(
     voltage_V: Sequence[float] | Column, x_um: Sequence[float] | Column, samples_per_cycle: float
 ) -> SecantGain:
-    """Secant gain and loop of whole settled cycles of one free arm.
+    """Return secant gain and loop of whole settled cycles of a free arm.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def secant_gain(
 def creep_after_step(
     since_s: Sequence[float] | Column, x_um: Sequence[float] | Column, before_um: float
 ) -> Creep:
-    """Creep at a rest after a step, as a line over the logarithm of time.
+    """Return the creep at a rest after a step, as a line over the logarithm of time.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def creep_after_step(
 
 
 def _loop_width(u: Column, x: Column) -> float:
-    """Largest falling less rising position at one voltage."""
+    """Return the largest difference between falling and rising position at one voltage."""
     top = int(np.argmax(u))
     u, x = np.roll(u, -top), np.roll(x, -top)
     bottom = int(np.argmin(u))

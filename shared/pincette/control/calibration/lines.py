@@ -34,7 +34,7 @@ class Line:
 
 
 def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
-    """Least squares of y on x, with errors in y alone.
+    """Return the least-squares line of y on x, with errors in y alone.
 
     Raises
     ------
@@ -67,9 +67,9 @@ def straight_line(x: Sequence[float], y: Sequence[float]) -> Line:
 
 
 def correlated_samples(residuals: Sequence[float] | NDArray[np.float64]) -> float:
-    """How many neighbouring residuals count as one, 1 at least.
+    """Return how many neighbouring residuals count as one, at least 1.
 
-        τ = 1 + 2·Σ ρ_i,  ρ_i = Σ r_k·r_{k+i}/Σ r_k²,  i = 1, 2, ... while ρ_i > 0
+    τ = 1 + 2·Σ ρ_i, ρ_i = Σ r_k·r_{k+i}/Σ r_k², i = 1, 2, ... while ρ_i > 0
 
     An error of the free response is shared by neighbouring samples, the sensor's noise is not. A
     variance worked out for independent errors is to be multiplied by τ. Source: C. J. Geyer,
@@ -98,7 +98,7 @@ class Compliance:
 def compliance(
     force_mN: Sequence[float], displacement_um: Sequence[float], noise_um: float = 0.0
 ) -> Compliance:
-    """Compliance from known forces at the tip, (55): s_p = Δx/ΔF.
+    """Return the compliance from known forces at the tip, (55): s_p = Δx/ΔF.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def compliance(
 
 
 def stiffness_line(x_pp_um: Sequence[float], force_pp_mN: Sequence[float]) -> Line:
-    """Line of Fig. 8: F_pp = K_e·x_pp + offset, in mN over µm.
+    """Return the line of Fig. 8: F_pp = K_e·x_pp + offset, in mN over µm.
 
     ``at`` plans F_pp for an x_pp: the paper's 2.47·x_pp - 0.87.
 

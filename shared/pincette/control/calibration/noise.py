@@ -58,7 +58,7 @@ class Noise:
 def sensor_noise(
     x_um: Sequence[float] | NDArray[np.float64], period_s: float, filter_s: float = 0.0
 ) -> Noise:
-    """Noise of readings at a constant voltage, one each period.
+    """Return the noise of readings at a constant voltage, one each period.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def sensor_noise(
 
 
 def _white(deviation: NDArray[np.float64]) -> tuple[float, float]:
-    """σ by successive differences, and its standard uncertainty."""
+    """Return σ from successive differences, and its standard uncertainty."""
     differences = np.diff(deviation)
     squares = (differences - np.mean(differences)) ** 2
     sigma = sqrt(0.5 * float(np.mean(squares)))

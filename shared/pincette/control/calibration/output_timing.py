@@ -49,7 +49,7 @@ DELAYS = np.arange(0.05, LONGEST_DELAY, 0.1)
 LAGS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 """Periods that a delay and a lag are first looked for at."""
 SIGNIFICANT = 4.0
-"""Standard errors from which on a lag is told from none."""
+"""Number of standard errors from which a lag counts as found."""
 HALVINGS = 6
 LOSS_RAD = 0.02
 """Phase by which the loss of a small loop of the hysteresis may turn the mode's answer."""
@@ -69,15 +69,15 @@ class IdentifiedTiming:
     damping_ratio: float
     damping_ratio_uncertainty: float
     gain_um_per_V: float
-    """At the amplitude of the bursts; below d_p for the hysteresis."""
+    """Gain at the amplitude of the bursts; below d_p because of the hysteresis."""
     moved_um: tuple[Column, ...]
-    """Of each burst, the samples without what is slow in them, and"""
+    """Samples of each burst without their slow part, and"""
     residual_um: tuple[Column, ...]
     """what the fit leaves of them."""
 
     @property
     def explained(self) -> float:
-        """Share of the bursts' motion that the fit explains, by variance."""
+        """Return the share of the bursts' variance that the fit explains."""
         left = sum(float(one @ one) for one in self.residual_um)
         return 1.0 - left / sum(float(one @ one) for one in self.moved_um)
 
@@ -141,7 +141,7 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
 
 
 def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tuple[Column, float]:
-    """The best fit, with a lag or with none, and then the lag in periods that is told from it."""
+    """Return the best fit, with or without a lag, and the lag in periods that is significant."""
 
     def squares(at: Column) -> float:
         return float(np.sum(solved(some, period_s, at)[1] ** 2))
@@ -168,7 +168,7 @@ def _by_lag(some: Sequence[PreparedBurst], period_s: float, mode: Column) -> tup
 
 
 def _jackknife(left: NDArray[np.float64]) -> Column:
-    """Standard errors from estimates that each leave out one burst, shape (bursts, values)."""
+    """Return standard errors from estimates that leave out one burst each, (bursts, values)."""
     n = len(left)
     deviation = np.sqrt((n - 1.0) / n * np.sum((left - np.mean(left, axis=0)) ** 2, axis=0))
     return np.asarray(deviation)

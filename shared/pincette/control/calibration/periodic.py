@@ -19,7 +19,7 @@ Column = NDArray[np.float64]
 
 HARMONICS = 9
 POINTS = 720
-"""Of the cycle that is worked out."""
+"""Number of points of the cycle that are computed."""
 LEAST_SAMPLES_PER_CYCLE = 4 * HARMONICS
 LEAST_CYCLES = 2.0
 
@@ -39,7 +39,7 @@ class Periodic:
 
     @property
     def lowest(self) -> float:
-        """Smallest value of the fitted cycle, about its mean place in the record."""
+        """Return the smallest value of the fitted cycle, about its mean place in the record."""
         return self.mean + float(self.cycle.min())
 
 
@@ -86,13 +86,13 @@ def periodic(values: Sequence[float] | Column, samples_per_cycle: float) -> Peri
 
 
 def _waves(phase: Column) -> Column:
-    """Cosines and sines of all harmonics, N × 2·HARMONICS."""
+    """Return cosines and sines of all harmonics, N × 2·HARMONICS."""
     angles = phase[:, np.newaxis] * np.arange(1, HARMONICS + 1)
     return np.asarray(np.hstack([np.cos(angles), np.sin(angles)]), dtype=np.float64)
 
 
 def _noise_bias(peak_to_peak: float, variance: float, count: int) -> float:
-    """What noise adds to both extremes: Var(slope)/|curvature|, that of the first harmonic."""
+    """Return the bias of both extremes by noise: Var(slope)/|curvature|, of the first harmonic."""
     if not peak_to_peak > 0.0:
         return 0.0
     squares = float(np.sum(np.arange(1, HARMONICS + 1) ** 2))

@@ -25,7 +25,8 @@ from pincette.control.checks import require_as_many, require_positive
 
 LEAST_POINTS = 10
 LEAST_PEAK = 2.0
-"""Of the gain over that at low frequency; below, ω_n and ζ can hardly be separated."""
+"""Smallest ratio of the peak's gain to that at low frequency; below, ω_n and ζ can hardly be
+separated."""
 ROUNDS = 60
 SETTLED = 1e-10
 
@@ -50,7 +51,7 @@ class SecondOrder:
     higher_modes_uncertainty: float = 0.0
 
     def gain_at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Complex gain of the model in µm/V at frequencies in Hz."""
+        """Return the complex gain of the model in µm/V at frequencies in Hz."""
         values, _ = _dynamics(self.natural_frequency_rad_per_s, self.damping_ratio, frequency_hz)
         scale = self.gain_um_per_V / (1.0 + self.higher_modes)
         return np.asarray(scale * (1.0 / values + self.higher_modes), dtype=np.complex128)
@@ -146,7 +147,7 @@ def fit_second_order(
 def _first_guess(
     f: NDArray[np.float64], gain: NDArray[np.float64], to_hz: float
 ) -> NDArray[np.float64]:
-    """Logs of ω_n, ζ and g, and ρ: from the peak, its height, and the lowest fifth; none."""
+    """Return logs of ω_n, ζ and g, and ρ, from the peak, its height, and the lowest fifth."""
     peak = int(np.argmax(gain))
     order = np.argsort(f)
     low = float(np.median(gain[order[: max(3, len(f) // 5)]]))
@@ -162,7 +163,7 @@ def _first_guess(
 def _dynamics(
     omega_n: float, zeta: float, f: NDArray[np.float64]
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """D = 1 - r² + 2·j·ζ·r, and r."""
+    """Return D = 1 - r² + 2·j·ζ·r, and r."""
     r = 2.0 * pi * f / omega_n
     return np.asarray(1.0 - r * r + 2j * zeta * r, dtype=np.complex128), r
 
@@ -170,7 +171,7 @@ def _dynamics(
 def _log_gain(
     parameters: NDArray[np.float64], f: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """log|X/U| and its slopes over the first ``count`` parameters, N and N × count."""
+    """Return log|X/U| and its derivatives by the first ``count`` parameters, N and N × count."""
     omega_n, zeta = np.exp(parameters[:2]).tolist()
     rho = float(parameters[3])
     D, r = _dynamics(omega_n, zeta, f)

@@ -21,21 +21,22 @@ from pincette.control.calibration.resonance import SecondOrder, fit_second_order
 from pincette.control.checks import require_positive
 
 LINES_PER_BAND = 20
-"""So wide that the coherence means something, and narrow beside the resonance."""
+"""Number of lines in a band: enough for the coherence, and narrow beside the resonance."""
 FEWEST_BANDS = 100
 LEAST_DRIVE = 1e-5
-"""Of the strongest, in power. The drive is measured, and an output that lags weakens it where the
-mode stands; what a band is worth then its coherence says."""
+"""Smallest power of the drive relative to the strongest. The drive is measured, and an output that
+lags weakens it at the mode; the coherence says how much a band is worth there."""
 LARGEST_UNCERTAINTY = 0.1
-"""Of log|G| in a band; what is less sure, as where the sweep fades out, only blurs the plot."""
+"""Largest uncertainty of log|G| in a band; less certain bands, such as where the sweep fades out,
+only blur the plot."""
 BANDWIDTH_SHARE = 0.25
-"""Of the resonance's half width ζ·f_n, at most, that a band may have: beyond it the mean over the
+"""Largest width of a band relative to the resonance's half width ζ·f_n: beyond it the mean over the
 band cuts the peak by more than 0.6 %."""
 
 SWING_S, REST_S = 0.05, 0.5
-"""Spans whose swings are compared, and the rests at both ends that they are counted from."""
+"""Spans whose swings are compared, and the rests at both ends from which they are counted."""
 LARGE = 0.2
-"""Of the largest: smaller swings are near the noise."""
+"""Smallest swing relative to the largest: smaller ones are near the noise."""
 LEAST_EVENNESS = 0.9
 """Smaller of up over down and its inverse. A free arm has 0.95 and more: a sweep moves the middle
 of a hysteresis."""
@@ -49,7 +50,8 @@ class SweptMode:
 
     model: SecondOrder
     small_signal_gain_um_per_V: float
-    """At low frequency and the sweep's amplitude; below d_p at a larger drive, for hysteresis."""
+    """Gain at low frequency and the sweep's amplitude; below d_p at a larger drive, because of
+    hysteresis."""
     delay_s: float
     """τ, from the drive to the reading."""
     hysteresis_phase_rad: float
@@ -60,7 +62,7 @@ class SweptMode:
     """R.m.s. of the magnitude about the model, bands weighing as in the fit."""
     frequency_hz: Column
     magnitude_db: Column
-    """Of 1 µm/V."""
+    """Magnitude in dB relative to 1 µm/V."""
     phase_deg: Column
     """Unwrapped from the lowest frequency on."""
     model_magnitude_db: Column
@@ -145,7 +147,7 @@ def require_even_swing(x_um: Column, rate_hz: float) -> None:
 
 
 def _sure(response: FrequencyResponse) -> FrequencyResponse:
-    """The bands that say something; all where hardly one does, for the fit to refuse."""
+    """Return the significant bands; all bands if hardly one is, for the fit to refuse."""
     kept = response.log_gain_uncertainty <= LARGEST_UNCERTAINTY
     if int(np.sum(kept)) < FEWEST_BANDS // 2:
         return response

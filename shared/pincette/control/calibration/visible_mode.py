@@ -3,7 +3,7 @@
 from math import pi
 
 NYQUIST_SHARE = 0.95
-"""Of half the sampling rate, below which the mode must lie."""
+"""Share of half the sampling rate below which the mode must lie."""
 
 
 def shows_mode(natural_frequency_rad_per_s: float, period_s: float) -> bool:

@@ -19,7 +19,7 @@ from pincette.control.checks import require_not_negative, require_positive
 LEAST_STEPS = 4
 """One more than there are coefficients."""
 LEAST_EVENNESS = 0.9
-"""Of the compliance under the lightest weights over that under the heaviest."""
+"""Smallest ratio of the compliance under the lightest weights to that under the heaviest."""
 SURE = 5.0
 """Standard uncertainties by which the two must differ."""
 
@@ -49,7 +49,7 @@ def weighed_compliance(
     noise_um: float = 0.0,
     weight_uncertainty: float = 0.0,
 ) -> WeighedCompliance:
-    """Compliance from the mean positions under weights, and the times at which they were taken.
+    """Return the compliance from the mean positions under weights, and their times.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class KinkLimits:
 def kink_limits(
     softest_mN_per_um: float, compliance_um_per_mN: float, noise_um: float
 ) -> KinkLimits:
-    """Half the drop of the softest part there may be, over a step that noise cannot bend so.
+    """Return half the drop of the softest possible part, over a step that noise cannot bend so.
 
     Raises
     ------
@@ -74,16 +74,16 @@ def kink_limits(
 
 
 class DetectedContact(FrozenRecord, frozen=True):
-    """Where the arm met something, and how it had moved until there."""
+    """Place at which the arm met something, and its motion until there."""
 
     x_um: float
     nominal_um: float
     slope: float
     on_new_ground: bool = False
-    """Whether the arm had not been as far before; a kink where it has been is one of its own."""
+    """Whether the arm had not been as far before; a kink at an earlier place may be its own."""
 
     def pushed_back_um(self, x_um: float, nominal_um: float) -> float:
-        """How far the arm lacks to where it would be, had it gone on as before the touch."""
+        """Return the distance of the arm from where it would be without the touch."""
         return self.x_um + self.slope * (nominal_um - self.nominal_um) - x_um
 
 

@@ -25,11 +25,12 @@ def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
 
 
 def smoothing(period_s: float, time_constant_s: float) -> float:
-    """Share 1 - e^(-T/τ) by which a first-order low-pass follows each sample; 1 where τ is 0.
+    """Return the share 1 - e^(-T/τ) by which a first-order low-pass follows each sample.
+
+    1 for τ = 0.
 
     The sensor's noise is amplified by 1/s_p into F̂, and by the law into a to-and-fro of the
-    voltage, which wears the hysteresis; a few samples of averaging take most of it away. Over F̂
-    itself they lag a moving force by τ, which no law can tell from an error; over F̂ - F_r not.
+    voltage, which wears the hysteresis.
     """
     return 1.0 - exp(-period_s / time_constant_s) if time_constant_s > 0.0 else 1.0
 

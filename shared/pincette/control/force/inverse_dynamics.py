@@ -51,7 +51,7 @@ class InverseDynamics(FrozenRecord, frozen=True):
     mode_um: float = 0.0
     """G·x_1."""
     speed_um_per_s: float = 0.0
-    """Its rate."""
+    """Speed of the position."""
     error_1_um: float = 0.0
     """G·x_1 - x one sample ago."""
     error_2_um: float = 0.0
@@ -61,7 +61,7 @@ class InverseDynamics(FrozenRecord, frozen=True):
 
     @property
     def noise_gain(self) -> float:
-        """That of the inverse and its filter."""
+        """Return the noise gain of the inverse and its filter."""
         return self.parameters.noise_gain
 
     def observe(
@@ -136,7 +136,7 @@ def inverse_dynamics(
 
 
 def _noise_gain(gain: float, zero_1: float, zero_2: float, pole: float) -> float:
-    """Root of the sum of squares of the impulse response."""
+    """Return the root of the sum of squares of the impulse response."""
     inputs = [1.0, -zero_1, zero_2]
     squares = before = before_2 = 0.0
     # The response falls as k·p^k; what is left at the end is below 1e-12 of it.

@@ -50,7 +50,7 @@ class AugmentedKalman(FrozenRecord, frozen=True):
 
     @property
     def noise_gain(self) -> float:
-        """Standard error of F̂ by the filter's own model, over noise/s_p."""
+        """Return the standard error of F̂ by the filter's own model, over noise/s_p."""
         return self.parameters.noise_gain
 
     def observe(
@@ -124,7 +124,7 @@ def augmented_kalman(
 
 
 def _steady(transition: Matrix, drive: Row, noise: float) -> tuple[Row, float]:
-    """Gain, and the variance of F̂ after the correction."""
+    """Return the steady gain, and the variance of F̂ after the correction."""
     covariance: Matrix = ((noise, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, drive[2] * drive[2]))
     gain: Row = (0.0, 0.0, 0.0)
     for _ in range(ITERATIONS_MAX):
@@ -150,7 +150,7 @@ def _steady(transition: Matrix, drive: Row, noise: float) -> tuple[Row, float]:
 
 
 def _predicted(A: Matrix, g: Row, P: Matrix) -> Matrix:
-    """A P Aᵀ + g gᵀ, made symmetric."""
+    """Return A P Aᵀ + g gᵀ, made symmetric."""
     AP = [[_dot(row, (P[0][j], P[1][j], P[2][j])) for j in range(3)] for row in A]
 
     def entry(i: int, j: int) -> float:
@@ -162,7 +162,7 @@ def _predicted(A: Matrix, g: Row, P: Matrix) -> Matrix:
 
 
 def _corrected(P: Matrix, gain: Row) -> Matrix:
-    """P - K c P, c taking the position."""
+    """Return P - K c P, where c selects the position."""
 
     def row(i: int) -> Row:
         return (

@@ -22,7 +22,7 @@ class ForceObserver(Protocol):
 
     @property
     def noise_gain(self) -> float:
-        """Standard deviation of the force times s_p, over that of white noise in x."""
+        """Return the standard deviation of the force times s_p, over that of white noise in x."""
         ...
 
     def observe(self, x_um: float, free_um: float, voltage_V: float, /) -> tuple[Self, float]:
@@ -55,7 +55,7 @@ def _names(observer: Any) -> list[str]:
 
 
 def least_period_s(natural_frequency_rad_per_s: float) -> float:
-    """Shortest period in s at which G⁻¹ ≈ 1 may be assumed, two of the mode's."""
+    """Return the shortest period in s at which G⁻¹ ≈ 1 may be assumed, two of the mode's."""
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     return SHORTEST_PERIODS * 2.0 * pi / omega_n
 
@@ -77,7 +77,7 @@ def kept(period_s: float, lag_s: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class QuasiStaticParameters:
-    """How ``QuasiStatic`` reads (53).
+    """Parameters with which ``QuasiStatic`` evaluates (53).
 
     Raises
     ------
@@ -142,7 +142,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
 
     @property
     def noise_gain(self) -> float:
-        """√(share/(2 - share)): that of the low-pass."""
+        """Return √(share/(2 - share)), the noise gain of the low-pass."""
         share = self.parameters.share
         return sqrt(share / (2.0 - share))
 

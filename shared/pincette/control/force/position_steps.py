@@ -80,7 +80,7 @@ class StepLimits:
     span: int = field(init=False)
     """Periods from the samples before a step to the sample that is judged."""
     mean_of: int = field(init=False)
-    """Number of samples before a step whose mean it is measured from."""
+    """Number of samples before a step from whose mean it is measured."""
     limit_um: float = field(init=False)
     """Part of the threshold that noise and resolution make, by that mean, and"""
     rest_limit_um: float = field(init=False)
@@ -237,5 +237,5 @@ class RestNoise(FrozenRecord, frozen=True):
 
     @property
     def noise_um(self) -> float:
-        """Standard deviation of one reading; 0 before the first difference."""
+        """Return the standard deviation of one reading; 0 before the first difference."""
         return sqrt(0.5 * self.sum_um2 / self.count) if self.count else 0.0

@@ -55,12 +55,12 @@ FREQUENCY_TOLERANCE = 0.03
 
 
 class RingShares(NamedTuple):
-    """What the ring after steps of the voltage adds to the uncertainty of a position."""
+    """Contribution of the ringing after voltage steps to the uncertainty of a position."""
 
     free: float = 0.0
     """Standard uncertainty of the position of a free arm, as a share of A."""
     pressed: float = 0.0
-    """The same of an arm that presses a part."""
+    """The same for an arm that presses a part."""
     kept: float = 0.0
     """Share of A that is left after a period."""
 

@@ -30,7 +30,7 @@ DECAYS = 4.0
 SAMPLES = (4, 48)
 """Fewest and most samples in which it is looked for."""
 RESTED = 8
-"""Samples after those whose mean is taken as the rest."""
+"""Number of samples after those whose mean is the rest."""
 SURE = 18.0
 """Explained squares over the noise's variance that count as a ring. With two amplitudes and the
 frequencies that are tried, noise alone exceeds it in less than one step of a thousand."""

@@ -19,7 +19,7 @@ NOISE_REFUSES = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ZeroLimits:
-    """What a rest must satisfy for the force to be zeroed on it."""
+    """Conditions of a rest on which the force may be zeroed."""
 
     rest_samples: int = 10
     spread_um: float = 0.5
@@ -33,7 +33,7 @@ class ZeroLimits:
     first_touch_um: float = inf
     """Position from which on the arm may touch the part."""
     touch_um: float = inf
-    """By how much a touch may have pushed the arm back: the contact's force times s_p."""
+    """Distance by which a touch may have pushed the arm back: the contact's force times s_p."""
 
     def settled_um(self) -> float:
         """Return the largest spread of a settled rest, in µm.
@@ -147,7 +147,7 @@ def zero_refusal(
 
 
 def _spread_um(model: FreeResponse, samples: Sequence[FreeSample], count: int) -> float:
-    """Largest of the spreads of x and of x - x_1 over the last ``count`` samples."""
+    """Return the larger spread of x and of x - x_1 over the last ``count`` samples."""
     first = len(samples) - count
     lowest_um = highest_um = samples[first].x_um
     lowest_residual_um = highest_residual_um = model.residual_um(samples[first])

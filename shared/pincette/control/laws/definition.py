@@ -1,4 +1,4 @@
-"""What a control law is: data and pure functions, registered under ``pincette.laws``.
+"""Definition of a control law: data and pure functions, registered under ``pincette.laws``.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -108,7 +108,7 @@ class LawDefinition:
     """Of a law that previews: what becomes of its state where the force input begins or ends, that
     is where a contact is told of, or told of no more; None: nothing."""
     arms: int = 1
-    """That it drives."""
+    """Number of arms that it drives."""
 
     def settings(
         self,
@@ -117,7 +117,7 @@ class LawDefinition:
         force_age: ForceAge | None = None,
         **gains: float,
     ) -> "LawSettings":
-        """Complete gains by the defaults of a parameter set.
+        """Return complete gains, by the defaults of a parameter set.
 
         ``force_age`` None is ``newest`` for the printed set, as in the paper, else ``planned``.
         A law of the identified set is built with the free response; see ``law.build``.
@@ -137,7 +137,7 @@ class LawDefinition:
         return found.with_gains(**gains)
 
     def resolve(self, spec: LawSpec) -> "LawSettings":
-        """Complete the law that a program names; raises ValueError as ``settings``."""
+        """Return the complete law that a program names; raises ValueError as ``settings``."""
         gains = {gain.name: gain.value for gain in spec.gains}
         return self.settings(spec.set, force_age=spec.force_age, **gains)
 
@@ -164,12 +164,12 @@ class LawSettings:
 
     @property
     def scheme(self) -> str:
-        """Name of the law."""
+        """Return the name of the law."""
         return self.definition.name
 
     @property
     def gains(self) -> dict[str, float]:
-        """Gains by name."""
+        """Return the gains by name."""
         names = (parameter.name for parameter in self.definition.parameters)
         return dict(zip(names, self.values, strict=True))
 

@@ -25,7 +25,7 @@ from pincette.control.record import FrozenRecord
 
 
 class DsmifcState(FrozenRecord, frozen=True):
-    """What the law remembers, named as it stands before the tick that computes u_k."""
+    """State of the law before the tick that computes u_k."""
 
     history: History
     x_r_um: float
@@ -134,7 +134,7 @@ def impedance_residual(
     error_2_um: float,
     force_error_mN: float,
 ) -> float:
-    """By how many mN the target impedance (12) is missed; ẽ = x - x_r now, one and two ago.
+    """Return the residual of the target impedance (12) in mN; ẽ = x - x_r now, one and two ago.
 
     M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
     """

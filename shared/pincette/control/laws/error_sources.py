@@ -103,17 +103,17 @@ class Sources:
     """R.m.s. of an error by its causes, in µm or mN."""
 
     total: float
-    """Of the position as measured; of the force the root of the sum of the squares."""
+    """Total error: of the measured position; of the force, the root of the sum of the squares."""
     by_cause: Mapping[Cause, float]
 
     @property
     def largest(self) -> Cause:
-        """The cause that is worth looking at first."""
+        """Return the largest cause."""
         return max(CAUSES, key=lambda cause: self.by_cause[cause])
 
 
 def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
-    """Break the errors of position, in µm, and of the true force, in mN, into their causes."""
+    """Return the errors of position, in µm, and of the true force, in mN, by cause."""
     K_e, limited = seen.stiffness_mN_per_um, _spread(seen.limited)
     error_um = seen.x_um - seen.x_r_um
     gives_um = seen.x_d_um - seen.x_r_um - seen.learned_um
@@ -162,7 +162,7 @@ def _product(one: Series, other: Series, there: NDArray[np.bool_]) -> float:
 
 
 def _rms(values: Series, there: NDArray[np.bool_]) -> float:
-    """Root of the sum of squares where it counts, over the number of all samples."""
+    """Return the root of the sum of squares where it counts, over the number of all samples."""
     return sqrt(_product(values, values, there))
 
 
@@ -176,7 +176,7 @@ def _spread(limited: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _with_speed(
     error: Series, x_r_um: Series, there: NDArray[np.bool_], *, derivatives: int = 2
 ) -> Series:
-    """The part of an error that goes with the speed of the reference, and its acceleration."""
+    """Return the part of an error proportional to speed and acceleration of the reference."""
     speed = np.gradient(x_r_um)
     moving = np.column_stack((speed, np.gradient(speed))[:derivatives])
     # Of a reference that rests, or has no second derivative to speak of, nothing can be told.
@@ -189,7 +189,7 @@ def _with_speed(
 
 
 def _repeating(error: Series, there: NDArray[np.bool_], cycle_ticks: int) -> tuple[Series, float]:
-    """What comes back in each cycle, or is slow; and √(n/(n - 1)) of the n that it is a mean of."""
+    """Return the part that is slow or repeats in each cycle, and √(n/(n - 1)) for n cycles."""
     masked = np.where(there, error, np.nan)
     cycles = len(error) // cycle_ticks if cycle_ticks else 0
     if cycles > 1:

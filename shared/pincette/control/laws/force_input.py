@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class ForceInput(NamedTuple):
-    """How F_k is made of the newest estimate."""
+    """How F_k is made from the newest estimate."""
 
     planned: bool
     """Whether the estimate is carried on to k by the plan's F_r; else it serves as it is."""

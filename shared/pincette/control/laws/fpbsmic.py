@@ -71,7 +71,7 @@ class FpbsmicParameters:
     poles: "Cascade"
     """p of each stage of F(z); 0 of those beyond n."""
     force_share: float
-    """Of the low-pass over the force error."""
+    """Share of the low-pass of the force error."""
     impedance: DiscreteImpedance
 
 
@@ -85,13 +85,13 @@ class Cascade(FrozenRecord, frozen=True):
 
 
 class FpbsmicState(FrozenRecord, frozen=True):
-    """What the law remembers, named as it stands before the tick that computes u_k."""
+    """State of the law before the tick that computes u_k."""
 
     history: History
     fresh: float
     """1 before the first step, which takes the perturbation as it finds it."""
     rebased: float
-    """1 before a step whose contact is another, as it is told; see ``rebase``."""
+    """1 before a step with a changed contact; see ``rebase``."""
     x_d_um: float
     """x_{d,k} of the newest sample."""
     deviation_1_um: float
@@ -172,17 +172,17 @@ def start(
 
 
 def rebase(state: FpbsmicState) -> FpbsmicState:
-    """Mark that a contact is told of, or no more: the voltage goes on as it went."""
+    """Mark that the contact begins or ends: the voltage continues as it was."""
     return replace(state, rebased=1.0)
 
 
 def moved(state: Cascade, by: float) -> Cascade:
-    """Every stage by as much."""
+    """Return every stage moved by the same distance."""
     return Cascade(state.one + by, state.two + by, state.three + by, state.four + by)
 
 
 def passed(poles: Cascade, state: Cascade, value: float) -> Cascade:
-    """F(z) by a sample: each stage s ← p·s + (1-p)·(the stage before it)."""
+    """Return F(z) of a sample: each stage s ← p·s + (1-p)·(the stage before it)."""
     one = poles.one * state.one + (1.0 - poles.one) * value
     two = poles.two * state.two + (1.0 - poles.two) * one
     three = poles.three * state.three + (1.0 - poles.three) * two

@@ -1,4 +1,4 @@
-"""What both laws remember of the arm, and what (17) makes of it.
+"""The arm's past that both laws keep, and its evaluation by (17).
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -8,7 +8,7 @@ from pincette.control.record import FrozenRecord
 
 
 class History(FrozenRecord, frozen=True):
-    """The arm's past, named as it stands before the tick that computes u_k."""
+    """The arm's past before the tick that computes u_k."""
 
     x_2_um: float
     """x_{k-2}."""
@@ -34,11 +34,11 @@ class Outlook(FrozenRecord, frozen=True):
     perturbation_error_mN: float
     """p̃_{k-1} (8)."""
     history: History
-    """With the newest sample in it, for the next tick."""
+    """History with the newest sample, for the next tick."""
 
 
 def rest(*, x_um: float, force_mN: float, applied_V: float) -> History:
-    """History of an arm that has rested at ``x_um``."""
+    """Return the history of an arm that has rested at ``x_um``."""
     return History(x_um, x_um, force_mN, applied_V, x_um)
 
 

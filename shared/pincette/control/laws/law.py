@@ -44,7 +44,7 @@ from pincette.control.response.inverse import voltage_for
 
 @dataclass(frozen=True, slots=True)
 class FreeResponseInput:
-    """How a law takes the free response."""
+    """How a law uses the free response."""
 
     model: HysteresisModel
     """H; who steps the law leads its memory by what is applied."""
@@ -61,16 +61,16 @@ class Law:
     plant: DifferenceEquation
     """The law's model of the arm."""
     parameters: Any
-    """What ``definition.build`` has made."""
+    """Parameters from ``definition.build``."""
     force: ForceInput
     state_type: type
-    """Of ``LawState.law``."""
+    """Type of ``LawState.law``."""
     free: FreeResponseInput | None = None
     """The free response in the place of d·u; None: the line."""
 
 
 class LawState(FrozenRecord, frozen=True):
-    """What a law remembers between ticks."""
+    """State of a law between ticks."""
 
     law: Any
     """The scheme's own state."""
@@ -88,7 +88,7 @@ def model_of(
     period_s: float,
     output: OutputTiming = PROMPT,
 ) -> DifferenceEquation:
-    """Model of the arm that a law works with; ``arm`` is the rig's, the printed set has its own."""
+    """Return the arm model of a law; ``arm`` is the rig's, the printed set has its own."""
     return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, output)
 
 
@@ -152,7 +152,7 @@ def start(
     applied_V: float,
     memory: HysteresisState | None = None,
 ) -> LawState:
-    """State of a resting arm, for which F_r = F; ``memory`` is as in ``step``."""
+    """Return the state of a resting arm, for which F_r = F; ``memory`` is as in ``step``."""
     seen_V = _seen_V(law, applied_V, memory)
     history = rest(x_um=x_um, force_mN=force_mN, applied_V=seen_V)
     return _start(law, history, x_um, x_r_um, force_mN, force_mN)
@@ -274,7 +274,7 @@ def other_view(
 
 
 def _seen_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
-    """v of the free response as it stands; without one the voltage applied."""
+    """Return v of the present free response; without one, the applied voltage."""
     if law.free is None:
         return applied_V
     if memory is None:

@@ -24,7 +24,7 @@ class LawParameter:
     printed: float | None = None
     """The paper's value, used with the printed set; None: the default."""
     identified: float | None = None
-    """Value with the identified set, whose law knows hysteresis and creep; None: the default."""
+    """Value with the identified set, whose law includes hysteresis and creep; None: the default."""
 
     def value(self, parameter_set: ParameterSet) -> float:
         """Return the value of a set where none is given."""
@@ -50,9 +50,9 @@ class LawSpec(FrozenRecord, frozen=True):
     scheme: Text
     """Name under which the law is registered."""
     set: ParameterSet = "consistent"
-    """What the law works with: m, b, k, d of the rig (consistent) or of the paper (printed), or
-    those of the rig with the identified free response in the place of the line d·u."""
+    """Parameter set of the law: m, b, k, d of the rig (consistent) or of the paper (printed), or
+    those of the rig with the identified free response in place of the line d·u."""
     force_age: ForceAge = "planned"
     """F_k: the newest estimate as it is, or carried on to k by the change of F_r."""
     gains: Items[Gain] = ()
-    """What is left out has the law's default."""
+    """Gains; the law's defaults replace those that are left out."""

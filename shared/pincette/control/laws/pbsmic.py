@@ -24,7 +24,7 @@ from pincette.control.record import FrozenRecord
 
 
 class PbsmicState(FrozenRecord, frozen=True):
-    """What the law remembers, named as it stands before the tick that computes u_k."""
+    """State of the law before the tick that computes u_k."""
 
     history: History
     x_d_um: float

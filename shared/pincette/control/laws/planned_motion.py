@@ -1,4 +1,4 @@
-"""What a law that looks ahead is told of the plan, beside the references of the coming sample."""
+"""Information on the plan for a law that looks ahead, besides the next references."""
 
 from pincette.control.record import FrozenRecord
 
@@ -13,8 +13,8 @@ class PlannedMotion(FrozenRecord, frozen=True):
     K_e_mN_per_um: float = 0.0
     """Stiffness of the part that is pressed; 0: the arm is free."""
     x_e_um: float = 0.0
-    """Where the part is touched: F = K_e·(x - x_e)."""
+    """Position at which the part is touched: F = K_e·(x - x_e)."""
 
 
 RESTING = PlannedMotion()
-"""Of a free arm whose reference rests."""
+"""Planned motion of a free arm at rest."""

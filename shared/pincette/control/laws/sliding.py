@@ -1,4 +1,4 @@
-"""What both sliding mode laws share: gains, boundary layer, band, frozen integral, voltage.
+"""Common parts of both sliding mode laws: gains, boundary layer, band, integral, voltage.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -44,7 +44,7 @@ class SlidingParameters:
 def build(
     plant: DifferenceEquation, gains: Mapping[str, float], period_s: float
 ) -> SlidingParameters:
-    """Discretize the impedance, and take the gains as they are; raises ValueError."""
+    """Discretize the impedance; the gains are used unchanged; raises ValueError."""
     return SlidingParameters(
         plant=plant,
         impedance=discrete_impedance_of(gains, period_s),
@@ -96,7 +96,7 @@ class LawOutput(FrozenRecord, frozen=True):
     voltage_V: float
     """u_k, before any limit."""
     x_d_um: float
-    """Where the impedance asks the arm to be at k: (16), in DSMIFC with x in place of x_d."""
+    """Position that the impedance requests at k: (16), in DSMIFC with x in place of x_d."""
     error_um: float
     """e_{k-1} = x_{k-1} - x_{d,k-1}; DSMIFC: ε_{k-1}/K̄ (33)."""
     integral_um: float

@@ -22,7 +22,7 @@ class TwoArmLaw:
     def gains(
         self, spec: LawSpec, arms: tuple[ArmParameters, ArmParameters], period_s: float
     ) -> dict[str, float]:
-        """Complete the gains that a program names; raises ValueError for one that is none."""
+        """Return all gains of a program's law; raises ValueError for an unknown one."""
         if spec.scheme != self.name:
             raise ValueError(f"law {spec.scheme!r} drives one arm, this rig has two: {self.name}")
         first, _ = arms

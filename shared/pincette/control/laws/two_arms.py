@@ -40,16 +40,16 @@ from pincette.control.laws.parameters import LawParameter
 from pincette.control.record import FrozenRecord
 
 Pair = tuple[float, float]
-"""Of the first arm and of the second."""
+"""Values of the first and the second arm."""
 
 PARAMETERS = (
     LawParameter("n", "", "poles of both filters, 1 to 4", 3.0, True),
     LawParameter("f_q", "Hz", "corner frequency of each pole of the place's filter", 60.0, True),
     LawParameter("f_F", "Hz", "corner frequency of each pole of the force's filter", 10.0, True),
 )
-"""With defaults of periods that are short against the mode; see ``default_gains``."""
+"""Gains, with defaults for periods that are short against the mode; see ``default_gains``."""
 LONG = {"n": 1.0, "f_q": 5.5, "f_F": 3.0}
-"""At 20 ms a share of 0.5 and 0.31 of what is missed is made good in each sample."""
+"""Defaults at long periods: at 20 ms, 0.5 and 0.31 of an error are corrected in each sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class TwoArmParameters:
 
 
 class TwoArmReferences(FrozenRecord, frozen=True):
-    """Where part and arms are to be at the coming sample, and how they go on from there."""
+    """References of part and arms at the coming sample, and their course from there."""
 
     place_um: float
     """q_r."""
@@ -95,7 +95,7 @@ class TwoArmReferences(FrozenRecord, frozen=True):
 
 
 class TwoArmState(FrozenRecord, frozen=True):
-    """What the law remembers, named as it stands before the tick that computes both voltages."""
+    """State of the law before the tick that computes both voltages."""
 
     fresh: bool
     """Before the first step, which takes what is missed as it finds it."""
@@ -115,7 +115,7 @@ class TwoArmState(FrozenRecord, frozen=True):
 
 
 class TwoArmOutput(FrozenRecord, frozen=True):
-    """What the law wants, and how well it meets what it wanted."""
+    """Voltages of the law, and how well its last target was met."""
 
     free_um: Pair
     """X_i, a period ahead: u_i = H_i⁻¹[X_i]."""
@@ -124,7 +124,7 @@ class TwoArmOutput(FrozenRecord, frozen=True):
     force_mN: float
     """F̂ of the newest sample, without what the plan explains."""
     disagreement_mN: float
-    """F̂_1 - F̂_2 likewise; 0 of a part that nothing else holds."""
+    """F̂_1 - F̂_2; 0 for a part that nothing else holds."""
     place_missed_um: float
     """W_q - Ŵ_q before this sample."""
     sum_missed_um: float
@@ -132,7 +132,7 @@ class TwoArmOutput(FrozenRecord, frozen=True):
 
 
 def default_gains(omega_n_rad_per_s: float, period_s: float) -> dict[str, float]:
-    """Gains where none are stated, by whether the period is short against the mode."""
+    """Return the default gains, depending on whether the period is short against the mode."""
     if period_s < SHORTEST_PERIODS * 2.0 * pi / omega_n_rad_per_s:
         return {each.name: each.value("consistent") for each in PARAMETERS}
     return dict(LONG)
@@ -279,7 +279,7 @@ def step(
 
 
 def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
-    """x̄_i of the age of the sample."""
+    """Return x̄_i at the age of the sample."""
     if state.fresh:
         return free_um
     older = k.older
@@ -291,7 +291,7 @@ def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
 
 
 def _leads(k: TwoArmParameters, speed: float, acceleration: float) -> Pair:
-    """l_1 and l_2 of a motion of the place."""
+    """Return l_1 and l_2 of a motion of the place."""
     one, two = (
         of_speed * speed + of_acceleration * acceleration
         for of_speed, of_acceleration in zip(k.leads_s, k.leads_s2, strict=True)

@@ -19,21 +19,21 @@ from pincette.control.planning.sweep import Sweep
 
 NOISE_S = 8.0
 SETTLE_S, MEASURE_S = 1.5, 1.0
-"""Of a weight: until its swing and the hand that hung it are gone, and then its reading."""
+"""Times at a weight: until its swing and the hand's influence are gone, and of the reading."""
 SWEEP_FROM_HZ, SWEEP_TO_HZ, SWEEP_S = 5.0, 800.0, 25.0
 SWEEP_REST_S = 1.0
 """Before and after a sweep, so that the record begins and ends at rest."""
 LEAST_CAPTURE_HZ = 10_000.0
 
 FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
-"""How far the free way is felt before a sweep, in swings at resonance by nominal values, which a
-mode of half the damping makes; and how fast."""
+"""Range of the slow motion before a sweep, in swings at resonance by nominal values (as for half
+the damping), and its speed."""
 
 BURSTS, BURST_S, RINGS_OUT_S = 8, 0.4, 0.05
-"""How many bursts show delay and lag, how long each is, and how long it is watched afterwards."""
+"""Number of bursts for delay and lag, their duration, and the time of observation after each."""
 BURST_REST_S = 0.3
 TAPS = (14, 15)
-"""Of the shift register by which a burst takes its signs: they repeat after 2¹⁵ - 1 ticks."""
+"""Taps of the shift register that gives a burst's signs, which repeat after 2¹⁵ - 1 ticks."""
 
 FREE = Guards(
     contact_force_mN=1.0,
@@ -45,7 +45,7 @@ FREE = Guards(
     stiffness_max_mN_per_um=1.0,
     zero_wait_s=1.0,
 )
-"""Nothing is touched; who plans for a rig puts in the forces that end it."""
+"""Guards without a touch; the planner of a rig adds the forces that end the program."""
 
 
 def noise_program(duration_s: float = NOISE_S) -> Program:
@@ -55,7 +55,7 @@ def noise_program(duration_s: float = NOISE_S) -> Program:
 
 
 def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
-    """Steps of a calibration by weights: 0, w_1, w_2, …, w_1, 0.
+    """Return the steps of a calibration by weights: 0, w_1, w_2, …, w_1, 0.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def frequency_response_program(
     to_hz: float = SWEEP_TO_HZ,
     duration_s: float = SWEEP_S,
 ) -> Program:
-    """Swept sine about the resting voltage, captured beside its drive; phase ``sweep``.
+    """Return a swept sine about the resting voltage, recorded with its drive; phase ``sweep``.
 
     No sample of the loop shows a swing at resonance, and so nothing stops it. Therefore the arm
     first goes slowly through twice as much of its way, phase ``feel``, where a part stops it.
@@ -159,7 +159,7 @@ def _require_swing(
 
 
 def _feel(rig: PlannedRig, swing_um: float, rest_V: float) -> Path:
-    """Slowly through the way that the arm may swing later, and back."""
+    """Move slowly through the range in which the arm may swing later, and back."""
     limits = rig.limits
     most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
     feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
@@ -213,7 +213,7 @@ def output_timing_program(
 
 
 def _signs(count: int) -> list[float]:
-    """Signs of a maximal sequence of a linear shift register."""
+    """Return the signs of a maximal-length sequence of a linear shift register."""
     state, found = 1, list[float]()
     for _ in range(count):
         bit = (state >> (TAPS[1] - TAPS[0]) ^ state) & 1
@@ -223,7 +223,7 @@ def _signs(count: int) -> list[float]:
 
 
 def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
-    """Program of an arm that touches nothing: what it meets ends it, but within a sweep."""
+    """Return a program of a free arm, which ends when it meets something, except within a sweep."""
     watched = tuple(
         replace(segment, guarded=not isinstance(segment, PlayedSweep)) for segment in segments
     )
@@ -231,7 +231,7 @@ def free_program(*segments: Segment, capture_hz: float = 0.0) -> Program:
 
 
 def full_cycles(path: Path, period_s: float, last: int) -> slice:
-    """Samples of a segment over the last whole cycles of its path at full amplitude.
+    """Return the samples of a segment over the last whole cycles of its path at full amplitude.
 
     Raises
     ------

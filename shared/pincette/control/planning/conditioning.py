@@ -20,7 +20,7 @@ REST_S = 2.0
 BOTTOM_S = 0.4
 """Rest at the bottom of the last stroke, where the way to the place of the zero begins."""
 WATCH_S = 0.1
-"""Time for which the arm is watched where it stands, before the strokes."""
+"""Time for which the resting arm is observed before the strokes."""
 RATE_SHARE = 0.9
 """Peak rate of a stroke, as a share of the slew limit."""
 LEAST_DEPTH = 0.05

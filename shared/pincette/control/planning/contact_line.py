@@ -79,7 +79,7 @@ class ContactLine(FrozenRecord, frozen=True):
         )
 
     def spread_um(self) -> float:
-        """Standard deviation of x over the samples."""
+        """Return the standard deviation of x over the samples."""
         n = self.count
         return sqrt(max(0.0, self.sum_xx / n - (self.sum_x / n) ** 2)) if n else 0.0
 

@@ -1,7 +1,7 @@
-"""What every plan that meets a part has in common: its way there and back, its course, its limits.
+"""Common parts of plans that meet a part: the way there and back, the course, the limits.
 
-Throughout the contact F_r = K_e·(x_r - x_e), so that the steady errors (51) and (52) of Q. Xu,
-IEEE T-ASE 10(3), 2013 vanish where the rig is as the plan assumes.
+Throughout the contact F_r = K_e·(x_r - x_e), so that the steady errors (51) and (52) of Q. Xu, IEEE
+T-ASE 10(3), 2013, vanish.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ from pincette.control.response.hysteresis import HysteresisModel, HysteresisStat
 from pincette.control.voltage_range import VoltageRange, around
 
 RUN_UP_PERIODS = 5
-"""In which a seek that does not stop at the touch comes to its speed."""
+"""Number of periods in which a seek that does not stop at the touch reaches its speed."""
 LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
@@ -66,11 +66,11 @@ class PlannedRig:
     compliance_um_per_mN: float
     """s_p."""
     period_s: float
-    """On which the limits are checked."""
+    """Control period, in which the limits are checked."""
     x_start_um: float = 0.0
-    """Where the arm rests at zero voltage."""
+    """Position of the arm at rest at zero voltage."""
     stands_um: float | None = None
-    """Where it stands as the plan begins; None: at ``x_start_um``."""
+    """Position of the arm at the beginning of the plan; None: ``x_start_um``."""
     rest_um: float | None = None
     """Reading of the arm at rest at 0 V as the plan begins; None: not known."""
     free_response: HysteresisModel | None = None
@@ -93,12 +93,12 @@ class MotionPlan:
     phases: tuple[PlannedPhase, ...]
     """A segment without end is drawn ``SHORTEST_MOVE_S`` long."""
     course: Course
-    """On the grid of the period."""
+    """Course in steps of the period."""
     violations: tuple[Violation, ...]
 
     @property
     def duration_s(self) -> float:
-        """When the last phase ends."""
+        """Return the time at which the last phase ends."""
         return self.phases[-1].end_s
 
 
@@ -207,7 +207,7 @@ def _highest_mN(segment: Segment) -> float:
 def _way_out(
     request: ContactRequest, arm: PlannedArm, stands_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
-    """Where the plan begins, and the way back from there where the arm may touch the part."""
+    """Return where the plan begins, and the way back from there if the arm may touch the part."""
     # Half of the margin is left to noise and creep until the zero.
     free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
     if stands_um is None or stands_um <= free_um:
@@ -220,7 +220,10 @@ def _way_out(
 def _way_there(
     request: ContactRequest, arm: PlannedArm, flying_s: float | None
 ) -> tuple[Segment, ...]:
-    """``flying_s``: the period, where the arm does not stop at the touch."""
+    """Return the way to the part.
+
+    ``flying_s`` is the period if the arm does not stop at the touch.
+    """
     stand_off_um = request.stand_off_um
     seek_to_um, up_s = request.furthest_um, 0.0
     if flying_s is not None:
@@ -340,7 +343,7 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
 def _untaught(
     course: Course, taught_V: tuple[float, float] | None, pointers: Mapping[str, str]
 ) -> Iterator[Violation]:
-    """Where a course leaves the voltages in which the free response is known."""
+    """Return where a course leaves the voltages for which the free response is known."""
     if taught_V is None:
         return
     least_V, largest_V = taught_V
@@ -356,7 +359,7 @@ def _untaught(
 
 
 def _violation(excursion: Excursion, pointers: Mapping[str, str]) -> Violation:
-    """Name the member of the request that leads beyond a limit."""
+    """Return a violation with the member of the request that causes it."""
     pointer = pointers.get(excursion.phase, "")
     if excursion.phase == "contact":
         pointer = "/contact_force_mN" if excursion.quantity == "force" else "/contact_um"

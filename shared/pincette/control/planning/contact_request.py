@@ -1,4 +1,4 @@
-"""What a request for a motion that meets a part says, and where and how the part is met."""
+"""Request for a motion that meets a part: where and how it is met."""
 
 from dataclasses import dataclass, fields
 
@@ -11,7 +11,7 @@ CONTACT_SAMPLES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactRequest:
-    """How a part is to be met, loaded and left; all positive but ``contact_um``."""
+    """How a part is met, loaded and left; all values are positive except ``contact_um``."""
 
     load_s: float
     approach_um_per_s: float
@@ -28,22 +28,22 @@ class ContactRequest:
 
     @property
     def stand_off_um(self) -> float:
-        """Where the arm is zeroed, surely free of the part."""
+        """Return the position of the zero, where the arm cannot touch the part."""
         return self.contact_um - self.contact_tolerance_um - MARGIN_UM
 
     @property
     def softest_mN_per_um(self) -> float:
-        """K_e of the softest part that is admitted."""
+        """Return K_e of the softest permitted part."""
         return self.stiffness_mN_per_um * (1.0 - self.stiffness_tolerance)
 
     @property
     def hardest_mN_per_um(self) -> float:
-        """K_e of the hardest part that is admitted."""
+        """Return K_e of the hardest permitted part."""
         return self.stiffness_mN_per_um * (1.0 + self.stiffness_tolerance)
 
     @property
     def furthest_um(self) -> float:
-        """Where the softest part, touched last, has the contact force."""
+        """Return the position of the contact force for the softest part at the furthest place."""
         return (
             self.contact_um
             + self.contact_tolerance_um
@@ -64,6 +64,6 @@ def check_contact(request: ContactRequest) -> None:
 def force_at_touch_mN(
     contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
 ) -> float:
-    """Force when the touch is believed, at the speed v in µm/s before it: F + K_e/S·v·n·T."""
+    """Return the force when a touch is detected, at the speed v in µm/s: F + K_e/S·v·n·T."""
     series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
     return contact_force_mN + series * v * CONTACT_SAMPLES * period_s

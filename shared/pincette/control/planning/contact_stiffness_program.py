@@ -28,10 +28,10 @@ LEVELS_V = (0.3, 1.0, 1.5, 2.0)
 """Peak to peak, of Fig. 8."""
 LEVEL_HZ = 0.5
 SETTLING_CYCLES, LEVEL_CYCLES = 2, 4
-"""Of each level: before those that are measured, and those."""
+"""Number of cycles of each level: before the measured ones, and measured."""
 SETTLE_S = 2.0
 TROUGH_MN = 3.0
-"""Force that is to be left at the lowest trough."""
+"""Force that remains at the lowest trough."""
 SHIFT = 0.15
 """Share of the highest force by which creep and hysteresis may raise it."""
 FIRST_LOAD = 0.25
@@ -45,11 +45,11 @@ LEAST_WIDEST_V = 0.5
 CREST_ROUNDS = 2
 """Rounds in which the crest and the way back from it are found from each other."""
 STEP_V = 0.05
-"""By which the widest level is lowered until it is within the limits."""
+"""Step by which the widest level is lowered until it is within the limits."""
 
 
 def level_phase(number: int) -> str:
-    """Name of the phase of a level, from 1."""
+    """Return the name of a level's phase, from 1."""
     return f"level {number}"
 
 
@@ -106,7 +106,7 @@ def contact_stiffness_program(
 
 
 def levels_within(request: ContactRequest, rig: PlannedRig) -> tuple[float, ...]:
-    """``LEVELS_V`` scaled down alike until the widest is within the limits of the rig.
+    """Return ``LEVELS_V`` scaled by one factor so that the widest is within the limits.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def crest_force_mN(request: ContactRequest, rig: PlannedRig, widest_V: float) ->
 
 
 def _pressed(request: ContactRequest, rig: PlannedRig, widest_V: float) -> ContactPlan:
-    """The plan of a press by force as far as the widest level may go, and its shift beyond."""
+    """Return the plan of a press as far as the widest level may go, and its shift beyond."""
     crest_mN, load_s = crest_force_mN(request, rig, widest_V), request.load_s
     first_mN = min(crest_mN, max(LEAST_LOADS * request.contact_force_mN, FIRST_LOAD * crest_mN))
     highest_mN = (1.0 + SHIFT) * crest_mN

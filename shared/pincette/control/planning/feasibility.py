@@ -13,12 +13,12 @@ from pincette.control.planning.prediction import Course
 from pincette.control.vocabulary import LimitedQuantity
 
 RING_UM = 0.025
-"""As much as the paper's sensor resolves."""
+"""Amplitude of the ringing that is allowed: the resolution of the paper's sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits:
-    """What the rig bears."""
+    """Limits of a rig for plans."""
 
     voltage_min_V: float
     voltage_max_V: float
@@ -27,12 +27,12 @@ class PlanLimits:
     force_max_mN: float
     slew_V_per_s: float
     acceleration_um_per_s2: float
-    """Of x_r; see ``acceleration_limit``."""
+    """Limit of the acceleration of x_r; see ``acceleration_limit``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """Where a course goes beyond one limit within one phase."""
+    """Place in which a course exceeds one limit within one phase."""
 
     quantity: LimitedQuantity
     value: float
@@ -40,11 +40,11 @@ class Excursion:
     limit: float
     unit: str
     at_s: float
-    """Where it begins, and"""
+    """Time of its beginning, and"""
     phase: str
     """in which phase."""
     times: int = 1
-    """How often it goes beyond and comes back."""
+    """Number of times that it exceeds the limit and returns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +62,18 @@ class Violation:
 
     @property
     def side(self) -> str:
-        """Of the limit on which the value lies: above or below."""
+        """Return the side of the limit on which the value lies: above or below."""
         return "above" if self.value > self.limit else "below"
 
 
 def acceleration_limit(natural_frequency_rad_per_s: float) -> float:
-    """Acceleration of x_r in µm/s² under which the mode rings by ``RING_UM``: RING_UM·ω_n²."""
+    """Return the acceleration of x_r in µm/s² with a ringing of ``RING_UM``: RING_UM·ω_n²."""
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     return RING_UM * omega_n * omega_n
 
 
 def excursions(course: Course, limits: PlanLimits) -> tuple[Excursion, ...]:
-    """Every phase of a course that goes beyond a limit, ordered by limit and time."""
+    """Return every phase of a course that exceeds a limit, ordered by limit and time."""
     voltage, position, t_s = course.voltage_V, course.x_r_um, course.t_s
     period_s = t_s[1] - t_s[0] if len(t_s) > 1 else 1.0
     slew = _differences(voltage, period_s)
@@ -100,7 +100,7 @@ def beyond(
     values: list[float],
     range_: tuple[float, float],
 ) -> tuple[Excursion, ...]:
-    """Every phase in which values leave a range, above first."""
+    """Return every phase in which values leave a range, above first."""
     low, high = range_
     return (
         *_beyond(course, quantity, unit, values, high, 1.0),
@@ -109,7 +109,7 @@ def beyond(
 
 
 def named_violation(excursion: Excursion, pointer: str) -> Violation:
-    """An excursion in words, laid to a member of the request."""
+    """Return an excursion in words, with the member of the request that causes it."""
     side = "above" if excursion.value > excursion.limit else "below"
     again = "" if excursion.times == 1 else f", {excursion.times} times"
     return Violation(
@@ -128,7 +128,7 @@ def named_violation(excursion: Excursion, pointer: str) -> Violation:
 
 
 def _differences(values: Sequence[float], period_s: float) -> list[float]:
-    """Rate at which each value was come to from the one before; as many as there are values."""
+    """Return the rate from each value to the next; as many as there are values."""
     rates = [0.0]
     for index in range(1, len(values)):
         rates.append((values[index] - values[index - 1]) / period_s)
@@ -143,7 +143,7 @@ def _beyond(
     limit: float,
     side: float,
 ) -> list[Excursion]:
-    """Excursions above (side +1) or below (side -1) a limit, those of one phase taken together."""
+    """Return excursions above (side +1) or below (side -1) a limit, one for each phase."""
     found: list[Excursion] = []
     begin: int | None = None
     for index in range(len(values) + 1):

@@ -31,10 +31,9 @@ GAIN_PP_V, GAIN_HZ = 2.0, 0.5
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
 """Before those that are measured, and those."""
 PRESS_LOW, PRESS_HIGH = 0.51, 0.96
-"""Shares of the range between which a part is pressed: a motion of its own, by which the model's
-swings there are judged."""
+"""Shares of the range between which presses of a part move, by which the model is judged there."""
 PRESS_CYCLES = 4
-"""Of those after they have settled."""
+"""Number of cycles after they have settled."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
 """Rest before the step, so that older creep is slow beside that which is looked at, and after."""
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
@@ -237,7 +236,7 @@ def conditioned_ways(
 def _rehearsal(
     rig: PlannedRig, number: int, voltages_V: tuple[float, float, float], rate_V_per_s: float
 ) -> list[Drive]:
-    """A grip without a part, from rest to contact to press and back."""
+    """Return a grip without a part, from rest to contact to press and back."""
     rest_V, contact_V, press_V = voltages_V
     approach = voltage_moves([(rest_V, 0.0, BEFORE_S), (contact_V, rate_V_per_s, ZERO_S)])
     press = voltage_moves([(contact_V, 0.0, 0.0), (press_V, rate_V_per_s, HELD_S)])
@@ -253,7 +252,7 @@ def _rehearsal(
 def rehearsed_grips(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[RehearsedGrip, ...]:
-    """Samples of the rehearsals of such a program, by those of a phase."""
+    """Return the samples of the rehearsals of such a program, each of one phase."""
     phases = {segment.phase for segment in program.segments}
     return tuple(
         RehearsedGrip(
@@ -267,7 +266,7 @@ def rehearsed_grips(
 
 
 def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
-    """About a voltage, or so near to it that they stay within the limits."""
+    """Return swings about a voltage, or as near to it as the limits allow."""
     limits, half_V = rig.limits, 0.5 * SMALL_PP_V
     about_V = min(max(mean_V, limits.voltage_min_V + half_V), limits.voltage_max_V - half_V)
     hz = min(SMALL_HZ, 1.0 / (SMALL_SAMPLES * rig.period_s))
@@ -275,7 +274,7 @@ def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
 
 
 def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
-    """Mean of the cycles: the resting voltage where the limits leave room for 1 V about it.
+    """Return the mean of the cycles: the resting voltage if the limits leave 1 V about it.
 
     Else the nearest that those of voltage, and of position by nominal gain, allow.
 

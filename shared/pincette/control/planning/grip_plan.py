@@ -14,7 +14,7 @@ PRESSING = ("load", "hold", "unload")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GripRequest(ContactRequest):
-    """What to grip and how.
+    """Request for a grip.
 
     Raises
     ------

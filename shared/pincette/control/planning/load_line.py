@@ -30,8 +30,8 @@ STANDARD_ERRORS = 2.0
 LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
-"""Scatter of a straight contact line: multiples of the sensor's noise, and what the free response
-errs by besides, in µm."""
+"""Scatter of a straight contact line: multiples of the sensor's noise, and the error of the free
+response, in µm."""
 fit_line, spread_um = ContactLine.fit, ContactLine.spread_um
 
 

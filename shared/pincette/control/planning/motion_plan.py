@@ -49,7 +49,7 @@ OPEN_V = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """Where the arm stands as the motion begins."""
+    """Position of the arm at the beginning of the motion."""
 
     x_um: float
     voltage_V: float
@@ -64,9 +64,9 @@ class Cycles:
     rate_V_per_s: float
     """Peak rate."""
     count: int = 0
-    """From the lowest to the highest voltage and back."""
+    """Number of cycles from the lowest to the highest voltage and back."""
     warm_up_s: float = 0.0
-    """Of a swing between both, before that."""
+    """Duration of the swing between both before the cycles."""
 
     def __post_init__(self) -> None:
         require_positive("range of the cycles", self.high_V - self.low_V, "V")
@@ -76,7 +76,7 @@ class Cycles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MoveRequest:
-    """Where the free arm is to go: to a position by the law, else to a voltage, else by one.
+    """Request for a motion of the free arm: to a position by the law, to a voltage, or by one.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def _driven(request: MoveRequest, d_p: float, stand: Stand, at: Stand) -> list[S
 
 
 def _cycled(cycles: Cycles, stand: Stand) -> list[Segment]:
-    """Warm up about the mean, then go to the lowest voltage and through whole cycles."""
+    """Return a warm-up about the mean, then the way to the lowest voltage and whole cycles."""
     low_V, high_V, rate = cycles.low_V, cycles.high_V, cycles.rate_V_per_s
     mean_V, segments = 0.5 * (low_V + high_V), list[Segment]()
 

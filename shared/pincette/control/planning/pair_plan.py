@@ -27,16 +27,16 @@ from pincette.control.planning.segments import (
 )
 
 BACK_UM = 3.0
-"""By which an arm stands back from where it has touched."""
+"""Distance of an arm from its place of touch after it has stepped back."""
 SETTLE_S = 0.8
-"""From the end of the load until a path begins."""
+"""Time from the end of the load until a path begins."""
 CARRIED = "rest"
 """Phase with which a program of a held part that is pressed ends, the part held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairRequest:
-    """How a part is to be met by both arms, loaded and left.
+    """How a part is met by both arms, loaded and left.
 
     Raises
     ------
@@ -49,10 +49,10 @@ class PairRequest:
     approach_um_per_s: float
     """Peak speed of each arm."""
     seek_um_per_s: float
-    """Of the sum of both arms that close on the part; one that looks for it goes half as fast, so
-    that no arm meets it faster than when both close."""
+    """Speed of the sum of both arms that close on the part; one that searches alone moves half as
+    fast, so that no arm meets it faster than when both close."""
     contact_force_mN: float
-    """Of each arm, at which its touch is believed."""
+    """Force of each arm at which its touch is detected."""
     zero_s: float
     contacts_um: Pair
     """Tips of both arms at first touch, where the part lies as it is expected to."""
@@ -79,13 +79,13 @@ class PairRequest:
 
     @property
     def stand_offs_um(self) -> Pair:
-        """Where both arms are zeroed, surely free of the part."""
+        """Return the positions of both zeros, where the arms cannot touch the part."""
         back_um = self.contact_tolerance_um + MARGIN_UM
         return self.contacts_um[0] - back_um, self.contacts_um[1] - back_um
 
     @property
     def furthest_um(self) -> Pair:
-        """How far each arm goes at most to find the part."""
+        """Return the longest way of each arm to find the part."""
         on_um = self.contact_tolerance_um + MARGIN_UM
         on_um += self.contact_force_mN / self.stiffness_mN_per_um
         first, second = (s * self.contact_force_mN + on_um for s in self.compliances_um_per_mN)
@@ -93,7 +93,7 @@ class PairRequest:
 
     @property
     def place_um(self) -> float:
-        """q of the part where it is expected."""
+        """Return the expected place q of the part."""
         return 0.5 * (self.contacts_um[0] - self.contacts_um[1])
 
 
@@ -125,7 +125,7 @@ class PairPaths:
 
     @property
     def duration_s(self) -> float:
-        """Of the longer one; the other rests at its end until then."""
+        """Return the duration of the longer path; the other rests at its end until then."""
         return max(path.duration_s for path in (self.force, self.place) if path is not None)
 
 
@@ -201,7 +201,7 @@ def carry_program(
 
 
 def pair_guards(request: PairRequest, most_mN: float) -> Guards:
-    """What ends a motion of both arms early."""
+    """Return the guards of a motion of both arms."""
     return Guards(
         contact_force_mN=request.contact_force_mN,
         contact_samples=CONTACT_SAMPLES,
@@ -248,7 +248,7 @@ def _program(
 
 
 def _closing(request: PairRequest) -> Seek:
-    """Both arms close at the same speed about the place."""
+    """Return a motion of both arms that close at the same speed about the place."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     if request.centred:
         # Each from ``BACK_UM`` off to as far beyond, as the place that was found errs a little.

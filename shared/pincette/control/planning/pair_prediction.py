@@ -63,7 +63,7 @@ class PairCourse:
 
     @property
     def duration_s(self) -> float:
-        """Time at which the last phase ends."""
+        """Return the time at which the last phase ends."""
         return self.phases[-1].end_s
 
 
@@ -77,7 +77,7 @@ class PlannedPair:
     """Compliance c of part and faces."""
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Complete the references of a sample by the opening of arms that press the part."""
+        """Return complete references of a sample, including the deflection of pressing arms."""
         _ = entry
         if not segment.presses:
             return ref

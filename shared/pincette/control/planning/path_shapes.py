@@ -10,11 +10,11 @@ from pincette.control.planning.profiles import minimum_duration, move_duration
 from pincette.control.quantities import MAX_ITEMS
 
 KNOTS_MAX = MAX_ITEMS
-"""As many as travel in one message."""
+"""Largest number of knots that fit into one message."""
 CLOSEST_S = 1e-6
 """Shortest time between two points of a path."""
 CORNER_SHARE = 0.75
-"""Of its acceleration that a triangle turns with."""
+"""Share of its acceleration that a triangle uses at its corners."""
 PIECE_POINTS, CYCLE_POINTS = 64, 512
 """Points at which a piece and a cycle are sampled for their peaks."""
 PATH_POINTS = 16_384
@@ -39,7 +39,10 @@ class Peaks:
 def sinusoid(
     quantity: Quantity, mean: float, peak_to_peak: float, frequency_hz: float, cycles: int
 ) -> Path:
-    """Sine about a mean, from the mean upwards; raises ValueError unless all are positive."""
+    """Return a sine about a mean, from the mean upwards.
+
+    Raises ValueError unless all are positive.
+    """
     return Path(
         quantity,
         "sinusoid",
@@ -58,7 +61,7 @@ def triangle(
     cycles: int,
     acceleration: float,
 ) -> Path:
-    """Triangle about a mean, from the mean upwards, whose corners reach the peaks.
+    """Return a triangle about a mean, from the mean upwards, whose corners reach the peaks.
 
     A corner turns with ``CORNER_SHARE`` of the acceleration given, so that the blend, which adds
     to it, stays within it too. Where even a triangle of corners alone, two parabolas, needs more,
@@ -89,7 +92,7 @@ def triangle(
 def steps(
     quantity: Quantity, levels: Sequence[float], dwell_s: float, rate: float, acceleration: float
 ) -> Path:
-    """Rest at each level in turn; quintic moves between, as fast as rate and acceleration allow.
+    """Return rests at each level; quintic moves between, as fast as rate and acceleration allow.
 
     Raises
     ------
@@ -111,7 +114,7 @@ def steps(
 
 
 def waypoints(quantity: Quantity, points: Sequence[tuple[float, float]]) -> Path:
-    """Pass through values at times, smoothly and without overshoot; at rest at both ends.
+    """Return a path through values at times, smooth and without overshoot; at rest at both ends.
 
     The rate at a point is the harmonic mean of the mean rates before and after it, 0 where they
     differ in sign; so it is at most twice either, and each quintic piece stays between its ends.
@@ -157,7 +160,7 @@ def _passing_rate(
 
 
 def peaks(path: Path) -> Peaks:
-    """Extremes of a path, sampled over each piece, or over the blend and one full cycle."""
+    """Return the extremes of a path, over each piece, or over the blend and one full cycle."""
     if path.knots:
         ends = [knot.t_s for knot in path.knots]
         points = min(PIECE_POINTS, PATH_POINTS // (len(ends) - 1))
@@ -181,10 +184,10 @@ def peaks(path: Path) -> Peaks:
 
 
 def ring_um(acceleration_um_per_s2: float, natural_frequency_rad_per_s: float) -> float:
-    """Amplitude a/ω_n² in µm with which an acceleration that sets in at once lets the mode ring.
+    """Return the amplitude a/ω_n² in µm of the ringing after a sudden acceleration.
 
-    The quasi-static deflection of the mode under it: what no law at T ≫ 2π/ω_n can take away. It
-    leaves out the staircase that a held voltage makes of every slope.
+    The quasi-static deflection of the mode under it, which no law at T ≫ 2π/ω_n can remove. It
+    leaves out the staircase of the voltage.
     """
     a = require_not_negative("acceleration", acceleration_um_per_s2, "µm/s²")
     omega_n = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")

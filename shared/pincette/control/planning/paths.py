@@ -22,7 +22,7 @@ Quantity = Literal["force", "position", "voltage"]
 
 
 class Knot(FrozenRecord, frozen=True):
-    """Where a path passes at a time, and how fast."""
+    """Value of a path at a time, and its rate."""
 
     t_s: Second
     value: Number
@@ -54,14 +54,14 @@ class Path(FrozenRecord, frozen=True):
     amplitude: Number = 0.0
     cycle_s: Second = 0.0
     cycles: Whole = 0
-    """At full amplitude."""
+    """Number of cycles at full amplitude."""
     blend_cycles: Whole = 1
-    """In which the amplitude grows, and as many in which it fades."""
+    """Number of cycles in which the amplitude grows, and of those in which it fades."""
     corner: Number = 0.0
     """Half the time that a triangle takes to turn, as a share of its cycle, up to 1/4."""
     knots: Items[Knot] = ()
     relative: bool = False
-    """Of voltage: counted from the voltage at which the path begins."""
+    """For a voltage: whether it is relative to the voltage at the beginning of the path."""
 
     def __post_init__(self) -> None:
         if self.knots or self.shape in ("step", "waypoints"):
@@ -77,7 +77,7 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def duration_s(self) -> float:
-        """From rest to rest."""
+        """Return the duration from rest to rest."""
         if self.knots:
             return self.knots[-1].t_s
         return (self.cycles + 2 * self.blend_cycles) * self.cycle_s
@@ -94,22 +94,22 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def start(self) -> float:
-        """Value before and at the start."""
+        """Return the value before and at the start."""
         return self.knots[0].value if self.knots else self.mean
 
     def share(self, t_s: float) -> float:
-        """Share w of the full amplitude at a time since the start; 1 between knots."""
+        """Return the share w of the full amplitude at a time since the start; 1 between knots."""
         if self.knots:
             return 1.0
         left_s = min(t_s, self.duration_s - t_s)
         return _blend(max(0.0, left_s) / (self.blend_cycles * self.cycle_s)).value
 
     def at(self, t_s: float) -> float:
-        """Value at a time since the start; clamped to the ends."""
+        """Return the value at a time since the start, clamped to the ends."""
         return self.point(t_s).value
 
     def point(self, t_s: float) -> Point:
-        """Value, rate and acceleration at a time since the start; at rest outside."""
+        """Return value, rate and acceleration at a time since the start; at rest outside."""
         if self.knots:
             return _between(self.knots, t_s)
         return self._swing(min(max(t_s, 0.0), self.duration_s))
@@ -147,7 +147,7 @@ def _check_knots(knots: tuple[Knot, ...]) -> None:
 
 
 def _between(knots: tuple[Knot, ...], t_s: float) -> Point:
-    """On the quintic piece that a time falls on."""
+    """Return value, rate and acceleration on the quintic piece at a time."""
     if t_s <= 0.0:
         return Point(knots[0].value, 0.0, 0.0)
     if t_s >= knots[-1].t_s:
@@ -163,7 +163,7 @@ def _between(knots: tuple[Knot, ...], t_s: float) -> Point:
 
 
 def _blend(s: float) -> Point:
-    """Quintic from 0 to 1 over s, with derivatives by s; see ``profiles.quintic``."""
+    """Return a quintic from 0 to 1 over s, with derivatives by s; see ``profiles.quintic``."""
     if s >= 1.0:
         return Point(1.0, 0.0, 0.0)
     left = 1.0 - s
@@ -181,7 +181,7 @@ def _sine(share: float) -> Point:
 
 
 def _triangle(share: float, corner: float) -> Point:
-    """Triangle whose corners are parabolas that reach 1, by the share of a cycle."""
+    """Return a triangle whose corners are parabolas that reach 1, by the share of a cycle."""
     slope = 1.0 / (0.25 - 0.5 * corner)
     side, half = (1.0, share) if share < 0.5 else (-1.0, share - 0.5)
     past = half - 0.25

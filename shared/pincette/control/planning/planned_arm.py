@@ -174,7 +174,7 @@ class PlannedArm:
         return entry._replace(ref=ref, line=LoadLine(self.contact_um, self.stiffness_mN_per_um))
 
     def follow(self, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-        """Complete the references of a sample: force of a seek, position without a law."""
+        """Return complete references of a sample: force of a seek, position without a law."""
         if isinstance(segment, Seek):
             pressed_um = ref.x_um - self.contact_um
             return ref._replace(force_mN=max(0.0, self.stiffness_mN_per_um * pressed_um))

@@ -38,7 +38,7 @@ class Piece(NamedTuple):
 
     @property
     def end_s(self) -> float:
-        """Time at which the next piece begins."""
+        """Return the time at which the next piece begins."""
         return self.start_s + self.duration_s
 
     def reference(self, t_s: float) -> Reference:
@@ -59,7 +59,7 @@ class PlannedPhase:
 
     @property
     def end_s(self) -> float:
-        """Time at which the next phase begins."""
+        """Return the time at which the next phase begins."""
         return self.start_s + self.duration_s
 
 
@@ -160,7 +160,7 @@ def near_end(pieces: Sequence[Piece], values: Sequence[float], period_s: float) 
 
 
 def nominal(um_per_V: float, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-    """Complete the references of an arm by x - x_0 = d_p·(u - u_0), from where a segment began.
+    """Return complete references of an arm by x - x_0 = d_p·(u - u_0) since the segment began.
 
     Without a law the position follows the voltage, else the voltage follows the position.
     """

@@ -10,7 +10,7 @@ PEAK_SPEED = 15.0 / 8.0
 PEAK_ACCELERATION = 10.0 / sqrt(3.0)
 """Peak of |q''(s)| of the quintic from rest to rest."""
 SHORTEST_MOVE_S = 0.3
-"""What a move takes at least, however short its way; a segment without end is drawn as long."""
+"""Shortest duration of a move, and the drawn duration of a segment without an end."""
 
 
 def quintic(s: float) -> float:
@@ -42,7 +42,7 @@ class Quintic:
     c_5: float
 
     def position(self, t_s: float) -> float:
-        """Position at ``t_s`` since the start of the move, clamped to its ends."""
+        """Return the position at ``t_s`` since the start of the move, clamped to its ends."""
         if t_s <= 0.0:
             return self.start
         if t_s >= self.duration_s:
@@ -55,7 +55,7 @@ class Quintic:
         )
 
     def speed(self, t_s: float) -> float:
-        """Rate of change of the position, per second; the boundary speeds outside the move."""
+        """Return the speed at ``t_s``; the boundary speeds outside the move."""
         if t_s <= 0.0:
             return self.start_speed
         if t_s >= self.duration_s:
@@ -65,7 +65,7 @@ class Quintic:
         return self.start_speed + shape / self.duration_s
 
     def acceleration(self, t_s: float) -> float:
-        """Rate of change of the speed, per second; 0 outside the move."""
+        """Return the acceleration at ``t_s``; 0 outside the move."""
         if t_s <= 0.0 or t_s >= self.duration_s:
             return 0.0
         s = t_s / self.duration_s
@@ -98,7 +98,7 @@ def move(
 
 
 def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple[float, float]:
-    """Way and speed at ``t_s`` of a motion that comes to its speed smoothly and then keeps it.
+    """Return way and speed at ``t_s`` of a motion that reaches its speed smoothly and keeps it.
 
     With v = distance/(duration - up/2) and s = t/up the speed is v·(3s² - 2s³) until s = 1, so that
     the acceleration vanishes at both ends, and v from there. Without ``up_s`` it is v at once.
@@ -116,7 +116,7 @@ def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple
 
 
 def run_up_acceleration(distance: float, duration_s: float, up_s: float, t_s: float) -> float:
-    """Acceleration at ``t_s`` of the motion of ``run_up``: v·6s·(1 - s)/up until s = 1, then 0."""
+    """Return the acceleration at ``t_s`` of ``run_up``: v·6s·(1 - s)/up until s = 1, then 0."""
     if not 0.0 < t_s < up_s:
         return 0.0
     speed, s = distance / (duration_s - 0.5 * up_s), t_s / up_s
@@ -124,7 +124,7 @@ def run_up_acceleration(distance: float, duration_s: float, up_s: float, t_s: fl
 
 
 def minimum_duration(distance: float, speed: float, acceleration: float | None = None) -> float:
-    """Shortest time in s of a move from rest to rest within a peak speed and acceleration.
+    """Return the shortest time in s of a move from rest to rest within speed and acceleration.
 
     The larger of (15/8)·|distance|/speed and √((10/√3)·|distance|/acceleration).
 
@@ -142,7 +142,7 @@ def minimum_duration(distance: float, speed: float, acceleration: float | None =
 
 
 def move_duration(distance: float, speed: float) -> float:
-    """Time in s that a move takes: ``minimum_duration``, but ``SHORTEST_MOVE_S`` at least.
+    """Return the duration of a move in s: ``minimum_duration``, at least ``SHORTEST_MOVE_S``.
 
     Raises
     ------

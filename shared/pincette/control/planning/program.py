@@ -24,7 +24,7 @@ RETREATS = ("unload", "retreat")
 
 
 class Guards(FrozenRecord, frozen=True):
-    """What ends a segment early. Forces compressive and positive, in mN."""
+    """Conditions that end a segment early. Forces in mN, compressive ones positive."""
 
     contact_force_mN: Millinewton
     """Estimated force above which contact is believed."""
@@ -39,7 +39,7 @@ class Guards(FrozenRecord, frozen=True):
     stiffness_min_mN_per_um: MillinewtonPerMicrometre
     stiffness_max_mN_per_um: MillinewtonPerMicrometre
     zero_wait_s: Second
-    """How long the controller waits for the estimator to confirm a zero."""
+    """Time for which the controller waits for the estimator to confirm a zero."""
     position_min_um: Micrometre | None = None
     position_max_um: Micrometre | None = None
     """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
@@ -86,7 +86,7 @@ class Program(FrozenRecord, frozen=True):
     guards: Guards
     contact_stiffness_mN_per_um: MillinewtonPerMicrometre
     laws: Items[LawSpec] = ()
-    """None: the rig file's."""
+    """Laws of the program; None: the rig file's."""
     contact_line: Literal["identified", "planned"] = "identified"
     """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""
     capture_hz: Hertz = 0.0
@@ -119,7 +119,7 @@ class Program(FrozenRecord, frozen=True):
 
 
 def _check_search(name: str, segment: Seek, *, last: bool) -> None:
-    """A search goes on to the next segment where it finds the part, else to the retreat."""
+    """Validate that a search goes to the next segment if it finds the part, else to the retreat."""
     if last:
         raise ValueError(f"{name} seeks a part, and nothing follows")
     if segment.phase in RETREATS:

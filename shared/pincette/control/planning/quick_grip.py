@@ -28,12 +28,12 @@ its end."""
 EARLY_SHARE = 0.75
 """Share of the planned force that may be there when a part nearer than planned is touched."""
 SLEW_SHARE = 0.6
-"""Of the slew limit that an approach uses where nobody names its speed: hysteresis takes more."""
+"""Share of the slew limit that an approach uses if no speed is stated: hysteresis needs more."""
 HALVINGS = 30
 
 
 class AskedSpeeds(NamedTuple):
-    """What a request says; None: nothing."""
+    """Speeds in a request; None: not stated."""
 
     approach_um_per_s: float | None
     seek_um_per_s: float | None
@@ -42,7 +42,7 @@ class AskedSpeeds(NamedTuple):
 
 
 class UsualSpeeds(NamedTuple):
-    """Those of the rig file: where a request names none, at most these."""
+    """Speeds in the rig file: upper limits of those that a request does not state."""
 
     approach_um_per_s: float
     seek_um_per_s: float
@@ -57,10 +57,10 @@ class QuickSpeeds(NamedTuple):
     load_s: float
     unload_s: float
     violations: tuple[Violation, ...]
-    """Of what the request says."""
+    """Violations by the request itself."""
 
     def values(self) -> dict[str, float]:
-        """Members of a ``GripRequest``."""
+        """Return the members of a ``GripRequest``."""
         return {
             "approach_um_per_s": self.approach_um_per_s,
             "seek_um_per_s": self.seek_um_per_s,
@@ -70,7 +70,7 @@ class QuickSpeeds(NamedTuple):
 
 
 def load_duration(way_um: float, speed: float, peak_speed: float) -> float:
-    """Shortest time in s of a load over ``way_um`` from ``speed`` to rest, never above a speed."""
+    """Return the shortest time in s of a load over ``way_um`` from ``speed`` to rest."""
     longest_s = SMOOTH * way_um / speed
     if peak_speed <= speed:
         return longest_s
@@ -145,7 +145,7 @@ def quick_speeds(
 
 
 def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
-    """Way from where the touch is believed to the planned force; a tenth of it at least."""
+    """Return the way from the detected touch to the planned force; at least a tenth of it."""
     begun_mN = force_at_touch_mN(
         touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )

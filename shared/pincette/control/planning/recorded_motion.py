@@ -14,7 +14,7 @@ from pincette.control.planning.segments import Drive, Ramp, Recorded
 from pincette.control.quantities import MAX_ITEMS
 
 RETURN_S = 0.5
-"""To the first voltage of the motion, and"""
+"""Duration of the way to the first voltage of the motion, and"""
 REST_S = 1.0
 """the rest there."""
 SPREAD = 0.005
@@ -41,7 +41,7 @@ class Pressed(NamedTuple):
     tick: int
     x_um: float
     force_mN: float
-    """As it was estimated."""
+    """Estimated force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def recorded_program(
 
 
 def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float) -> Drive:
-    """A segment with the ticks that it had; the one that zeroes takes one more for the stamp."""
+    """Return a segment with the ticks that it had; one that zeroes has one more for the stamp."""
     ticks = len(one.voltages_V) - int(one.zeroes)
     low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
     volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
@@ -137,10 +137,10 @@ def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, wid
 
 
 def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> list[float]:
-    """Residuals of one run, counted from its last zero.
+    """Return the residuals of one run, counted from its last zero.
 
-    Each zero moves the offset of x_1. What comes before it is moved likewise, so that the rest on
-    which it was made has the same mean before and after.
+    Each zero moves the offset of x_1. Earlier residuals are moved likewise, so that the rest of the
+    zero has the same mean before and after.
 
     Parameters
     ----------

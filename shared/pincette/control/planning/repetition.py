@@ -31,15 +31,15 @@ MOST_UM = 1.0
 MOST_CYCLES = 12
 """After which the sensor's noise adds more than is left to learn."""
 PATIENCE = 2
-"""Cycles in a row in which nothing came back that end the learning."""
+"""Number of consecutive cycles without a repeated error that end the learning."""
 CHANCE = 2.0
 """Standard deviations of the sensor's noise by which an error must have become smaller."""
 MOST_TICKS = 2000
-"""Of a cycle: what travels with a program."""
+"""Largest number of ticks in a cycle, which must fit into a program's message."""
 
 
 class Corrections(FrozenRecord, frozen=True):
-    """Corrections l of a cycle, and how they came about; part of the program that they are for."""
+    """Corrections l of a cycle and their origin; part of the program to which they belong."""
 
     values_um: Items[Micrometre]
     """l_i, one for each tick of the cycle."""
@@ -48,7 +48,7 @@ class Corrections(FrozenRecord, frozen=True):
     best_um: Items[Micrometre] = ()
     """The corrections that led the cycle of the lowest error; none before the first."""
     quiet: Whole = 0
-    """Cycles in a row, the newest among them, in which nothing of the one before came back."""
+    """Number of newest consecutive cycles in which no error of the one before was repeated."""
 
     @property
     def over(self) -> bool:
@@ -62,9 +62,11 @@ class Corrections(FrozenRecord, frozen=True):
     def improved(
         self, errors_um: tuple[float, ...], before_um: tuple[float, ...] = ()
     ) -> "Corrections":
-        """Learn from the errors x - x_r of one whole cycle; without effect once it is over.
+        """Return corrections learned from the errors x - x_r of one whole cycle.
 
-        ``before_um``: those of the cycle just before; none where it was not whole.
+        Unchanged once it is over.
+
+        ``before_um``: those of the cycle just before; none if it was not whole.
         """
         if self.over:
             return self
@@ -141,9 +143,9 @@ class CycleLearner(FrozenRecord, frozen=True):
 
     corrections: Corrections
     errors_um: tuple[float, ...] = ()
-    """Of the cycle so far, from its tick 0 on."""
+    """Errors of the cycle so far, from its tick 0 on."""
     before_um: tuple[float, ...] = ()
-    """Of the cycle before, where it was whole."""
+    """Errors of the cycle before, if it was whole."""
 
     def follow(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
         """Take in x - x_r at a tick since the begin of a cycle.
@@ -163,12 +165,12 @@ class CycleLearner(FrozenRecord, frozen=True):
 
 
 def no_corrections(ticks: Whole) -> Corrections:
-    """Nothing learned so far, for a cycle of ``ticks``."""
+    """Return empty corrections for a cycle of ``ticks``."""
     return Corrections((0.0,) * ticks)
 
 
 def cycle_ticks(cycle_s: float, period_s: float) -> int:
-    """Whole ticks of a cycle.
+    """Return the number of whole ticks of a cycle.
 
     Raises
     ------

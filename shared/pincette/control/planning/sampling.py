@@ -1,4 +1,4 @@
-"""What of a program is too short for the period that samples are taken in."""
+"""Checks for parts of a program that are too short for the sampling period."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -81,7 +81,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
 
     @property
     def arms(self) -> int | None:
-        """Number of arms that the segment is for; None: any."""
+        """Return the number of arms that the segment is for; None: any."""
         return None
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -107,7 +107,7 @@ class Move(SegmentBase, frozen=True, tag="move"):
 
     @property
     def arms(self) -> int | None:
-        """Number of goals."""
+        """Return the number of goals."""
         return len(self.to_um)
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -208,7 +208,7 @@ class Press(SegmentBase, frozen=True, tag="press"):
 
     @property
     def arms(self) -> int | None:
-        """Two, where a place is given."""
+        """Return two if a place is given."""
         return None if self.place_um is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -288,7 +288,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
     @property
     def arms(self) -> int | None:
-        """Two, where the place follows a path."""
+        """Return two if the place follows a path."""
         return None if self.place is None else 2
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -363,7 +363,7 @@ class Recorded(FrozenRecord, frozen=True, tag="recorded", tag_field="kind"):
 
 
 VoltageCourse = Stay | Ramp | Follow | Recorded
-"""How the voltage of one arm goes on in a segment without a law."""
+"""Course of one arm's voltage in a segment without a law."""
 
 
 class Drive(SegmentBase, frozen=True, tag="drive"):
@@ -385,7 +385,7 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 
     @property
     def arms(self) -> int | None:
-        """Two, where two courses are given."""
+        """Return two if two courses are given."""
         return 2 if len(self.courses) == 2 else None
 
     @property
@@ -417,7 +417,7 @@ class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
 
     @property
     def arms(self) -> int | None:
-        """One: two arms play no sweep."""
+        """Return one: two arms play no sweep."""
         return 1
 
 

@@ -55,5 +55,5 @@ class Sweep(FrozenRecord, frozen=True):
 
     @property
     def slew_V_per_s(self) -> float:
-        """Steepest part, at the highest frequency."""
+        """Return the steepest slope, at the highest frequency."""
         return 2.0 * pi * self.to_hz * self.amplitude_V

@@ -40,7 +40,7 @@ COURSE = (
 
 
 def teaching_program(from_um: float, to_um: float, speed_um_per_s: float) -> Program:
-    """Free motion over a range of positions, at the peak speed given.
+    """Return free motion over a range of positions, at a given peak speed.
 
     Raises
     ------

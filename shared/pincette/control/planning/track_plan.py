@@ -19,7 +19,7 @@ from pincette.control.planning.touch_force import weak_force
 from pincette.control.vocabulary import LimitedQuantity
 
 SETTLE_S = 0.8
-"""From the end of the load until the path begins."""
+"""Time from the end of the load until the path begins."""
 SAMPLES_PER_CYCLE = 10
 """Fewest that show a swing's peaks to 5 %."""
 PRESSING = ("load", "settle", "track", "unload")
@@ -27,7 +27,7 @@ PRESSING = ("load", "settle", "track", "unload")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackRequest(ContactRequest):
-    """What to track and how.
+    """Request for a path of force.
 
     Raises
     ------
@@ -41,7 +41,7 @@ class TrackRequest(ContactRequest):
     acceleration_um_per_s2: float
     """highest acceleration."""
     pointer: str
-    """The member of the request that the height of the path comes from."""
+    """Member of the request that states the height of the path."""
 
     def __post_init__(self) -> None:
         check_contact(self)
@@ -78,7 +78,7 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
 def _path_violations(
     request: TrackRequest, found: Peaks, start_s: float, period_s: float
 ) -> list[Violation]:
-    """What a path must not do whatever the rig bears."""
+    """Return what makes a path impossible on every rig."""
     K_e, path = request.stiffness_mN_per_um, request.path
     swings = not path.knots
     hurry = "/frequency_hz" if swings else request.pointer

@@ -20,7 +20,7 @@ from pincette.control.response.separable_fit import separable_fit
 
 RIDGE = 1e-6
 COEFFICIENTS = 6
-"""Two rates, three weights and the offset; the creep comes to them."""
+"""Number of coefficients: two rates, three weights and the offset; the creep adds its own."""
 RETURNING = (0.5, 1.0, 2.0)
 """Rates on the way back over those on the way out, from which the search begins."""
 STARTS = 4.0

@@ -26,7 +26,7 @@ LEAST_S = 0.1
 FEW = 1.39
 """Student's factor for 95 % and four rehearsed grips, over the 2 of a standard uncertainty."""
 LEAST_WAY_UM = 2.0
-"""Shortest way whose repetition is judged."""
+"""Shortest way whose repeatability is judged."""
 APART_V = 0.01
 """Least distance of two voltages of the table."""
 

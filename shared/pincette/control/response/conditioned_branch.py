@@ -1,4 +1,4 @@
-"""What a conditioned arm does beside the model: a table over the voltage of its rising branch.
+"""Deviation of a conditioned arm from the model, a table over its rising branch's voltage.
 
 After strokes to a low voltage an arm repeats its free way to 0.01 mN in the median, whatever
 its class of hysteresis. The identified model repeats it worse. ``free_response`` therefore ends
@@ -54,8 +54,8 @@ class ConditionedBranch(FrozenRecord, frozen=True):
     way_spread: float = 0.0
     """Standard deviation of such a ratio from one conditioned way to the next, noise taken off."""
     way_uneven: float = 0.0
-    """The same for a place that is ``AWAY_V`` or further from the measured ones: arms of few large
-    relays move in jumps."""
+    """The same for a place that is ``AWAY_V`` or further from the measured ones, since arms of few
+    large relays move in jumps."""
     strokes: int = STROKES
     """Number of strokes that the branch was measured after."""
     rest_ratio: float = 1.0
@@ -81,7 +81,7 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
     @property
     def low_V(self) -> float:
-        """Voltage of the bottom of the strokes."""
+        """Return the voltage at the bottom of the strokes."""
         return self.voltages_V[0]
 
     def way_at(self, voltage_V: float) -> tuple[float, float]:
@@ -145,12 +145,12 @@ class Strokes(FrozenRecord, frozen=True):
 
     @property
     def complete(self) -> bool:
-        """True at the bottom of the last stroke of a conditioning."""
+        """Return whether this is the bottom of the last stroke of a conditioning."""
         return self.conditioned and self.bottom
 
     @property
     def fresh(self) -> bool:
-        """True on the rising branch of a conditioned arm."""
+        """Return whether the arm is on the rising branch after a conditioning."""
         return self.conditioned and self.fell_V <= FRESH_V
 
     def follow(self, branch: ConditionedBranch, voltage_V: float, dt_s: float) -> "Strokes":

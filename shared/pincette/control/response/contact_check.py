@@ -26,14 +26,14 @@ class ContactScatter(NamedTuple):
     """R.m.s. of the force about a smooth function of the position, in mN."""
 
     without_mN: float
-    """As it was estimated without the table."""
+    """Scatter of the force as estimated without the table."""
     with_mN: float
-    """As the table corrects it."""
+    """Scatter of the force as corrected by the table."""
     samples: int
 
     @property
     def worse(self) -> bool:
-        """True if the table increases the scatter by more than chance explains."""
+        """Return whether the table increases the scatter by more than chance explains."""
         allowed = 1.0 + CHANCE * sqrt(2.0 / self.samples)
         return self.with_mN**2 > allowed * self.without_mN**2
 

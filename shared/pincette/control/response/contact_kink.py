@@ -38,18 +38,18 @@ the class of the hysteresis; with one by 18 % and more."""
 
 
 class ContactKink(NamedTuple):
-    """Where the free response breaks."""
+    """A kink in the free response."""
 
     x_um: float
     """x_c."""
     voltage_V: float
-    """At which the arm comes there on its way up, the mean of all ways."""
+    """Voltage at which the arm arrives there on its way up, the mean of all ways."""
     softening: float
     """c = s_p·K."""
 
     @property
     def slope_share(self) -> float:
-        """Slope beyond the kink over that before it."""
+        """Return the ratio of the slope beyond the kink to that before it."""
         return 1.0 / (1.0 + self.softening)
 
 
@@ -91,7 +91,7 @@ def contact_kink(
 def _columns(
     u: Column, x: Column, period_s: float, course: slice
 ) -> tuple[NDArray[np.float64], int]:
-    """Columns that make up f, from the sample on from which every play is known."""
+    """Return the columns of f, from the sample on from which every play is known."""
     thresholds, fadings = [0.0], [0.0]
     travel_V = float(np.ptp(u[course]))
     for share in (0.0, YIELDING):
@@ -115,6 +115,6 @@ def _ridged(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _projected(across: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What columns of values have beside the space of f; the ridge's rows are below them."""
+    """Return the part of columns outside the space of f; the ridge's rows are below them."""
     padded = np.vstack([values, np.zeros((len(across) - len(values), values.shape[1]))])
     return padded - across @ (across.T @ padded)

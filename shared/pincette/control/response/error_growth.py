@@ -1,4 +1,4 @@
-"""How the error of a model of the free response grows with the way of the voltage since a zero.
+"""Growth of a free response model's error with the way of the voltage since a zero.
 
 A zero takes off what the model errs by there; what it errs by later is a difference of two errors,
 
@@ -24,7 +24,7 @@ class ErrorGrowth(NamedTuple):
     """Standard; never falling."""
 
     def at(self, way_V: float) -> float:
-        """Standard error in µm of x_1 that far from the zero."""
+        """Return the standard error in µm of x_1 at that distance from the zero."""
         from_V = from_um = 0.0
         for to_V, to_um in zip(self.ways_V, self.errors_um, strict=True):
             if way_V <= to_V:
@@ -34,7 +34,7 @@ class ErrorGrowth(NamedTuple):
 
 
 def checked_growth(ways_V: Sequence[float], errors_um: Sequence[float]) -> ErrorGrowth:
-    """Growth from numbers that were stored.
+    """Return the growth from stored numbers.
 
     Raises
     ------

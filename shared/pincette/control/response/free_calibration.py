@@ -45,8 +45,8 @@ BEFORE_S = 0.5
 """End of the rest before the step, over which the arm's place there is taken."""
 
 LARGEST_RESIDUAL = 0.02
-"""Of the range, that a model may leave besides noise: those of actuators, whatever the class of
-their hysteresis, leave 0.1 to 1 %."""
+"""Largest residual of a model besides noise, as a share of the range: actuators of any class of
+hysteresis leave 0.1 to 1 %."""
 NOISES = 3.0
 
 Column = NDArray[np.float64]
@@ -75,7 +75,7 @@ class FreeMotion:
 
 @dataclass(frozen=True, slots=True)
 class FreeCalibration:
-    """What the free motion gave."""
+    """Results of the free motion."""
 
     gain: SecantGain
     """d_p."""
@@ -84,13 +84,13 @@ class FreeCalibration:
     model_residual_um: float
     """R.m.s. of the part of the course that the model was not fitted to."""
     model_gain: SecantGain
-    """What the model makes of the same cycles, which may reach beyond the course's voltages."""
+    """Gain of the model in the same cycles, which may reach beyond the course's voltages."""
     press_gain: float
     """Stroke of the presses over what the model makes of it."""
     cycles_residual_um: float
     """R.m.s. of the cycles about the model, its mean taken off."""
     line_error: Value
-    """Of a straight line in place of the model, as a share of the travel."""
+    """Error of a straight line in place of the model, as a share of the travel."""
     forgetting: Forgetting
     """Error of the model under a small to-and-fro."""
     rehearsed: Rehearsed
@@ -105,7 +105,7 @@ class FreeCalibration:
     voltage_V: Column
     x_um: Column
     model_um: Column
-    """What the model makes of the whole record, on the mean of ``x_um`` over the course."""
+    """Positions of the model over the whole record, with the mean of ``x_um`` over the course."""
     kink: ContactKink | None = None
     """Break of the motion where a person has confirmed that no part was there."""
 
@@ -117,7 +117,7 @@ def calibrate_free_response(
     unpoled: bool | None = None,
     no_part: bool = False,
 ) -> FreeCalibration:
-    """Gain, loop, creep and model of a free motion.
+    """Return gain, loop, creep and model of a free motion.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def _identified(
 
 
 def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
-    """Creep since the middle of the step: each part of it creeps from when it was made."""
+    """Return the creep since the middle of the step: each part creeps from its own time on."""
     step_from, step_to = motion.before_step.stop, motion.after_step.start
     step = slice(step_from - 1, step_to + 1)
     made = np.abs(np.diff(u[step]))

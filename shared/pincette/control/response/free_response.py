@@ -17,7 +17,7 @@ from pincette.control.record import FrozenRecord
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4
-"""How far a zero may move the offset of the line: without travel, and as a share of it."""
+"""Largest change of the line's offset by a zero: without travel, and as a share of it."""
 MIN_TRAVEL_V = 0.1
 """Lever of a slope that is drawn to a zero, and"""
 GAIN_TOLERANCE = 0.4
@@ -35,7 +35,7 @@ class FreeSample(NamedTuple):
     voltage_V: float
     x_um: float
     displacement_um: float = 0.0
-    """What a model with a memory made of the path that led to the voltage, without offset."""
+    """Displacement of a model with a memory on the path to the voltage, without offset."""
 
 
 class FreeResponse(Protocol):
@@ -43,17 +43,17 @@ class FreeResponse(Protocol):
 
     @property
     def nominal_um_per_V(self) -> float:
-        """d_p."""
+        """Return d_p."""
         ...
 
     @property
     def zero_V(self) -> float:
-        """Voltage at the last zero."""
+        """Return the voltage at the last zero."""
         ...
 
     @property
     def voltage_V(self) -> float:
-        """The voltage followed last."""
+        """Return the newest voltage."""
         ...
 
     def follow(self, voltage_V: float, dt_s: float, /) -> Self:
@@ -113,7 +113,7 @@ class LinearResponse(FrozenRecord, frozen=True):
     hysteresis_fraction: float = 0.0
     """Standard error of the line, as a share of the furthest travel since the zero."""
     voltage_V: float = 0.0
-    """The voltage followed last."""
+    """Return the newest voltage."""
     reach_V: float = 0.0
     """Furthest that the voltage has been from that of the last zero, also before a new begin."""
 
@@ -124,7 +124,7 @@ class LinearResponse(FrozenRecord, frozen=True):
 
     @property
     def remembers(self) -> bool:
-        """False: on the way back, and on a short way, it errs by a share that nobody knows."""
+        """Return False: on the way back and on a short way its error is unknown."""
         return False
 
     def position_um(self) -> float:
@@ -201,7 +201,7 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     """
 
     nominal_um_per_V: float
-    """d_p."""
+    """Return d_p."""
     model_error_um: float
     """r.m.s. that the model left of free motion it was not made from."""
     offset_um: float = 0.0
@@ -209,7 +209,7 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
 
     @property
     def remembers(self) -> bool:
-        """True."""
+        """Return True."""
         return True
 
     @abstractmethod
@@ -259,18 +259,18 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
 def nominal_response(
     piezo_um_per_V: float, at: FreeSample, hysteresis_fraction: float = 0.0
 ) -> LinearResponse:
-    """Line of slope d_p through one sample; raises ValueError unless d_p is positive."""
+    """Return the line of slope d_p through one sample; raises ValueError unless d_p is positive."""
     d_p = require_positive("piezoelectric constant", piezo_um_per_V, "µm/V")
     return LinearResponse(at.x_um, d_p, at.voltage_V, d_p, hysteresis_fraction, at.voltage_V)
 
 
 def free_position(model: LinearResponse, voltage_V: float) -> float:
-    """Displacement x_1 in µm that the voltage alone would give."""
+    """Return the displacement x_1 in µm by the voltage alone."""
     return model.offset_um + model.gain_um_per_V * (voltage_V - model.zero_V)
 
 
 def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
-    """Mean of the last ``rest_samples``; raises ValueError where there are fewer."""
+    """Return the mean of the last ``rest_samples``; raises ValueError if there are fewer."""
     if not 1 <= rest_samples <= len(samples):
         raise ValueError(f"{len(samples)} samples, where a rest of {rest_samples} is wanted")
     voltage_V = x_um = displacement_um = 0.0
@@ -282,7 +282,7 @@ def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
 
 
 def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> float | None:
-    """Slope in µm/V over the branch that leads to the rest; None where it is too short."""
+    """Return the slope in µm/V over the branch that leads to the rest; None if it is too short."""
     furthest_V = voltage_V = x_um = 0.0
     count = 0
     for index in range(end - 1, -1, -1):

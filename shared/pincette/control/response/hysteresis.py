@@ -108,7 +108,7 @@ class HysteresisModel:
 
 
 class HysteresisState(FrozenRecord, frozen=True):
-    """What the actuator remembers."""
+    """Memory of the actuator."""
 
     voltage_V: float
     plays_V: tuple[float, ...]
@@ -118,7 +118,7 @@ class HysteresisState(FrozenRecord, frozen=True):
 
 
 def start(model: HysteresisModel) -> HysteresisState:
-    """The actuator unpoled: 0 V, 0 µm, nothing remembered."""
+    """Return the memory of an unpoled actuator: 0 V, 0 µm."""
     plays = (0.0,) * len(model.thresholds_V)
     return HysteresisState(0.0, plays, 0.0, (0.0,) * len(model.creep_times_s))
 
@@ -126,7 +126,7 @@ def start(model: HysteresisModel) -> HysteresisState:
 def step(
     model: HysteresisModel, state: HysteresisState, voltage_V: float, dt_s: float
 ) -> HysteresisState:
-    """Memory after the voltage went straight to ``voltage_V`` and stayed there for ``dt_s``.
+    """Return the memory after the voltage went straight to ``voltage_V`` and stayed for ``dt_s``.
 
     Between the thresholds the way du of the voltage makes of z, however it is cut,
 
@@ -145,7 +145,7 @@ def step(
 def _yielded(
     model: HysteresisModel, state: HysteresisState, u: float
 ) -> tuple[Sequence[float], float]:
-    """The plays after the voltage went straight to u, and their static displacement."""
+    """Return the plays after the voltage went straight to u, and their static displacement."""
     plays, before = state.plays_V, state.voltage_V
     if u == before:
         return plays, state.static_um
@@ -200,7 +200,7 @@ def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float,
 
 
 def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
-    """Σ g_i(y_i)."""
+    """Return Σ g_i(y_i)."""
     low_V, high_V = model.bent_V
     total = 0.0
     for y, square, cube in zip(
@@ -211,7 +211,7 @@ def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
 
 
 def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -> float:
-    """g(y) = a·y² + b·y³ in µm between two voltages, and straight on beyond them."""
+    """Return g(y) = a·y² + b·y³ in µm between two voltages, continued straight beyond them."""
     within = y if y < high_V else high_V
     within = within if within > low_V else low_V
     bent = (square + cube * within) * within * within
@@ -223,7 +223,7 @@ def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -
 def displacements_after(
     model: HysteresisModel, state: HysteresisState, dt_s: float
 ) -> Callable[[float], float]:
-    """``displacement_um`` in µm of the memory that ``step`` would leave, by voltage in V."""
+    """Return ``displacement_um`` in µm of the memory that ``step`` would give, by voltage in V."""
     factors = creep_factors(model.creep_times_s, dt_s)
     creep = list(zip(model.creep_fractions, state.creep_um, factors, strict=True))
 
@@ -238,7 +238,7 @@ def displacements_after(
 
 
 def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
-    """Free displacement y + Σ κ_j·c_j in µm."""
+    """Return the free displacement y + Σ κ_j·c_j in µm."""
     total = state.static_um
     for fraction, creep in zip(model.creep_fractions, state.creep_um, strict=True):
         total += fraction * creep
@@ -247,7 +247,7 @@ def displacement_um(model: HysteresisModel, state: HysteresisState) -> float:
 
 @lru_cache(maxsize=64)
 def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float, ...]:
-    """Exact factors exp(-dt/τ_j), worked out once for a model and a step."""
+    """Return the exact factors exp(-dt/τ_j), computed once for a model and a step."""
     return tuple([exp(-dt_s / time_s) for time_s in creep_times_s])
 
 

@@ -14,7 +14,7 @@ YIELDS_WITHIN = 1e-12
 
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
-    """Free displacement in µm of an actuator that starts unpoled; N samples for N."""
+    """Return the free displacement in µm of an actuator that starts unpoled; N samples for N."""
     plays = play_columns(
         model.thresholds_V, model.fadings_per_V, voltage_V, model.return_fadings_per_V
     )
@@ -24,7 +24,7 @@ def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Colu
 def moved_um(
     model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column, period_s: float
 ) -> Column:
-    """Free displacement in µm out of the states that ``play_columns`` gives."""
+    """Return the free displacement in µm from the states that ``play_columns`` gives."""
     weights = np.asarray(model.weights_um_per_V)
     static = plays_V @ weights + model.curvature_um_per_V2 * voltage_V**2
     if model.squares_um_per_V2:
@@ -41,7 +41,7 @@ def play_columns(
     voltage_V: Column,
     return_fadings_per_V: Sequence[float] = (),
 ) -> NDArray[np.float64]:
-    """Plays y_i in V, N × thresholds, of an actuator that starts unpoled.
+    """Return plays y_i in V, N × thresholds, of an actuator that starts unpoled.
 
     Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` those are the same.
     """
@@ -90,7 +90,7 @@ def _returned(
 def bend_columns(
     plays_V: NDArray[np.float64], bent_V: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """y² and y³ of plays y between two voltages, going on straight beyond them."""
+    """Return y² and y³ of plays y between two voltages, continued straight beyond them."""
     within = np.clip(plays_V, *bent_V)
     beyond = plays_V - within
     return within * (within + 2.0 * beyond), within**2 * (within + 3.0 * beyond)
@@ -99,7 +99,7 @@ def bend_columns(
 def slopes_um_per_V(
     model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column
 ) -> NDArray[np.float64]:
-    """Slopes of the static displacement in µm/V, N × 2: going on up, and going on down.
+    """Return slopes of the static displacement in µm/V, N × 2: continuing upwards and downwards.
 
     Of the states that ``play_columns`` gives, by dy/du = 2q·u + Σ (w_i + g_i')·(1 - dz_i/du), where
     a play that yields adds its whole weight.
@@ -124,14 +124,14 @@ def slopes_um_per_V(
 def creep_columns(
     creep_times_s: Sequence[float], static_um: Column, period_s: float
 ) -> NDArray[np.float64]:
-    """Creep states c_j in µm, N × times."""
+    """Return creep states c_j in µm, N × times."""
     return low_passed(creep_times_s, static_um[:, np.newaxis], period_s)[:, :, 0].T
 
 
 def low_passed(
     times_s: Sequence[float], columns: NDArray[np.float64], period_s: float
 ) -> NDArray[np.float64]:
-    """N × n columns through first-order low-passes that start at 0, J × N × n for J times.
+    """Return N × n columns through first-order low-passes that start at 0, J × N × n for J times.
 
     Each value holds for the period before it: c_k = y_k + (c_(k-1) - y_k)·e^(-T/τ).
     """

@@ -40,13 +40,13 @@ from pincette.control.response.play_fit import (
 )
 
 LEAST_SHARE = 0.1
-"""Of the record's travel, that the part held out must have: a rest there would leave nothing."""
+"""Smallest travel of the test part, as a share of the record's: a rest there would show nothing."""
 SHARE_OF_CHOICE = 0.25
-"""Of the record, before the part held out: what families, curvature, ridge are chosen by."""
+"""Share of the record before the test part by which families, curvature and ridge are chosen."""
 HELD_OUT = 0.25
 """Share of the record, the last one, that the coefficients are not fitted to."""
 PARTS = 3
-"""Of the samples that are fitted, by which bends are chosen."""
+"""Number of parts of the fitted samples by which bends are chosen."""
 POOR = 5.0
 """Noises beyond which plays do not describe an arm, so that a play that never yields is tried.
 
@@ -66,7 +66,7 @@ class Identification(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """What may be chosen of what least squares cannot give; simple ones first."""
+    """Candidates for what least squares cannot give; simple ones first."""
 
     families: tuple[tuple[float, ...], ...] = (
         (0.0,),
@@ -159,7 +159,10 @@ def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
 
 
 def _choose(record: Record, fitted: int, candidates: Candidates) -> Choice:
-    """By what each leaves of the middle of the record; a richer one has to be worth it."""
+    """Return the best choice by its residual in the middle of the record.
+
+    A richer one must be worth it.
+    """
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [Choice(*values) for values in product(*candidates[:4])]
     choices = [choice for choice in choices if choice.possible]
@@ -203,7 +206,10 @@ def _noise_um(record: Record) -> float:
 
 
 def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequence[Choice]:
-    """The one that leaves least, a later one only where it is worth it; none of none."""
+    """Return the one with the least residual, a later one only if it is worth it.
+
+    None if there is none.
+    """
     if len(choices) < 2:
         return choices
     best, least = choices[0], inf
@@ -215,7 +221,7 @@ def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequenc
 
 
 def _left_in_turn(record: Record, end: int, choice: Choice) -> float:
-    """What a choice leaves of each part of the known samples, fitted to the others, r.m.s."""
+    """Return the r.m.s. residual of each part of the known samples, fitted to the others."""
     edges = np.linspace(record.known, end, PARTS + 1).astype(int)
     found: list[float] = []
     for since, until in pairwise(edges.tolist()):

@@ -45,7 +45,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
 
     @property
     def voltage_V(self) -> float:
-        """The voltage followed last."""
+        """Return the newest voltage."""
         return self.memory.voltage_V
 
     def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":

@@ -21,7 +21,7 @@ from pincette.control.response.hysteresis import (
 )
 
 TOLERANCE_UM = 1e-4
-"""Of a displacement, to which the voltage that leads there is found."""
+"""Tolerance of the displacement for the voltage that is searched."""
 ROUNDS = 60
 REACH_V = 100.0
 """A voltage beyond it is never looked for: no displacement that needs it can be had."""
@@ -30,14 +30,14 @@ MOST = 16
 EXTRAPOLATED = 3
 """Evaluations on one side after which the next one goes twice as far, to enclose the voltage."""
 LEAST_SLOPE = 0.25
-"""Of the mean slope, that an extrapolation takes H to have."""
+"""Smallest slope of H that an extrapolation assumes, as a share of the mean slope."""
 
 
 class Search(FrozenRecord, frozen=True):
-    """Where the search stands; two voltages that were tried, with H less what is wanted."""
+    """State of the search: two voltages that were tried, with H less the wanted displacement."""
 
     voltage_V: float
-    """To be tried next; where ``done``, the result."""
+    """Next voltage to try; the result if ``done``."""
     done: bool
     tried: int
     wanted_um: float
@@ -138,7 +138,7 @@ def free_voltages(
 def _reach(
     model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
 ) -> HysteresisState:
-    """State after a period at the voltage that brings a displacement."""
+    """Return the state after a period at the voltage of a displacement."""
     low = high = step(model, state, state.voltage_V, period_s)
     low_um = high_um = displacement_um(model, low) - wanted_um
     if abs(low_um) <= TOLERANCE_UM:

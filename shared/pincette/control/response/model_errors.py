@@ -35,9 +35,9 @@ class RehearsedGrip(NamedTuple):
     """Samples of a grip without a part."""
 
     approach: slice
-    """From rest to where a part would be met, with a rest at both ends."""
+    """Samples from rest to the expected contact, with a rest at both ends."""
     press: slice
-    """On from there, with a rest at the end."""
+    """Samples from there on, with a rest at the end."""
     swings: slice | None = None
     """Small swings after it."""
     let_go: slice | None = None
@@ -52,10 +52,12 @@ class Value(NamedTuple):
 
 
 def line_error(loops: Sequence[SecantGain]) -> Value:
-    """R.m.s. of x - d·(u - u_0) over d·(u - u_0) of settled loops, u_0 their lowest voltage.
+    """Return the r.m.s.
+
+    of x - d·(u - u_0) over d·(u - u_0) of settled loops, u_0 their lowest voltage.
 
     A straight line through a zero there misses both branches; the loops' difference is the
-    uncertainty. Raises ValueError where there is no loop.
+    uncertainty. Raises ValueError without a settled loop.
     """
     shares: list[float] = []
     for loop in loops:
@@ -68,7 +70,7 @@ def line_error(loops: Sequence[SecantGain]) -> Value:
 
 
 class Forgetting(NamedTuple):
-    """What the actuator forgets under small swings and the model does not, or the reverse."""
+    """Memory that the actuator loses under small swings and the model does not, or the reverse."""
 
     full_um: Value
     """Standard error that x_1 tends to."""
@@ -124,7 +126,7 @@ def unknown_forgetting(
 def _fitted(
     ways: Sequence[Column], moved: Sequence[Column], scale_V: float
 ) -> tuple[list[float], float]:
-    """c of each, and the sum of squares that is left of all."""
+    """Return c of each, and the sum of squared residuals of all."""
     errors_um: list[float] = []
     left = 0.0
     for way_V, d_um in zip(ways, moved, strict=True):
@@ -135,10 +137,10 @@ def _fitted(
 
 
 class Rehearsed(NamedTuple):
-    """What grips that were rehearsed without a part say of x_1."""
+    """Errors of x_1 from grips that were rehearsed without a part."""
 
     growth: ErrorGrowth
-    """Of its error, with the way of the voltage since a zero."""
+    """Growth of the error with the way of the voltage since a zero."""
     creep_um: Value
     """Per decade of the age of the zero, by which the error grows beyond that."""
 
@@ -245,7 +247,7 @@ def at_end(voltage_V: Column, samples: slice) -> slice:
 
 
 def _together(what: str, values: Sequence[float], scatter: Sequence[float]) -> Value:
-    """Root mean square of several; uncertain by their scatter and by how they differ."""
+    """Return the root mean square of several values, with its uncertainty."""
     if not values:
         raise ValueError(f"no {what}, one is wanted at least")
     mean = sqrt(float(np.mean(np.square(values))))

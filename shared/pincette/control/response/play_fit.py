@@ -30,13 +30,13 @@ from pincette.control.response.separable_fit import separable_fit
 
 PLAYS_PER_FAMILY = 9
 PLAYS = 18
-"""Of all families together, at most; the linear part comes to them."""
+"""Largest number of plays of all families together, besides the linear part."""
 REACH = 0.95
 """Share of the travel after which, turned at its threshold, the widest play yields again."""
 YIELDING = 0.7
 """Largest r_i·λ_i of a family. At 1 a play never yields; one such play is fitted by its rates."""
 CREEP_STEP = 5.0
-"""From one creep time to the next; the first is that many samples."""
+"""Ratio of neighbouring creep times; the first is that many samples."""
 MIN_SAMPLES_PER_COEFFICIENT = 20
 LEAST_TRAVEL_V = 0.1
 
@@ -51,7 +51,7 @@ class Rates(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """What least squares cannot give."""
+    """Parameters that least squares cannot give."""
 
     families: tuple[float, ...]
     curved: bool
@@ -94,14 +94,14 @@ class Plays(NamedTuple):
 
 
 def spread_thresholds(travel_V: float, share: float, plays: int) -> tuple[float, ...]:
-    """Thresholds in V of a family, even, the largest as ``REACH`` says; ``share`` is r·λ."""
+    """Return evenly spaced thresholds in V of a family, up to ``REACH``; ``share`` is r·λ."""
     ways = log((1.0 + share) / (1.0 - share)) / share if share > 0.0 else 2.0
     widest_V = REACH * travel_V / ways
     return tuple([widest_V * (index + 1) / plays for index in range(plays)])
 
 
 def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
-    """Creep times in s, from some samples to the whole motion: slower creep looks like a drift."""
+    """Return creep times in s, from some samples to the whole motion."""
     times_s: list[float] = []
     time_s = CREEP_STEP * period_s
     while time_s <= duration_s:
@@ -132,26 +132,26 @@ def require_enough(samples: int, coefficients: int) -> None:
 
 
 def first_known(u: Column, threshold_V: float) -> int:
-    """Sample from which plays up to a threshold are where the voltage says."""
+    """Return the first sample at which the voltage determines plays up to a threshold."""
     swing = np.maximum.accumulate(u) - np.minimum.accumulate(u)
     return int(np.argmax(swing >= min(2.0 * threshold_V, float(swing[-1]))))
 
 
 def missed_um(record: Record, model: HysteresisModel, choice: Choice, part: slice) -> float:
-    """What a model leaves of a part of the record about its mean, r.m.s."""
+    """Return the r.m.s. residual of a model over a part of the record, about its mean."""
     plays = _plays(record, choice)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[part]))
 
 
 def fitted_until(record: Record, until: int, choice: Choice) -> HysteresisModel:
-    """Model fitted to the known samples before ``until``; raises as ``fitted_to``."""
+    """Return a model fitted to the known samples before ``until``; raises as ``fitted_to``."""
     require_travel("fitted", record, slice(until), LEAST_TRAVEL_V)
     return fitted_to(record, np.arange(record.known, max(record.known, until)), choice)
 
 
 def fitted_to(record: Record, known: NDArray[np.int_], choice: Choice) -> HysteresisModel:
-    """Model fitted to some samples.
+    """Return a model fitted to some samples.
 
     Raises
     ------

@@ -26,7 +26,7 @@ IGNORED_V = 0.01
 
 
 class Turn(NamedTuple):
-    """Where the voltage turned round."""
+    """A turning point of the voltage."""
 
     voltage_V: float
     x_um: float
@@ -45,9 +45,9 @@ class RecordedBranches:
     bottom: Turn
     top: Turn
     ascending: tuple[float, ...]
-    """From bottom to top."""
+    """Shares from bottom to top."""
     descending: tuple[float, ...]
-    """From top to bottom."""
+    """Shares from top to bottom."""
 
     def __post_init__(self) -> None:
         require_positive("voltage of the stroke", self.top.voltage_V - self.bottom.voltage_V, "V")
@@ -66,7 +66,7 @@ class RecordedResponse(MemoryResponse, frozen=True):
     turns: tuple[Turn, ...]
     """Oldest first, two at least; the arm goes from the last towards the one before."""
     furthest_V: float
-    """How far it has come since the last turn."""
+    """Furthest voltage since the last turn."""
     voltage_V: float
     """The voltage followed last."""
 
@@ -93,10 +93,9 @@ class RecordedResponse(MemoryResponse, frozen=True):
 def recorded_response(
     branches: RecordedBranches, piezo_um_per_V: float, model_error_um: float
 ) -> RecordedResponse:
-    """Response at 0 V, on the ascending branch; raises ValueError for an impossible d_p or error.
+    """Return the response at 0 V on the ascending branch; raises ValueError for impossible numbers.
 
-    Where the arm has been before is unknown; the first stroke to an end of the recorded range
-    makes it so.
+    The past of the arm is unknown; the first stroke to an end of the recorded range determines it.
     """
     turns = _passed(branches, (branches.top, branches.bottom), 0.0)
     if branches.bottom.voltage_V > 0.0:
@@ -112,7 +111,7 @@ def recorded_response(
 
 
 def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
-    """Turning points after the voltage turned round at ``at_V``."""
+    """Return the turning points after the voltage turned round at ``at_V``."""
     here = Turn(at_V, _on_branch(branches, turns[-1], turns[-2], at_V))
     if len(turns) == 2 and at_V == turns[0].voltage_V:
         return turns[1], here
@@ -128,7 +127,7 @@ def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
 
 
 def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
-    """Turning points after the voltage has come to ``at_V`` on its branch."""
+    """Return the turning points after the voltage reached ``at_V`` on its branch."""
     while True:
         origin, target = turns[-1], turns[-2]
         rising = target.voltage_V > origin.voltage_V
@@ -141,7 +140,7 @@ def _passed(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) ->
 
 
 def _on_line(branches: RecordedBranches, end: Turn, at_V: float) -> Turn:
-    """Point on the straight line through an end of the loop, of the loop's mean slope."""
+    """Return a point on the straight line through a loop's end, with the loop's mean slope."""
     bottom, top = branches.bottom, branches.top
     slope = (top.x_um - bottom.x_um) / (top.voltage_V - bottom.voltage_V)
     return Turn(at_V, end.x_um + slope * (at_V - end.voltage_V))

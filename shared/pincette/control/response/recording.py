@@ -14,11 +14,11 @@ CELLS = 24
 HELD_OUT = 0.25
 """Share of the samples, the last ones, that the residual is taken on, its mean taken off."""
 END = 0.03
-"""Share of the voltage's travel within which a stroke counts as having come to an end, and
-by which it may go back on its way."""
+"""Share of the voltage's travel within which a stroke counts as complete, and by which it may go
+back on its way."""
 MIN_SAMPLES_PER_CELL = 2
 LEAST_RISE = 1e-3
-"""Of a cell's share; what noise would make fall is made to rise by this."""
+"""Smallest rise of a cell, as a share of its width; noise would otherwise make it fall."""
 
 
 class Recording(NamedTuple):
@@ -56,7 +56,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
 
 
 def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
-    """Mean branches of all strokes from end to end; raises ValueError as above."""
+    """Return the mean branches of all strokes from end to end; raises ValueError as above."""
     if len(voltage_V) < 2 or not float(np.ptp(voltage_V)) > 0.0:
         raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is wanted")
     shapes: list[tuple[float, ...]] = []
@@ -84,7 +84,7 @@ def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
 
 
 def _strokes(u: Column) -> list[tuple[int, int]]:
-    """First and last sample of each rise from the lowest to the highest values."""
+    """Return the first and last sample of each rise from the lowest to the highest values."""
     low, high = float(u.min()), float(u.max())
     margin = END * (high - low)
     strokes: list[tuple[int, int]] = []
@@ -113,7 +113,7 @@ def _strokes(u: Column) -> list[tuple[int, int]]:
 
 
 def _knots(way: Column, x: Column) -> Column:
-    """Values at even shares of the way of the broken line that fits best."""
+    """Return values at equal shares of the way of the broken line that fits best."""
     place = np.clip(way, 0.0, 1.0) * CELLS
     cell = np.minimum(place.astype(int), CELLS - 1)
     hats = np.zeros((len(way), CELLS + 1))
@@ -129,7 +129,7 @@ def _knots(way: Column, x: Column) -> Column:
 
 
 def _rising(shape: Column) -> tuple[float, ...]:
-    """A shape from 0 to 1 that rises throughout."""
+    """Return a shape from 0 to 1 that rises everywhere."""
     rises = np.maximum(np.diff(shape), LEAST_RISE / CELLS)
     values = np.concatenate([[0.0], np.cumsum(rises)]) / np.sum(rises)
     return (0.0, *values[1:-1].tolist(), 1.0)

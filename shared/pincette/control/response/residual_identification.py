@@ -18,7 +18,7 @@ from pincette.control.response.residual_table import MOST_KNOTS, ResidualTable
 WIDTHS = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Standard deviations of the Gaussian in ticks; 0: none."""
 REACH = 3.0
-"""Of the Gaussian, in standard deviations."""
+"""Reach of the Gaussian, in standard deviations."""
 
 Column = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class IdentifiedResidual(NamedTuple):
 
     table: ResidualTable
     width_ticks: float
-    """Of the smoothing."""
+    """Standard deviation of the smoothing."""
     residual_um: Column
     """Mean of the runs, smoothed."""
     error_um: float
@@ -79,7 +79,7 @@ def identify_residual(
 
 
 def _missed_um(runs: Column, width: float) -> float:
-    """R.m.s. of each run less the others, smoothed."""
+    """Return the r.m.s. of each run less the smoothed others."""
     missed = [
         run - smoothed(np.mean(np.delete(runs, number, axis=0), axis=0), width)
         for number, run in enumerate(runs)
@@ -88,7 +88,7 @@ def _missed_um(runs: Column, width: float) -> float:
 
 
 def smoothed(values: Column, width_ticks: float) -> Column:
-    """Values under a Gaussian of this standard deviation; at the ends under what is left of it."""
+    """Return values smoothed by a Gaussian of this standard deviation; truncated at the ends."""
     if width_ticks <= 0.0:
         return values
     reach = max(1, round(REACH * width_ticks))
@@ -98,7 +98,7 @@ def smoothed(values: Column, width_ticks: float) -> Column:
 
 
 def _stride(width: float, places: Sequence[Place]) -> int:
-    """As fine as half the width; coarser where the table would not travel."""
+    """Return a stride of half the width; coarser if the table would be too long to send."""
     segments = 2 * len({place.segment for place in places})
     least = -(-len(places) // max(1, MOST_KNOTS - segments))
     return max(1, int(0.5 * width), least)
@@ -107,7 +107,10 @@ def _stride(width: float, places: Sequence[Place]) -> int:
 def _knots(
     places: Sequence[Place], residual_um: Column, stride: int
 ) -> tuple[tuple[float, ...], ...]:
-    """Knots of each segment; ticks that were played more than once count by their mean."""
+    """Return the knots of each segment.
+
+    Ticks that were played more than once count by their mean.
+    """
     segments = np.array([place.segment for place in places])
     ticks = np.array([place.tick for place in places])
     found: list[tuple[float, ...]] = []

@@ -1,6 +1,6 @@
-"""What the free-response model misses along one program, by segment and tick.
+"""Residual of the free response model along one program, by segment and tick.
 
-    r_k = (x_k - H_k) - mean over the last zero
+r_k = (x_k - H_k) - mean over the last zero
 
 with the position x of the free arm and the displacement H of the model, k a tick of the program's
 own voltages. Since the program repeats, so does most of r: with it F̂ = (offset + H + r - x)/s_p.
@@ -12,11 +12,11 @@ from typing import NamedTuple
 from pincette.control.checks import require_not_negative
 
 MOST_KNOTS = 2400
-"""Of a whole table: what travels with an arming beside the model."""
+"""Largest number of knots of a table, which is sent with an arming beside the model."""
 
 
 class Residual(NamedTuple):
-    """What is known of one tick."""
+    """Residual at one tick."""
 
     value_um: float
     beyond: int
@@ -36,7 +36,7 @@ class ResidualTable:
     stride: int
     """Ticks from one knot to the next."""
     knots_um: tuple[tuple[float, ...], ...]
-    """By segment of the program; the first knot of a segment is that of its tick 0. A segment that
+    """Knots by segment of the program; the first knot of a segment is at its tick 0. A segment that
     was not played has none."""
     error_um: float
     """Standard error of r in a later run."""

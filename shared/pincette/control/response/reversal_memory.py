@@ -36,7 +36,7 @@ class ReversalMemory(FrozenRecord, frozen=True):
 
 
 def forgotten_share(total_V: float, scale_V: float) -> float:
-    """Share 1 - e^(-V/V_s) of what there is to forget that a to-and-fro of ``total_V`` takes.
+    """Return the share 1 - e^(-V/V_s) of the memory that a to-and-fro of ``total_V`` erases.
 
     Linear at first, and bounded; ``scale_V`` is positive.
     """

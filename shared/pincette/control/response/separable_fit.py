@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_CREEP = 0.9
-"""At least the rest of the displacement follows the voltage at once."""
+"""Largest sum of creep fractions: at least the rest of the displacement follows the voltage at
+once."""
 WORTH_A_ROUND = 1e-5
 """Relative decrease of the cost below which the rounds end."""
 ROUNDS = 30
@@ -53,7 +54,7 @@ class _Solved(NamedTuple):
     weights: Vector
     """v."""
     left: Vector
-    """Of the target, and below it of the penalty."""
+    """Remainder of the target, and below it of the penalty."""
     cost: float
 
 
@@ -105,7 +106,7 @@ def _shares(problem: _Problem) -> Vector:
 
 
 def _mixed(problem: _Problem, shares: Vector) -> Matrix:
-    """M(a)."""
+    """Return M(a)."""
     at_once = 1.0 - float(np.sum(shares))
     return at_once * problem.static + np.tensordot(shares, problem.passed, axes=1)
 
@@ -142,7 +143,10 @@ def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
 def _shortened(
     problem: _Problem, shares: Vector, step: Vector, now: _Solved
 ) -> tuple[Vector, _Solved] | None:
-    """Shares after the longest step that is allowed and lowers the cost; None: none does."""
+    """Return the shares after the longest allowed step that lowers the cost.
+
+    None if there is none.
+    """
     rise, room = float(np.sum(step)), MOST_CREEP - float(np.sum(shares))
     length = min(1.0, room / rise) if rise > room else 1.0
     while length >= SHORTEST_STEP:

@@ -66,7 +66,7 @@ class Bottom(FrozenRecord, frozen=True):
 
     @property
     def samples(self) -> int:
-        """Number of samples that the means are of."""
+        """Return the number of samples in the means."""
         return max(0, self.seen - SETTLE_SAMPLES)
 
     @property
@@ -105,7 +105,7 @@ class Bottom(FrozenRecord, frozen=True):
 
 
 class Doubt(NamedTuple):
-    """What may move the reading on a way, besides the stroke."""
+    """Influences on the reading of a way, besides the stroke."""
 
     noise_um: float
     """Standard deviation of one sample."""
@@ -129,12 +129,12 @@ class StrokeChange(FrozenRecord, frozen=True):
 
     @property
     def significant(self) -> bool:
-        """True where noise and repetition do not explain the change."""
+        """Return whether noise and repetition do not explain the change."""
         return abs(self.change) > self.limit
 
     @property
     def refused(self) -> bool:
-        """True where the change is too large for a force to be stated."""
+        """Return whether the change is too large for a force to be stated."""
         return self.significant and abs(self.change) > LARGEST_CHANGE
 
 

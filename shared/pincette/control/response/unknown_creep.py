@@ -1,4 +1,4 @@
-"""What is not known of an arm's creep, once its turning points are, and what its free way tells.
+"""Unknown creep of an arm after its turning points are known, and what its free way shows.
 
 Pasts whose plays have been led to the same places differ by creep alone, and each difference decays
 by itself, with the time of its creep state, whatever the voltage does:
@@ -29,7 +29,7 @@ class Spread(FrozenRecord, frozen=True):
     high_um: tuple[float, ...] = ()
 
     def since(self, before: "Spread") -> "Spread":
-        """By what each D_j has fallen; both its ends fall by the same share."""
+        """Return how far each D_j has fallen; both its ends fall by the same share."""
         return Spread(
             tuple([b - a for a, b in zip(self.low_um, before.low_um, strict=True)]),
             tuple([b - a for a, b in zip(self.high_um, before.high_um, strict=True)]),
@@ -37,7 +37,7 @@ class Spread(FrozenRecord, frozen=True):
 
 
 class FreePlace(FrozenRecord, frozen=True):
-    """Where an arm was found free and at rest."""
+    """Place at which an arm was found free and at rest."""
 
     off_um: float = 0.0
     """Position less the model's displacement."""
@@ -45,7 +45,7 @@ class FreePlace(FrozenRecord, frozen=True):
 
 
 class Fallen(FrozenRecord, frozen=True):
-    """By what D_j have fallen between two free rests, each and together."""
+    """Amounts by which D_j have fallen between two free rests, each and together."""
 
     each: Spread = Spread()
     least_um: float = 0.0
@@ -53,7 +53,7 @@ class Fallen(FrozenRecord, frozen=True):
     most_um: float = 0.0
 
     def extremes_um(self, since_zero: Spread) -> tuple[float, float]:
-        """Least and largest sum of what the same D_j have fallen by since a zero."""
+        """Return the least and largest sum by which the same D_j have fallen since a zero."""
         rows = [
             (min(a, b), abs(b - a), min(c, d), abs(d - c))
             for a, b, c, d in zip(
@@ -73,7 +73,7 @@ class Fallen(FrozenRecord, frozen=True):
 
 
 def _most(spans: Sequence[tuple[float, float]], room_um: float) -> float:
-    """Largest Σ f_j·gain_j of 0 ≤ f_j ≤ 1 with Σ f_j·span_j ≤ room."""
+    """Return the largest Σ f_j·gain_j with 0 ≤ f_j ≤ 1 and Σ f_j·span_j ≤ room."""
     total_um, room_um = 0.0, max(0.0, room_um)
     for span_um, gain_um in sorted(spans, key=_ratio, reverse=True):
         share = 1.0 if span_um <= room_um else room_um / span_um
@@ -88,7 +88,7 @@ def _ratio(span: tuple[float, float]) -> float:
 
 
 def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeResponse) -> Spread:
-    """Between what D_j lie by the two outermost pasts; empty where their plays still differ."""
+    """Return the limits of D_j by the two outermost pasts; empty if their plays still differ."""
     if not (
         isinstance(response, IdentifiedResponse)
         and isinstance(lowest, IdentifiedResponse)
@@ -111,7 +111,7 @@ def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeRespons
 
 
 def widest_V(response: FreeResponse) -> float:
-    """Way that turns every play over; 0 where there are none."""
+    """Return the way that turns every play over; 0 if there are none."""
     if not isinstance(response, IdentifiedResponse):
         return 0.0
     return 2.0 * max(response.model.thresholds_V)

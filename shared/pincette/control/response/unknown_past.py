@@ -1,4 +1,4 @@
-"""What a past that nobody has followed may make of the free response x_1.
+"""Range of the free response x_1 for a past that nobody has followed.
 
 A program that is started anew knows neither the turning points of the voltage nor the creep of the
 arm. All it knows is the range that the voltage cannot have left. Play operators with one input
@@ -38,9 +38,9 @@ class UnknownPast(FrozenRecord, frozen=True):
     """The free responses of the outermost pasts, which are followed as long as they matter."""
 
     lowest: FreeResponse
-    """It rested at the lowest voltage."""
+    """The past that rested at the lowest voltage."""
     highest: FreeResponse
-    """At the highest."""
+    """The past that rested at the highest voltage."""
     ends_V: tuple[float, float]
     """Range that the voltage has not left."""
     known: bool = False
@@ -48,14 +48,14 @@ class UnknownPast(FrozenRecord, frozen=True):
     at_zero_um: tuple[float, float] = (0.0, 0.0)
     """Displacement of each less the model's, at the last zero."""
     shares: tuple[float, float] = (1.0, 1.0)
-    """Of the way from the model's past to each, up to which a past may still have been."""
+    """Shares of the way from the model's past to each, within which the true past may be."""
     agreed_V: float | None = None
     """Where the free arm first rested with the plays of all pasts at the same places."""
     met: FreePlace = FreePlace()
     """The first rest since then with all of them turned over: but for creep the past is over."""
     creep_at_zero: Spread = Spread()
     fallen: Fallen = Fallen()
-    """What the arm has told of its creep since ``met``."""
+    """What the arm has shown of its creep since ``met``."""
 
     @property
     def awaits_rest(self) -> bool:
@@ -109,7 +109,7 @@ class UnknownPast(FrozenRecord, frozen=True):
     def compared(
         self, response: FreeResponse, residual_um: float, standard_um: float
     ) -> "UnknownPast":
-        """Narrow the pasts by how far a free arm at rest has come from x_1 since the zero.
+        """Return pasts narrowed by the deviation of a free resting arm from x_1 since the zero.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
-        """By how much each has parted from the model since the zero."""
+        """Return how far each has departed from the model since the zero."""
         lowest_um, highest_um = self.apart_um(response)
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
@@ -183,18 +183,21 @@ class UnknownPast(FrozenRecord, frozen=True):
 
 
 def unknown_past(response: FreeResponse, ends_V: tuple[float, float]) -> UnknownPast:
-    """Pasts that rested at either end of a range; the next voltage is gone to straight."""
+    """Return the pasts that rested at either end of a range.
+
+    The next voltage is approached directly.
+    """
     lowest, highest = [response.follow(end_V, RESTED_S) for end_V in ends_V]
     return UnknownPast(lowest, highest, ends_V)
 
 
 def _share(parted_um: float, residual_um: float, allowed_um: float) -> float:
-    """Largest share of ``parted_um`` that lies within the residual and what is allowed for."""
+    """Return the largest share of ``parted_um`` within the residual and the allowance."""
     towards_um = residual_um if parted_um > 0.0 else -residual_um
     reach_um = max(0.0, towards_um) + allowed_um
     return 1.0 if reach_um >= abs(parted_um) else reach_um / abs(parted_um)
 
 
 def standard_uncertainty_um(error_um: float) -> float:
-    """Standard uncertainty where nothing but a largest error is known (JCGM 100:2008, 4.3.7)."""
+    """Return the standard uncertainty if only a largest error is known (JCGM 100:2008, 4.3.7)."""
     return error_um / sqrt(3.0)

@@ -1,4 +1,4 @@
-"""What voltage an arm has been through, in few pieces, so that another model can be led through it.
+"""Voltages of an arm's past in few pieces, so that another model can follow them.
 
 A hysteresis without rate depends on the turning points of the voltage alone, creep on how long it
 rested; between turning points nothing need be kept. A small to-and-fro is left out.
@@ -36,7 +36,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
 
     @property
     def path(self) -> tuple[Piece, ...]:
-        """All pieces, the oldest first."""
+        """Return all pieces, oldest first."""
         return (*self.pieces, *self.newest)
 
     def follow(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
@@ -58,7 +58,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         return VoltageMemory(kept, (Piece(voltage_V, dt_s, 0.0),))
 
     def replayed(self, response: FreeResponse) -> FreeResponse:
-        """Lead a model through all of it, straight from where it stands."""
+        """Lead a model through all pieces, from its present voltage."""
         at_V = response.voltage_V
         for to_V, move_s, rest_s in self.path:
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))

@@ -1,4 +1,4 @@
-"""What the actuator does whatever it is told, and the controller checks before it tells it.
+"""Rules that the actuator enforces on every command, and that the controller checks too.
 
 Read ``causes`` for modes and causes, ``state`` for what is remembered, ``admission`` for which
 commands may act, ``voltage`` and ``monitors`` for the limits, ``latch`` for what a trip does and

@@ -45,12 +45,12 @@ S = TypeVar("S", bound=SafetyState)
 
 
 class CommandFacts(FrozenRecord, frozen=True):
-    """What the safety rules know of a command."""
+    """Properties of a command that the safety rules use."""
 
     epoch: int
     owner: int
     seq: int
-    """Of the sample that it is based on."""
+    """Number of the sample on which it is based."""
     arms: tuple[ArmFacts, ...]
     part_held: bool
     final: bool
@@ -103,7 +103,7 @@ def _tripped(limits: SafetyLimits, state: S, index: int, found: Finding, now: fl
 
 
 def unheard(state: SafetyState, command: CommandFacts) -> Fault | None:
-    """Why a command is not listened to at all; None where it is.
+    """Return why a command is ignored; None if it is not.
 
     Without authority, or so far ahead of the samples that it cannot have overtaken its own.
     """
@@ -215,7 +215,7 @@ def objection(
     sample: Arrival | None,
     now: float,
 ) -> Fault | None:
-    """Why a valid command that is listened to is not taken; None where it may be."""
+    """Return why a valid command with authority is not accepted; None if it may be."""
     if state.mode != Mode.ARMED:
         return fault(FaultCode.NOT_ARMED, seq=command.seq)
     if command.seq <= state.taken_seq:

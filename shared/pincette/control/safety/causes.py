@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """What the actuator does."""
+    """Mode of the actuator."""
 
     LATCHED = "latched"
     IDLE = "idle"
@@ -14,7 +14,7 @@ class Mode(StrEnum):
 
 
 TRIPPED = frozenset({Mode.FROZEN, Mode.RAMPING, Mode.LATCHED})
-"""In the safe state, or on the way there."""
+"""Modes in the safe state, or on the way there."""
 AT_REST = frozenset({Mode.IDLE, Mode.LATCHED})
 """Modes in which no command is accepted and the voltage does not move."""
 
@@ -23,7 +23,7 @@ class Cause(StrEnum):
     """Why a rig is latched; the faults beside it have the numbers."""
 
     NONE = ""
-    """It is not."""
+    """Not tripped."""
     BOOT = "boot"
     """The actuator has just started, and none before it has died."""
     COMMAND_AGE = "command_age"
@@ -41,7 +41,7 @@ class Cause(StrEnum):
     SHUTDOWN = "shutdown"
     """The program was told to end."""
     RESTART = "restart"
-    """The actuator was started anew after one that has died."""
+    """The actuator was restarted after one that has died."""
     ESTOP = "estop"
     ABORT = "abort"
     LEASE = "lease"
@@ -51,14 +51,14 @@ class Cause(StrEnum):
 
 
 class Predecessor(StrEnum):
-    """How the actuator before this one has ended."""
+    """How the previous actuator program has ended."""
 
     NONE = "none"
     """None is known."""
     CLEAN = "clean"
     """It was told to end, with the arm free and nothing latched that a person had not seen."""
     DIED = "died"
-    """It was killed, has failed, or left something to be seen; or what is noted is damaged."""
+    """It was killed, failed, or left an unseen latch; or the note is damaged."""
 
 
 CAUSES = tuple(cause for cause in Cause if cause != Cause.NONE)
@@ -84,9 +84,9 @@ LETS_GO = frozenset({Cause.FORCE})
 
 
 def as_asked(cause: Cause) -> Cause:
-    """The cause of a trip that another program asks for.
+    """Return the cause of a trip that another program requests.
 
-    What claims to be the actuator's own finding is told as asked for: a rig that has only booted
-    is cleared more easily than one that was tripped.
+    A cause that only the actuator itself can find is reported as requested: a rig that has only
+    booted is cleared more easily than one that was tripped.
     """
     return Cause.ASKED if not cause or cause in OWN else cause

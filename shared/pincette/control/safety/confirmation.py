@@ -1,4 +1,4 @@
-"""What is put out, where the output has not confirmed it: read back first, and only then moved.
+"""Output voltages that are not confirmed: read back first, and only then moved.
 
 A write that failed may have been heard or not, and an output that is back may have lost its
 voltage with its supply. Nobody knows then what is put out, and any write may be a step. So nothing
@@ -89,9 +89,9 @@ def found(limits: SafetyLimits, state: S, found_V: tuple[float, ...], now: float
 
 
 def suspended(limits: SafetyLimits, state: S, slept_s: float, now: float) -> S:
-    """Trip what was armed: of a sleep no age tells, and no standstill is forgiven for it.
+    """Trip an armed actuator after a sleep: no age counts it, and no standstill excuses it.
 
-    The output's own watchdog may have acted meanwhile, so that it is read back before anything.
+    The output's own watchdog may have acted meanwhile, so that it is read back first.
     """
     told = fault(FaultCode.SUSPENDED, slept_s=slept_s)
     if state.mode == Mode.ARMED:

@@ -1,4 +1,4 @@
-"""How old a command is, by the clock and by the number of its sample, and what is no age.
+"""Age of a command, by the clock and by the number of its sample, and what is excused.
 
 A command is as old as the sample that it is based on, which counts from its arrival here: no two
 limits add up, and no clocks of two programs are compared. The clock sees a command that is late;
@@ -11,7 +11,8 @@ from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.record import FrozenRecord
 
 ARRIVALS_KEPT = 8
-"""Samples remembered; a command further ahead than that has not overtaken its sample, it errs."""
+"""Number of samples that are remembered; a command further ahead has not overtaken its sample, it
+is wrong."""
 
 
 class Arrival(FrozenRecord, frozen=True):
@@ -28,24 +29,24 @@ Arrivals = tuple[Arrival, ...]
 
 @dataclass(frozen=True, slots=True)
 class AgeLimits:
-    """How old a command may be, and how long the first one may take."""
+    """Limits of the age of a command, and of the time until the first one."""
 
     limit_s: float
     limit_ticks: int
     grace_s: float
     wake_s: float
-    """How often the actuator looks at its clock; twice that is a standstill."""
+    """Interval at which the actuator checks its clock; twice that is a standstill."""
     excused_s: float
-    """How much of its own standstill is left out of an age, from one command to the next."""
+    """Time of its own standstill that is subtracted from an age, from one command to the next."""
 
 
 def newest_seq(arrivals: Arrivals) -> int:
-    """Number of the newest sample; -1 before the first."""
+    """Return the number of the newest sample; -1 before the first."""
     return arrivals[-1].seq if arrivals else -1
 
 
 def skipped_seq(arrivals: Arrivals, seq: int) -> int:
-    """Number before that of a new sample, where that one was not seen; -1 where none is missing."""
+    """Return the number before that of a new sample, if it was not seen; -1 if none is missing."""
     newest = newest_seq(arrivals)
     return seq - 1 if 0 <= newest < seq - 1 else -1
 
@@ -60,7 +61,7 @@ def with_sample(
 
 
 def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
-    """The sample of a number; None where it has not been seen, or not lately."""
+    """Return the sample of a number; None if it has not been seen, or not lately."""
     for arrival in arrivals:
         if arrival.seq == seq:
             return arrival
@@ -68,7 +69,7 @@ def arrival_of(arrivals: Arrivals, seq: int) -> Arrival | None:
 
 
 def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) -> Fault | None:
-    """Why a command that is based on ``sample`` is too old; None where it is not."""
+    """Return why a command based on ``sample`` is too old; None if it is not."""
     age_s = now - sample.at_s
     if age_s > limits.limit_s:
         return fault(FaultCode.COMMAND_TOO_LATE, age_s=age_s, limit_s=limits.limit_s)
@@ -81,11 +82,10 @@ def too_old(limits: AgeLimits, arrivals: Arrivals, sample: Arrival, now: float) 
 
 
 def standstill_s(limits: AgeLimits, slept_s: float, excused_s: float) -> float | None:
-    """How much of the time since the actuator ran last is left out of its ages, in s.
+    """Return how much of the time since the actuator ran last is subtracted from ages, in s.
 
     Where the machine has stood still, a command that is on its way has not had its chance, and a
-    ramp would jump. What is left out is bounded, from one good command to the next. None where the
-    actuator has run as it should.
+    ramp would jump.
     """
     stood_s = slept_s - limits.wake_s
     if stood_s <= limits.wake_s:

@@ -33,7 +33,7 @@ def booted(state: S, predecessor: Predecessor) -> S:
 
 
 def ending(state: SafetyState) -> Predecessor:
-    """What an actuator that is told to end here is to the next one.
+    """Return how an actuator that is told to end here is reported to the next one.
 
     One whose latch nobody has cleared is no better than the one before it.
     """
@@ -47,10 +47,10 @@ def ending(state: SafetyState) -> Predecessor:
 
 
 def arming_objection(state: SafetyState) -> str:
-    """Why the actuator may not be armed; empty where it may.
+    """Return why the actuator may not be armed; empty if it may.
 
-    Where whoever armed it went before the loop began, no sample will come to end that: another
-    arming takes its place.
+    If whoever armed it left before the loop began, no sample ends that arming: another one takes
+    its place.
     """
     if state.mode == Mode.IDLE or (state.mode == Mode.ARMED and not state.arrivals):
         return ""
@@ -165,7 +165,7 @@ def ramped(state: S, now: float) -> S:
 
 
 def at_safe(limits: SafetyLimits, state: S) -> S:
-    """Be latched at the safe voltage, without a part."""
+    """Latch at the safe voltage, without a part."""
     arms = tuple([replace(arm, voltage_V=limits.safe_V) for arm in state.arms])
     return replace(state, mode=Mode.LATCHED, arms=arms, part_held=False)
 
@@ -186,9 +186,9 @@ def released(state: S, pressed: Fault, now: float) -> S:
 
 
 def reset_objection(limits: SafetyLimits, state: SafetyState, *, acknowledged: bool) -> str:
-    """Why the latch is not cleared; empty where it may be.
+    """Return why the latch is not cleared; empty if it may be.
 
-    Only that of a boot after no death needs nobody who has seen its cause.
+    Only the latch of a start after a clean end needs nobody who has seen its cause.
     """
     if not acknowledged and (state.mode != Mode.LATCHED or state.cause != Cause.BOOT):
         return "a reset needs acknowledge = true"
@@ -239,7 +239,7 @@ def not_located(limits: SafetyLimits, state: SafetyState) -> bool:
 
 
 def pass_time(limits: SafetyLimits, state: S, now: float) -> S:
-    """What the mere passing of time does: the age limit, the end of a freeze, the ramp."""
+    """Apply the passing of time: the age limit, the end of a freeze, the ramp."""
     if state.mode == Mode.ARMED and now - state.fresh_s > limits.age.limit_s:
         state = trip(limits, state, Cause.COMMAND_AGE, now, faults=_silence(limits, state, now))
     if state.mode == Mode.FROZEN and now - state.since_s >= limits.freeze_s:
@@ -266,9 +266,9 @@ def _silence(limits: SafetyLimits, state: SafetyState, now: float) -> tuple[Faul
 
 
 def shutdown(limits: SafetyLimits, state: S, now: float) -> tuple[S, bool]:
-    """Ramp to the safe voltage because the program is told to end, a part held or not.
+    """Ramp to the safe voltage because the program is told to end, with or without a part.
 
-    True where it has come to its end.
+    True once it is there.
     """
     at_safe_voltage = all(arm.voltage_V == limits.safe_V for arm in state.arms)
     if at_safe_voltage and standing_V(limits, state, now) == limits.safe_V:

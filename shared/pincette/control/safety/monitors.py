@@ -53,7 +53,7 @@ class Watch(FrozenRecord, frozen=True):
         return QUIET if self.count <= 1 else Watch(self.count - 1, self.newest)
 
     def found(self, samples: int) -> Fault | None:
-        """The limit that acts, with the number of samples; None where it does not."""
+        """Return the limit that acts, with the number of samples; None if it does not."""
         if self.newest is None or self.count < samples:
             return None
         return self.newest.with_values(samples=self.count)
@@ -63,7 +63,7 @@ QUIET = Watch()
 
 
 class Watches(FrozenRecord, frozen=True):
-    """What has been seen of each quantity, and where the law wanted the arm last."""
+    """Observations of each quantity, and the last position that the law requested."""
 
     seq: int = -1
     """The newest command that was seen."""
@@ -86,7 +86,7 @@ class Finding(NamedTuple):
 
 
 def force_excess(limits: MonitorLimits, force_mN: float) -> Fault | None:
-    """Fault where a force, compressive and positive, is beyond its limit."""
+    """Return a fault if a force, compressive ones positive, is beyond its limit."""
     if force_mN <= limits.force_mN:
         return None
     return fault(FaultCode.FORCE_BEYOND_LIMIT, force_mN=force_mN, limit_mN=limits.force_mN)
@@ -95,10 +95,9 @@ def force_excess(limits: MonitorLimits, force_mN: float) -> Fault | None:
 def following_excess(
     limits: MonitorLimits, x_um: float, x_d_um: float, speed_um_per_s: float
 ) -> Fault | None:
-    """Fault where |x - x_d| > following_um + following_s·min(|dx_d/dt|, fastest_um_per_s).
+    """Return a fault if |x - x_d| > following_um + following_s·min(|dx_d/dt|, fastest_um_per_s).
 
-    The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags. An
-    aim that jumps is credited no more than the arm could be driven.
+    The bound grows with the commanded speed, as that of a machine tool does: a fast arm lags.
     """
     credited_um_per_s = min(speed_um_per_s, limits.fastest_um_per_s)
     bound_um, error_um = limits.following_um + limits.following_s * credited_um_per_s, x_um - x_d_um
@@ -114,7 +113,7 @@ def following_excess(
 
 
 def position_excess(limits: MonitorLimits, x_um: float) -> Fault | None:
-    """Fault where a measured position is beyond its limits, or is no number."""
+    """Return a fault if a measured position is beyond its limits, or is not a number."""
     low_um, high_um = limits.position_min_um, limits.position_max_um
     if low_um <= x_um <= high_um:
         return None
@@ -152,7 +151,7 @@ def watch_command(
 
 
 def finding(limits: MonitorLimits, watches: Watches) -> Finding | None:
-    """The gravest limit that acts; None where none does."""
+    """Return the most serious limit that acts; None if none does."""
     if found := watches.force.found(limits.force_samples):
         return Finding(Cause.FORCE, found)
     if found := watches.position.found(limits.position_samples):

@@ -1,4 +1,4 @@
-"""What the rules go by, and what they remember from one event to the next."""
+"""Limits that the rules use, and the state that they keep between events."""
 
 from dataclasses import dataclass
 from math import inf
@@ -20,13 +20,13 @@ class SafetyLimits:
 
     period_s: float
     lockstep: bool
-    """Time passes with the ticks alone, and none comes while nothing is armed."""
+    """Whether time passes only with ticks, none of which comes while nothing is armed."""
     age: AgeLimits
     arms: tuple[ArmLimits, ...]
     """One or two."""
     ramp_s: float
     freeze_s: float
-    """How long a held part is kept after a trip, before the ramp releases it."""
+    """Time for which a held part is kept after a trip, before the ramp releases it."""
     safe_V: float
     shaping_s: float | None = None
     """Time between two of the three parts in which a step is written; None: it has one part. Only
@@ -34,18 +34,18 @@ class SafetyLimits:
 
     @property
     def parts_s(self) -> float:
-        """Time from the first part of a step to the last one; 0 where it is written at once."""
+        """Return the time from the first to the last part of a step; 0 if it is written at once."""
         return 0.0 if self.shaping_s is None else LAST * self.shaping_s
 
 
 class Strangers(FrozenRecord, frozen=True):
-    """Commands that came without authority in this arming, and whose the newest was."""
+    """Commands without authority in this arming, and the owner of the newest one."""
 
     count: int = 0
     newest: Fault | None = None
 
     def alarm(self) -> tuple[Fault, ...]:
-        """What an operator must see; nothing where a message or two may have been left over."""
+        """Return an alarm for the operator; none if a message or two may have been left over."""
         if self.count < ALARM or self.newest is None:
             return ()
         return fault(FaultCode.SECOND_CONTROLLER, commands=self.count), self.newest
@@ -65,11 +65,11 @@ class SafetyState(FrozenRecord, frozen=True):
     epoch: int = 0
     owner: int = 0
     arms: tuple[ArmOutput, ...] = (ArmOutput(),)
-    """As many as the limits have; everything else is common to all arms."""
+    """Outputs, as many as the limits have; everything else is common to all arms."""
     part_held: bool = False
-    """By the last good command: what a fault means was decided before the fault."""
+    """Whether a part is held by the last good command: it decided beforehand what a fault means."""
     moved_s: float = -inf
-    """When a voltage was changed last."""
+    """Time of the last change of a voltage."""
     slewing_s: float | None = None
     """What the newest command had of the time since then; None in lockstep, which has no clock."""
     taken_seq: int = -1
@@ -90,13 +90,13 @@ class SafetyState(FrozenRecord, frozen=True):
     """Why a command was refused last."""
     strangers: Strangers = NO_STRANGERS
     predecessor: Predecessor = Predecessor.NONE
-    """How the actuator before this one has ended."""
+    """How the previous actuator program has ended."""
     unconfirmed: bool = False
-    """The output has not confirmed what it was told last."""
+    """Whether the output has not confirmed its last command."""
     located: bool = False
     """Since it has failed it has said what it puts out."""
     asked_s: float = -inf
-    """When it was asked for its voltage last."""
+    """Time at which it was last asked for its voltage."""
     shaped: ShapedStep | None = None
     """Newest step that was written in parts; the voltage of the arm is its end."""
     interrupted: bool = False
@@ -104,7 +104,7 @@ class SafetyState(FrozenRecord, frozen=True):
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """What a person asks for first, beside the cause: alarm, last refusal, standstills."""
+        """Return what a person asks for first, besides the cause: alarm, refusal, standstills."""
         found = self.strangers.alarm()
         if self.refusal is not None and self.refusal not in found:
             found = (*found, self.refusal)

@@ -14,7 +14,7 @@ ABSURD_SPANS = 10.0
 
 @dataclass(frozen=True, slots=True)
 class VoltageLimits:
-    """What may be put out, at the amplifier's input."""
+    """Limits of the output, at the amplifier's input."""
 
     min_V: float
     max_V: float
@@ -23,7 +23,7 @@ class VoltageLimits:
     sweep_V: float
     """Largest amplitude of a sweep, to which the slew limit does not apply."""
     step_V: float = 0.0
-    """Of the output, whose voltages are its multiples; 0: not known."""
+    """Step of the output, whose voltages are its multiples; 0: not known."""
 
 
 def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float) -> VoltageLimits:
@@ -38,10 +38,10 @@ def within(limits: VoltageLimits, planned: VoltageRange | None, present_V: float
 
 
 def slewing_s(period_s: float, since_s: float) -> float:
-    """How much of the time since the output moved last its slew may use, in s, to the µs.
+    """Return how much of the time since the output's last move its slew may use, in s, to the µs.
 
-    A period at most: a command after a silence moves no further than one in time. To the µs, so
-    that a record can say it.
+    At most a period: a command after a silence moves no further than one in time. To the µs, so
+    that a record can state it.
     """
     return round(min(max(since_s, 0.0), period_s), 6)
 
@@ -49,12 +49,10 @@ def slewing_s(period_s: float, since_s: float) -> float:
 def limited(
     limits: VoltageLimits, present_V: float, wanted_V: float, share: float = 1.0
 ) -> tuple[float, int]:
-    """The wanted voltage within range and slew, in V, and the bits of the limits that acted.
+    """Return the voltage within range and slew, in V, and the bits of the active limits.
 
     u = clip(clip(wanted, min, max), present - share·slew, present + share·slew), with the share of
-    a period that has passed since the output moved last; then the nearest multiple of the output's
-    step between these limits, unless the slew is slower than a step. What the output would round by
-    itself, the arm's hysteresis would follow and no memory of it know.
+    a period that has passed since.
     """
     flags, slew_V = 0, share * limits.slew_V
     if wanted_V > limits.max_V:
@@ -71,7 +69,7 @@ def limited(
 
 
 def _stepped(limits: VoltageLimits, present_V: float, wanted_V: float, slew_V: float) -> float:
-    """The multiple of the step next to a voltage within the limits, within them too."""
+    """Return the multiple of the step nearest to a voltage, within the limits."""
     steps = round(wanted_V / limits.step_V)
     nearest_V = steps * limits.step_V
     if nearest_V > limits.max_V or nearest_V > present_V + slew_V:
@@ -82,14 +80,14 @@ def _stepped(limits: VoltageLimits, present_V: float, wanted_V: float, slew_V: f
 
 
 def put_out(limits: VoltageLimits, said_V: float) -> float:
-    """What an output puts out that reads back a voltage, in V: it may round what it says, too."""
+    """Return the true voltage, in V, of an output that reads back a rounded voltage."""
     if limits.step_V <= 0.0:
         return said_V
     return round(said_V / limits.step_V) * limits.step_V
 
 
 def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
-    """Why a voltage is not even limited but refused; None where it may be wished for."""
+    """Return why a voltage is refused rather than limited; None if it may be requested."""
     if not isfinite(wanted_V):
         return fault(FaultCode.VOLTAGE_NOT_FINITE, voltage_V=wanted_V)
     room_V = ABSURD_SPANS * (limits.max_V - limits.min_V)
@@ -104,7 +102,7 @@ def absurd(limits: VoltageLimits, wanted_V: float) -> Fault | None:
 
 
 def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault | None:
-    """Why a sweep is not played; None where it may be."""
+    """Return why a sweep is not played; None if it may be."""
     if not amplitude_V <= limits.sweep_V:
         return fault(FaultCode.SWEEP_TOO_WIDE, amplitude_V=amplitude_V, limit_V=limits.sweep_V)
     low_V, high_V = about_V - amplitude_V, about_V + amplitude_V
@@ -120,7 +118,7 @@ def too_wide(limits: VoltageLimits, about_V: float, amplitude_V: float) -> Fault
 
 
 def ramp(from_V: float, safe_V: float, share: float) -> float:
-    """The straight way from a voltage to the safe one, in V; ``share`` of its time.
+    """Return the straight way from a voltage to the safe one, in V; ``share`` of its time.
 
     u = u_0 + clip(share, 0, 1)·(u_safe - u_0): never beyond either end, whatever the clock says.
     """

@@ -1,4 +1,4 @@
-"""When the hardware's own watchdog may hear that its host lives.
+"""When the output's own watchdog may receive the host's heartbeat.
 
 A loop that hangs cannot say so. One that runs says so only while its output stands as the rules
 want it: a ramp, or a safe voltage, that the output does not confirm is left to the hardware, which

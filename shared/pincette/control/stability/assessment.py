@@ -29,7 +29,7 @@ class Assessment:
     """Spectral radius, one tick to the next."""
     limit_radius: float
     case: LoopCase
-    """Where it occurs."""
+    """Case in which it occurs."""
     settling_s: float
     """Until a disturbance has fallen to 2 % in that case; infinite where it does not."""
     reason: str
@@ -92,7 +92,7 @@ def radius_map(
     worst: bool = True,
     observer_at: Callable[[float], ForceObserver] | None = None,
 ) -> Array:
-    """Spectral radius over period and gain, shape (periods, gains).
+    """Return the spectral radius over period and gain, shape (periods, gains).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How stable a loop must be at its period, and over what it must be so.
+"""Required stability of a loop at its period, and the range over which it is required.
 
 At a period that is short against the mode its ring goes on from sample to sample. A law must then
 leave the mode at rest whatever a calibration has missed of the rig, and a radius next to 1 says
@@ -16,7 +16,7 @@ LIMIT_RADIUS, LIMIT_PERIOD_S = 0.97, 0.02
 0.66 s: a disturbance takes 2.6 s to fall to 2 %, as long as a grip takes to load. A slower loop
 still settles when the plan has gone on. See ``limit_radius_at``."""
 LIMIT_PEAK = 2.0
-"""Of M_s at periods that are short against the mode, where a radius next to 1 says little of how
+"""Largest M_s at periods that are short against the mode, where a radius near 1 says little of how
 far a loop is from instability."""
 
 
@@ -31,7 +31,7 @@ def short(loop: Loop) -> bool:
 
 
 def widened(loop: Loop, intervals: Intervals) -> Intervals:
-    """Intervals as a loop must bear them at its period.
+    """Return the intervals that a loop must tolerate at its period.
 
     At a short period the law lives from not exciting the mode, and it must do so whatever the
     calibration has missed: ω_n ± 20 %, ζ from 0.77 to 1.35 times, K_e from half to twice the one it

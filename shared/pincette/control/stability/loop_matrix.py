@@ -36,7 +36,7 @@ Value = TypeVar("Value")
 ForceOfLaw = Literal["estimated", "true"]
 ARM_STATES = 4
 X, VOLTAGE = 0, 3
-"""Where x and u_{k-1} stand among the states."""
+"""Indices of x and u_{k-1} among the states."""
 SMALL = 2.0**-200
 """Size of an input: inside any boundary layer, and a power of two, so that it scales exactly."""
 
@@ -60,7 +60,7 @@ class Loop:
     output_lag_s: float = 0.0
     """First-order lag between output and arm."""
     told: OutputTiming = PROMPT
-    """When a voltage acts, as a law that looks ahead is told."""
+    """When a voltage acts, as given to a law that looks ahead."""
     force: ForceOfLaw = "estimated"
     """``true`` gives the law K_e·x instead of the observer's force."""
     observer: ForceObserver | None = None
@@ -185,7 +185,7 @@ def observer_block(observer: ForceObserver) -> Array:
 
 
 def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    """z_{k+1} = A z_k of every case, references at zero; shape (cases, n, n).
+    """Return z_{k+1} = A z_k of every case with zero references, shape (cases, n, n).
 
     The states are (x, ẋ/ω_n in µm, y, u_{k-1} in V), the observer's, the law's. Those that reach
     the position in no case are dropped, and they are 0 in the cases in which they do not reach it:
@@ -200,16 +200,16 @@ def loop_matrices(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 
 
 def told_of(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    """Contact that the law works with in each case, in mN/µm; 0 where it is of no matter to it."""
+    """Return the contact stiffness that the law uses in each case, in mN/µm; 0 if irrelevant."""
     previews = loop.law.definition.previews
     return np.array([case.told if previews else 0.0 for case in cases])
 
 
 @lru_cache(maxsize=256)
 def controller_block(loop: Loop, told_mN_per_um: float = 0.0) -> tuple[Array, Array]:
-    """From (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
+    """Return (F, x, u_{k-1}, observer, law) to (u_k, observer, law), and the row of F̂.
 
-    The law's row for F stands apart, since its force input depends on the case.
+    The law's row for F is separate, since its force input depends on the case.
     """
     arm = loop.arm
     observer = loop.observer
@@ -271,7 +271,7 @@ def _closed_with(loop: Loop, cases: tuple[LoopCase, ...], told_mN_per_um: float)
 
 
 def _acting(matrices: Array) -> npt.NDArray[np.bool_]:
-    """Which states reach the position, at once or through others; shape (cases, n)."""
+    """Return which states influence the position, directly or through others; shape (cases, n)."""
     reads = matrices != 0.0
     acts = np.zeros(matrices.shape[:2], dtype=bool)
     acts[:, X] = True

@@ -11,18 +11,18 @@ from pincette.control.stability.loop_matrix import VOLTAGE, Loop, X, loop_matric
 SETTLED = 0.02
 """Share of a disturbance within which the position counts as settled."""
 ROUNDING = 1e-9
-"""What an eigenvalue of 1 may come out above 1."""
+"""Rounding error by which an eigenvalue of 1 may exceed 1."""
 NEXT_TO = 1e-8
 """Shift of the inverse iteration."""
 
 
 def settling_ticks(radius: float) -> float:
-    """Ticks ln(0.02)/ln(r) within which a mode of that radius, 0 < r < 1, falls to 2 %."""
+    """Return the ticks ln(0.02)/ln(r) in which a mode of radius r, 0 < r < 1, falls to 2 %."""
     return log(SETTLED) / log(radius)
 
 
 def counted_radii(loop: Loop, cases: tuple[LoopCase, ...], limit_radius: float) -> Array:
-    """Spectral radius of each case, without what creeps and does not matter; shape (cases,).
+    """Return the spectral radius of each case, without irrelevant slow modes; shape (cases,).
 
     A switching term of small slope makes s, thus ε, leak away slowly: a real λ just below 1 that
     leaves next to nothing in the position. Such a mode does not count where its share w of the
@@ -43,7 +43,7 @@ def counted_radii(loop: Loop, cases: tuple[LoopCase, ...], limit_radius: float) 
 
 
 def _shares(matrices: Array, values: Array, piezo_um_per_V: float) -> Array:
-    """Share of the real mode λ of each matrix in the position's response, shape (matrices,).
+    """Return the share of each matrix's real mode λ in the position's response, (matrices,).
 
     With right and left eigenvectors v and w of λ it is v_x·w_j/(wᵀv) for a disturbance of state j;
     both are found by inverse iteration. A mode that is not alone has wᵀv near 0: a large share.

@@ -20,17 +20,18 @@ from pincette.control.stability.worst_case import (
 )
 
 RC_S = 3.3e-3
-"""Of the RC before the amplifier that a refusal proposes: at 388 Hz it leaves an eighth."""
+"""Time constant of the RC before the amplifier that a refusal recommends: at 388 Hz it leaves an
+eighth."""
 ADVICE = 2
 """Most changes that a refusal proposes."""
 NOTICEABLE = 0.01
-"""By how much a switching term must raise the radius for a refusal to blame it."""
+"""Increase of the radius from which a refusal blames a switching term."""
 LONGEST_PERIOD_S = 0.05
 """Longest period that a refusal proposes."""
 
 
 def describe(loop: Loop, case: LoopCase) -> str:
-    """Name a case in words: free or in contact, ω_n, delay."""
+    """Return a case in words: free or in contact, ω_n, delay."""
     contact = f"in contact with K_e = {case.K_e_mN_per_um:.3g} mN/µm"
     omega_n = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor
     delay_ms = 1e3 * case.delay_periods * loop.period_s
@@ -44,14 +45,14 @@ def describe(loop: Loop, case: LoopCase) -> str:
 
 
 def aliased_hz(frequency_hz: float, period_s: float) -> float:
-    """Frequency at which samples show an oscillation: |f - m/T| for the nearest whole m."""
+    """Return the frequency of an oscillation as sampled: |f - m/T| for the nearest whole m."""
     return abs(frequency_hz - round(frequency_hz * period_s) / period_s)
 
 
 def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_radius: bool) -> str:
-    """State the fault, the case in which it shows, and what would help.
+    """Return the fault, the case in which it occurs, and the remedy.
 
-    ``by_radius``: whether it is the radius that is beyond its limit, or else M_s.
+    ``by_radius``: whether the radius exceeds its limit, or else M_s.
     """
     advice = ", ".join(islice(_advice(loop, intervals, case, by_radius=by_radius), ADVICE))
     found = (
@@ -70,7 +71,7 @@ def reason(loop: Loop, intervals: Intervals, fault: str, case: LoopCase, *, by_r
 
 
 def _seen(loop: Loop, case: LoopCase) -> str:
-    """Where samples show a mode that is beyond half of their rate."""
+    """Return where samples show a mode that is beyond half of their rate."""
     stiffer = (1.0 + case.K_e_mN_per_um / loop.arm.k) ** 0.5
     mode_hz = (loop.arm.k / loop.arm.m) ** 0.5 * case.frequency_factor * stiffer / (2.0 * pi)
     if not short(loop) or mode_hz * loop.period_s <= 0.5:
@@ -80,13 +81,13 @@ def _seen(loop: Loop, case: LoopCase) -> str:
 
 
 def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool) -> Iterator[str]:
-    """Name changes that suffice in every case, the gentlest of each family."""
+    """Return changes that suffice in every case, the mildest of each family."""
 
     def here(other: Loop) -> float:
         return float(counted_radii(other, (case,), limit_radius_at(other.period_s))[0])
 
     def reached(other: Loop) -> float:
-        """The radius, or infinity where it or M_s is beyond its limit."""
+        """Return the radius, or infinity if it or M_s exceeds its limit."""
         limit = limit_radius_at(other.period_s)
         # Most changes fail in the very case that calls for one; the search is for the rest.
         try:
@@ -121,7 +122,7 @@ def _advice(loop: Loop, intervals: Intervals, case: LoopCase, *, by_radius: bool
 
 
 def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
-    """Changes of one thing each, the gentlest first."""
+    """Return changes of one thing each, the mildest first."""
     remedies = loop.law.definition.remedies
     for name, values in remedies(loop.law.gains) if remedies is not None else ():
         yield [(f"{name} = {value:.4g}", loop.with_gains(**{name: value})) for value in values]
@@ -141,19 +142,19 @@ def _families(loop: Loop) -> Iterator[list[tuple[str, Loop]]]:
 
 
 def _with_lag(loop: Loop, lag_s: float) -> Loop:
-    """The loop with a lag of its output, of which law and observer are told."""
+    """Return the loop with a lag of its output that law and observer know."""
     told = loop.told._replace(lag_s=lag_s)
     return _observed(replace(loop, output_lag_s=lag_s, told=told))
 
 
 def _at_period(loop: Loop, period_s: float) -> Loop:
-    """The loop at another period, with the delay that is told in proportion."""
+    """Return the loop at another period, with its delay in proportion."""
     told = loop.told._replace(delay_s=loop.told.delay_s * period_s / loop.period_s)
     return _observed(replace(loop, period_s=period_s, told=told))
 
 
 def _observed(loop: Loop) -> Loop:
-    """With the observer that belongs to its period and output, where it is one of these."""
+    """Return the loop with the observer of its period and output, if it is one of these."""
     if loop.observer is None or not isinstance(loop.observer, QuasiStatic):
         return loop
     p = loop.observer.parameters

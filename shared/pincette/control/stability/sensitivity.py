@@ -28,7 +28,7 @@ BATCH = 64
 
 
 def angles() -> Array:
-    """ωT at which S is looked at, up to π."""
+    """Return the ωT at which S is evaluated, up to π."""
     low = np.geomspace(LOW, MIDDLE, LOW_POINTS, endpoint=False)
     return np.concatenate([low, np.linspace(MIDDLE, np.pi, POINTS)])
 
@@ -38,7 +38,7 @@ def _z() -> Complex:
 
 
 def sensitivity_peaks(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
-    """M_s of each case, shape (cases,); of a loop that is unstable it says nothing."""
+    """Return M_s of each case, shape (cases,); meaningless for an unstable loop."""
     told = told_of(loop, cases)
     found = np.empty(len(cases))
     for first in range(0, len(cases), BATCH):
@@ -54,7 +54,7 @@ def sensitivity_peaks(loop: Loop, cases: tuple[LoopCase, ...]) -> Array:
 
 @lru_cache(maxsize=256)
 def _law_response(loop: Loop, told_mN_per_um: float, acts: bool, true_mN_per_um: float) -> Complex:
-    """C at each angle: from x to u_k, with u_{k-1} and the states in between."""
+    """Return C at each angle: from x to u_k, with u_{k-1} and the states in between."""
     made, reading = controller_block(loop, told_mN_per_um)
     matrix = np.array(made[:, 1:])
     if true_mN_per_um >= 0.0:
@@ -74,7 +74,7 @@ def _law_response(loop: Loop, told_mN_per_um: float, acts: bool, true_mN_per_um:
 
 
 def _arm_responses(loop: Loop, cases: tuple[LoopCase, ...]) -> Complex:
-    """P of each case at each angle, shape (cases, angles)."""
+    """Return P of each case at each angle, shape (cases, angles)."""
     transition, drive = sampled_arms(loop.arm, loop.period_s, loop.output_lag_s, cases)
     z = _z()
     # u_{k-1} is z⁻¹·u_k: what is left are x, its speed and the lag.

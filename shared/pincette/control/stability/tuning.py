@@ -39,12 +39,12 @@ class TuningRig:
     stiffness_error: float
     """Share by which the plan's K_e may err, either way."""
     force_error_mN: float
-    """By which the estimated force may be off, either way: what the free response leaves open."""
+    """Error of the estimated force, in both directions, from the free response."""
     noise_um: tuple[float, ...]
     """Sensor noise, sample by sample; as many as the path has, or more."""
     period_s: float
     delay_s: float
-    """From the sample to the arrival of the voltage."""
+    """Delay from the sample to the arrival of the voltage."""
     force_filter_s: float
     slope_error: float = 0.0
     """Share by which the slope of the response may err, either way."""
@@ -60,7 +60,7 @@ class TuningPath:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Gains and what they came to; errors are r.m.s. in per cent of peak to peak."""
+    """Gains and their errors, r.m.s. in per cent of peak to peak."""
 
     settings: LawSettings
     position_percent: float
@@ -83,7 +83,7 @@ Sides = Sequence[tuple[float, float, float]]
 """Plans: their stiffness in mN/µm, by how much the force is read too high in mN, and how much
 steeper the free response is than its model, 1 for as steep."""
 Tracked = Sequence[tuple[float, float]]
-"""For each of them the errors in µm and mN, r.m.s."""
+"""Errors of each candidate in µm and mN, r.m.s."""
 
 
 def tune(
@@ -149,7 +149,7 @@ def tune(
 
 
 def pareto_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates that no other one equals or beats in both errors, by position error."""
+    """Return candidates that no other one equals or beats in both errors, by position error."""
     front: list[Candidate] = []
     for item in sorted(candidates, key=lambda c: (c.position_percent, c.force_percent)):
         if not front or item.force_percent < front[-1].force_percent:
@@ -194,7 +194,7 @@ def track(
     force_error_mN: float,
     steeper: float = 1.0,
 ) -> tuple[float, float]:
-    """Errors x - x_r in µm and F - F_r in mN, r.m.s. over the settled part, on x_r = x_e + F_r/K.
+    """Return errors x - x_r in µm and F - F_r in mN, r.m.s. when settled, on x_r = x_e + F_r/K.
 
     The law gets the force with an error, and with the noise that an estimate from the position has.
     """
@@ -241,7 +241,7 @@ def track(
 
 
 def law_on(rig: TuningRig, settings: LawSettings) -> Law:
-    """The law as it runs on the rig; raises ValueError."""
+    """Return the law as it runs on the rig; raises ValueError."""
     response = rig.response
     model = response.model if isinstance(response, IdentifiedResponse) else None
     return control_law.build(settings, rig.arm, rig.period_s, rig.force_filter_s, model)
@@ -266,12 +266,12 @@ class _Arm:
 
     @property
     def memory(self) -> HysteresisState | None:
-        """Of the free response, where a law can work with it."""
+        """Return the memory of the free response if the law uses it."""
         response = self._response
         return response.memory if isinstance(response, IdentifiedResponse) else None
 
     def force_mN(self) -> float:
-        """F = K_e·(x - x_e); the part is not let go."""
+        """Return F = K_e·(x - x_e); the part is not released."""
         return self._rig.stiffness_mN_per_um * (self.x_um - self._touch_um)
 
     def move(self, voltage_V: float) -> None:

@@ -52,7 +52,7 @@ class TwoArmLoop:
     part_um_per_mN: float
     """c."""
     output: OutputTiming = PROMPT
-    """When voltages act, as the law is told; the lag is taken to be so."""
+    """When voltages act, as given to the law; the lag is assumed to be true."""
 
     @property
     def short(self) -> bool:
@@ -63,7 +63,7 @@ class TwoArmLoop:
 
 @dataclass(frozen=True, slots=True)
 class TwoArmCase:
-    """What the loop meets."""
+    """Conditions of the loop."""
 
     contact: Contact
     told_pressed: bool
@@ -90,7 +90,7 @@ class TwoArmAssessment:
     limit_radius: float
     case: TwoArmCase
     untold_radius: float
-    """Where the law is not told of the contact; 1 is a steady motion."""
+    """Spectral radius if the law is not informed of the contact; 1 is a steady motion."""
     limit_untold_radius: float
     sensitivity_peak: float
     limit_peak: float
@@ -129,7 +129,7 @@ def assess_two_arms(loop: TwoArmLoop) -> TwoArmAssessment:
 
 
 def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
-    """Transition of arms, law and the voltages before, shape (cases, n, n)."""
+    """Return the transition of arms, law and previous voltages, shape (cases, n, n)."""
     transition, drive = sampled_pair(loop, cases)
     size = PLACES + 2 + STATE
     found = np.zeros((len(cases), size, size))
@@ -145,7 +145,7 @@ def loop_matrices(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
 
 
 def law_matrix(loop: TwoArmLoop, *, pressed: bool) -> Array:
-    """From (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state), read off the law's step.
+    """Return (x_1, x_2, X_1, X_2 of k-1, state) to (X_1, X_2 of k, state), from the law's step.
 
     Both estimators are quasi-static, of the ages of the law.
     """
@@ -177,7 +177,7 @@ def _radii(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> Array:
 
 
 def _peak(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> float:
-    """Largest singular value of S = (1 - P·C)⁻¹ from positions to positions, over all cases."""
+    """Return the largest singular value of S = (1 - P·C)⁻¹ between positions, over all cases."""
     z: Complex = np.exp(1j * angles()).astype(np.complex128)[:, None, None]
     highest = 0.0
     for pressed in (False, True):
@@ -194,7 +194,7 @@ def _peak(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> float:
 
 
 def _law_response(loop: TwoArmLoop, z: Complex, *, pressed: bool) -> Complex:
-    """C at each z, from (x_1, x_2) to (X_1, X_2), shape (angles, 2, 2)."""
+    """Return C at each z, from (x_1, x_2) to (X_1, X_2), shape (angles, 2, 2)."""
     law = law_matrix(loop, pressed=pressed)
     size = 2 + STATE
     # The law's inputs are positions, and what it has put out and kept a tick before.
@@ -238,7 +238,7 @@ def sampled_pair(loop: TwoArmLoop, cases: tuple[TwoArmCase, ...]) -> tuple[Array
 
 
 def _cases(loop: TwoArmLoop) -> Iterator[TwoArmCase]:
-    """A grid: at a short period as wide as the law of one arm has to bear."""
+    """Return a grid of cases: at a short period as wide as that of one arm."""
     if loop.short:
         shifts, apart = (0.8, 0.9, 1.0, 1.1, 1.2), (0.9, 1.0, 1.1)
         delays, damping = (0.3, 0.65, 1.0), 0.77

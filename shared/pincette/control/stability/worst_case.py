@@ -28,7 +28,7 @@ POINTS = 17
 STIFFNESSES = 7
 GAINS = 3
 WIDE_STIFFNESSES = 4
-"""Where every interval is wide; of the gain then the ends do."""
+"""Number of stiffnesses if every interval is wide; the gain then has its ends alone."""
 NAMES = ("K_e_mN_per_um", "frequency_factor", "delay_periods", "gain_factor", "damping_factor")
 CLIMBS = 8
 """Points from which to climb, of the free arm and of the arm in contact, and"""
@@ -38,7 +38,7 @@ HALVINGS = 7
 
 @dataclass(frozen=True, slots=True)
 class Intervals:
-    """What is not known of the rig, from the least to the largest.
+    """Unknown properties of the rig, from the smallest to the largest value.
 
     Raises
     ------
@@ -51,17 +51,17 @@ class Intervals:
     free: bool = True
     """Whether the arm also moves free."""
     frequency_factor: tuple[float, float] = (0.95, 1.05)
-    """Of ω_n, over the identified one."""
+    """Factor of ω_n relative to the identified one."""
     delay_periods: tuple[float, float] = (0.0, 0.5)
-    """Of the delay from the sample to the new voltage."""
+    """Delay from the sample to the new voltage."""
     gain_factor: tuple[float, float] = (1.0, 1.0)
-    """Of the slope of the free response, over that which the law takes it to have."""
+    """Factor of the free response's slope relative to the one that the law assumes."""
     damping_factor: tuple[float, float] = (1.0, 1.0)
-    """Of ζ, over the identified one."""
+    """Factor of ζ relative to the identified one."""
     told_mN_per_um: float | None = None
-    """Stiffness that a law which looks ahead is told of in contact; None: the contact's own."""
+    """Stiffness that a law which looks ahead is given in contact; None: the contact's own."""
     untold: bool = False
-    """Whether a touch, and the loss of one, may also be there before the law is told."""
+    """Whether a touch, or the loss of one, may occur before the law is informed."""
 
     def __post_init__(self) -> None:
         if self.K_e_mN_per_um is None and not self.free:
@@ -111,7 +111,7 @@ def around(
     delay_periods: tuple[float, float] = (0.0, 0.5),
     gain_factor: tuple[float, float] = (1.0, 1.0),
 ) -> Intervals:
-    """Intervals for a part whose stiffness is known to a relative tolerance below 1."""
+    """Return intervals for a part whose stiffness has a relative tolerance below 1."""
     least, largest = 1.0 - tolerance, 1.0 + tolerance
     return Intervals(
         (stiffness_mN_per_um * least, stiffness_mN_per_um * largest),
@@ -153,7 +153,7 @@ def worst_sensitivity(loop: Loop, intervals: Intervals) -> tuple[LoopCase, float
 
 
 def corners(intervals: Intervals) -> tuple[LoopCase, ...]:
-    """Cases at the ends and in the middle of each interval, hardly damped."""
+    """Return cases at the ends and in the middle of each interval, hardly damped."""
     cases: list[LoopCase] = []
     for kind, told in intervals.kinds():
         stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
@@ -194,7 +194,7 @@ def _worst_of(
 
 
 def _axes(loop: Loop, kind: Intervals) -> Axes:
-    """Values of K_e and of the factors and the delay that make the grid, as ``NAMES``."""
+    """Return values of K_e and of the factors and the delay that make the grid, as ``NAMES``."""
     stiffness = kind.K_e_mN_per_um or (0.0, 0.0)
     # Of the mode over a period, where the contact is stiffest.
     phase = sqrt((loop.arm.k + stiffness[1]) / loop.arm.m) * loop.period_s
@@ -218,7 +218,7 @@ def _spaced(interval: tuple[float, float], points: int) -> Axis:
 
 
 def _neighbours(axes: Axes, case: LoopCase, share: float) -> list[LoopCase]:
-    """Two cases along each quantity, a share of the grid's spacing away, within the intervals."""
+    """Return two cases along each quantity, a share of the grid's spacing away."""
     place = (
         case.K_e_mN_per_um,
         case.frequency_factor,
