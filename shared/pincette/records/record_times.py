@@ -5,8 +5,12 @@ from datetime import UTC, datetime, timedelta
 
 from pincette.core.messages import Message, Sample
 
-BEGIN, SAMPLE_0, END = NAMES = ("begin_at", "sample_0_at", "end_at")
+BEGIN, SAMPLE_0, END = "begin_at", "sample_0_at", "end_at"
+UNCERTAINTY = "sample_0_uncertainty_s"
+NAMES = (BEGIN, SAMPLE_0, UNCERTAINTY, END)
 """Names under which the metadata of a record's files state the times."""
+COMPARED = 4
+"""Samples after the first one whose arrivals show whether that one came late."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LAST_NS = 2**63 - 1
 
@@ -38,23 +42,42 @@ class RecordTimes:
         """``about``: metadata of the record, which states its beginning."""
         self._begin_at, self._period_ns = about.get(BEGIN), round(period_s * 1e9)
         self._sample_0_ns: int | None = None
+        self._earliest_ns = 0
+        """Arrival of sample 0 by the most punctual of the first samples."""
+        self._compared_to: int | None = None
+        """Number of the last sample that is compared; None once it has come."""
         self._end_ns: int | None = None
 
     def add(self, message: Message, arrival_ns: int) -> None:
         """Take a message of the record, in order of arrival."""
-        if self._sample_0_ns is None:
-            self._sample_0_ns = sample_0_ns(message, arrival_ns, self._period_ns)
+        if self._sample_0_ns is None or self._compared_to is not None:
+            self._compare(message, arrival_ns)
         if self._end_ns is None or arrival_ns > self._end_ns:
             self._end_ns = arrival_ns
+
+    def _compare(self, message: Message, arrival_ns: int) -> None:
+        found_ns = sample_0_ns(message, arrival_ns, self._period_ns)
+        if found_ns is None or not isinstance(message, Sample):
+            return
+        if self._sample_0_ns is None:
+            self._sample_0_ns = self._earliest_ns = found_ns
+            self._compared_to = message.seq + COMPARED
+        elif self._compared_to is not None and message.seq <= self._compared_to:
+            self._earliest_ns = min(self._earliest_ns, found_ns)
+        else:
+            self._compared_to = None
 
     def texts(self) -> dict[str, str]:
         """Return the known times by their names: a record without samples has no sample 0.
 
-        ``end_at`` is the arrival of the last message so far.
+        ``end_at`` is the arrival of the last message so far. A sample is taken within the control
+        period before its arrival, or earlier where the next ones show that it came late.
         """
         found = {} if self._begin_at is None else {BEGIN: self._begin_at}
         if self._sample_0_ns is not None:
             found[SAMPLE_0] = utc_text(self._sample_0_ns)
+            late_ns = self._sample_0_ns - self._earliest_ns
+            found[UNCERTAINTY] = f"{1e-9 * (self._period_ns + late_ns):.6g}"
         if self._end_ns is not None:
             found[END] = utc_text(self._end_ns)
         return found

@@ -9,6 +9,7 @@ from pincette.cli import Exit
 from pincette.cli.main import main
 from pincette.cli.model import value, values
 from pincette.cli.options import stated_fields
+from pincette.records import parquet
 from tests.support.command_line import request_of
 
 REFUSED = (
@@ -85,6 +86,28 @@ def test_points_come_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[s
     file.write_text("t_s;force_mN\n0;5\n1;5,0x\n", encoding="utf-8")
     assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
     assert "line 3: force_mN = '5,0x'" in capsys.readouterr().err
+
+
+def test_points_come_from_a_parquet_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, names = tmp_path / "path.parquet", ("t_s", "x_um", "force_mN")
+    fields = [parquet.Field(name, "", "", "float") for name in names]
+    times = [0.02 * row for row in range(4000)]
+    columns: dict[str, list[float | None]] = {name: [*times] for name in names}
+    parquet.write(file, fields, columns, {})
+    points = request_of("job", "track", "--points", f"@{file}")["points"]
+    assert points == [{"t_s": time, "force_mN": time} for time in times]
+    columns["force_mN"][7] = None
+    parquet.write(file, fields, columns, {})
+    assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
+    assert "row 8: not numbers in t_s and force_mN" in capsys.readouterr().err
+    parquet.write(file, fields[:2], {name: columns[name] for name in names[:2]}, {})
+    assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
+    assert "has no columns t_s and force_mN" in capsys.readouterr().err
+    file.write_text("t_s", encoding="utf-8")
+    assert main(["job", "track", "--points", f"@{file}"]) == Exit.USAGE
+    assert "cannot be read" in capsys.readouterr().err
 
 
 def test_what_is_sent_is_shown_with_its_unit() -> None:

@@ -23,6 +23,7 @@ ARMED_S = 1.25
 TIMES = {
     **BEGUN,
     "sample_0_at": "2025-11-21T16:00:01.250000Z",
+    "sample_0_uncertainty_s": repr(PERIOD_S),
     "end_at": "2025-11-21T16:00:02.030000Z",
 }
 """Times of a record of 40 samples."""
@@ -137,7 +138,19 @@ def test_a_record_of_an_earlier_version_states_no_begin() -> None:
     times = RecordTimes(ABOUT, PERIOD_S)
     assert times.texts() == {}
     times.add(Position(EPOCH, 0, 0.0, (ArmPosition(0.0, valid=True),)), START_NS)
-    assert times.texts() == {"sample_0_at": BEGUN["begin_at"], "end_at": BEGUN["begin_at"]}
+    assert times.texts() == {
+        "sample_0_at": BEGUN["begin_at"],
+        "sample_0_uncertainty_s": repr(PERIOD_S),
+        "end_at": BEGUN["begin_at"],
+    }
+
+
+def test_a_first_sample_that_came_late_makes_its_time_less_certain() -> None:
+    times = RecordTimes(ABOUT, PERIOD_S)
+    for message, arrival_ns in arrivals(loop(40)):
+        late_ns = 30_000_000 if isinstance(message, Sample) and message.seq < 2 else 0
+        times.add(message, arrival_ns + late_ns)
+    assert times.texts()["sample_0_uncertainty_s"] == "0.05"
 
 
 @pytest.mark.parametrize("at_ns", [0, START_NS + 999, 2**63 - 1])

@@ -1,6 +1,7 @@
 """A recorded trajectory of thousands of rows is planned and fits in one request and message."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from .harness import Harness
 from .test_plan_warnings import TWO_ARMS
 
 RIG = demo_rig()
+MEASURED = Path(__file__).parents[4] / "shared/data/piezo-stack-hysteresis/Model_Vi_Do.dat"
 
 
 def rows(count: int, name: str, low: float, high: float) -> list[dict[str, float]]:
@@ -43,6 +45,18 @@ def knots_of(rig: RigFile, wish: dict[str, Any]) -> list[int]:
 def test_a_recorded_trajectory_of_2007_rows_is_planned() -> None:
     points = rows(2007, "force_mN", 8.0, 12.0)
     assert knots_of(RIG, {"kind": "track", "shape": "waypoints", "points": points}) == [2007]
+
+
+@pytest.mark.skipif(not MEASURED.is_file(), reason=f"{MEASURED} is not there")
+def test_a_path_that_somebody_has_measured_is_planned() -> None:
+    lines = MEASURED.read_text(encoding="ascii").splitlines()[::4]  # a row each period
+    um = [float(line.split()[4]) for line in lines]
+    low, high = min(um), max(um)
+    points = [
+        {"t_s": round(RIG.rig.period_s * at, 6), "force_mN": 8.0 + 0.5 * (one - low) / (high - low)}
+        for at, one in enumerate(um)
+    ]
+    assert knots_of(RIG, {"kind": "track", "shape": "waypoints", "points": points}) == [len(um)]
 
 
 def test_two_paths_of_the_most_points_fit_in_one_message() -> None:

@@ -15,7 +15,7 @@ from pincette.core.files import make_folder
 from pincette.core.messages import Recorded
 from pincette.core.units import bare, unit_of
 from pincette.records import folder as files
-from pincette.records.record_times import END, SAMPLE_0
+from pincette.records.record_times import END, SAMPLE_0, UNCERTAINTY
 from pincette.records.timings import rows
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.plugin import Planned
@@ -147,9 +147,11 @@ def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
 
 def _times(whose: Mapping[str, str]) -> list[str]:
     """When the samples were recorded, and when the job was asked for."""
-    asked, begin, end = (whose.get(name) for name in ("created_at", SAMPLE_0, END))
+    names = ("created_at", SAMPLE_0, END, UNCERTAINTY)
+    asked, begin, end, spread_s = (whose.get(name) for name in names)
+    certain = f" (begin ± {spread_s} s)" if spread_s else ""
     return [
-        *([f"recorded from {begin} to {end}"] if begin and end else []),
+        *([f"recorded from {begin} to {end}{certain}"] if begin and end else []),
         *([f"asked for at {asked}"] if asked else []),
     ]
 
