@@ -16,6 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_collection_finish() -> None:
-    """Exclude what all tests share, their modules and items, from collections of garbage."""
+    """Exclude what all tests share, their modules and items, from collections of garbage.
+
+    Collections also begin less often: they took an eighth of the processor time of many tests.
+    """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(10_000, 20, 20)

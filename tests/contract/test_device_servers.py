@@ -71,6 +71,7 @@ def test_a_port_with_another_client_is_refused_in_the_server_s_words(
             error = refusal(server.url)
             assert error.code == "cannot_open"
             assert "Port already in use" in str(error)
+            assert "kickolduser" in str(error)
         closing_s = time.monotonic() + 10.0
         while time.monotonic() < closing_s:  # until the server has noticed
             try:

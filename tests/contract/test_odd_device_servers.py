@@ -358,18 +358,6 @@ def test_readings_beside_a_second_client_are_new_ones_and_doctor_suspects_it(
     assert any("max-connections" in one.remedy for one in found), found
 
 
-def test_an_earlier_connection_that_the_server_still_has_is_named_and_replaced_later(
-    laser: Wire, tmp_path: Path
-) -> None:
-    """After a failure of the network the server does not know that its client has gone."""
-    with ser2net(laser.url, tmp_path) as server:
-        earlier = connect(server.port)
-        with closing(earlier):
-            error = refusal(server.url)
-            assert "Port already in use" in str(error)
-            assert "kickolduser" in str(error)
-
-
 def test_why_a_line_does_not_come_back_is_named_in_each_fault(laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path) as server:
         sensor = open_sensor(server.url)

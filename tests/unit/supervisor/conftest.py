@@ -42,7 +42,7 @@ def pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
         monkeypatch.setattr(archive, "picture", blank)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def rig_file() -> RigFile:
     """The demo rig in lockstep, so that no sample has an age."""
     tables: dict[str, Any] = tomllib.loads(DEMO.read_text(encoding="utf-8"))
@@ -50,7 +50,7 @@ def rig_file() -> RigFile:
     return parse_rig(tables)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def real_time() -> RigFile:
     return parse_rig(tomllib.loads(DEMO.read_text(encoding="utf-8")))
 

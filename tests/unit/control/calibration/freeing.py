@@ -25,11 +25,13 @@ from pincette.control.response.identification import Candidates, identify_free_r
 from .bench import DEMO, PERIOD_S, Bench, base, drawn
 
 SAMPLES_PER_CYCLE = 1.0 / (GAIN_HZ * PERIOD_S)
-FEW = Candidates(families=((0.0,), (0.7,)), curved=(False,), bent=(False,), ridges=(1e-6,))
+FEW = Candidates(
+    families=((0.0,), (0.7,)), curved=(False,), bent=(False,), ridges=(1e-6,), beside=()
+)
 
 
 def try_few_models(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a calibration choose among 4 models in place of 64."""
+    """Let a calibration choose among 2 models in place of 64."""
     few = partial(identify_free_response, candidates=FEW)
     monkeypatch.setattr(calibration, "identify_free_response", few)
 

@@ -27,7 +27,7 @@ from pincette.sim.plant.relays import follow_relays, loop_of_relays
 
 PERIOD_S, NOISE_UM = 0.02, 0.03
 MODEL = HysteresisModel((0.0, 0.4, 0.8), (12.0, 4.0, 2.0), (0.5, 5.0), (0.03, 0.05))
-PLAIN = Candidates(families=((0.0,),), curved=(False,), bent=(False,), ridges=(1e-6,))
+PLAIN = Candidates(families=((0.0,),), curved=(False,), bent=(False,), ridges=(1e-6,), beside=())
 FEW = PLAIN._replace(families=((0.0,), (0.7,)), curved=(False, True))
 
 
@@ -113,14 +113,14 @@ def test_a_bouc_wen_actuator_is_given_one_play_that_never_yields(g_per_V: float)
     voltage_V = 1.3 * np.array(drive(2500))
     shape = BoucWen(A_um_per_V=0.55, b_per_V=1.0, g_per_V=g_per_V)
     x_um = bouc_wen_um(voltage_V, shape) + noise(2500)
-    found = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=FEW)
+    arguments = (voltage_V.tolist(), x_um.tolist(), PERIOD_S)
+    found = identify_free_response(*arguments, candidates=FEW._replace(beside=ALL.beside))
     model = found.model
     assert model.fadings_per_V[-1] * model.thresholds_V[-1] == pytest.approx(1.0)
     assert model.fadings_per_V[-1] == pytest.approx(1.0 + g_per_V, rel=0.03)
     assert model.return_fadings_per_V[-1] == pytest.approx(1.0 - g_per_V, rel=0.03)
     assert found.residual_um < 1.3 * NOISE_UM
-    plays = FEW._replace(beside=())
-    without = identify_free_response(voltage_V.tolist(), x_um.tolist(), PERIOD_S, candidates=plays)
+    without = identify_free_response(*arguments, candidates=FEW)
     assert without.residual_um > 5.0 * found.residual_um
 
 
@@ -301,7 +301,7 @@ AWKWARD: dict[str, Column] = {
     [
         (False, False, 0.02, ALL),
         (True, False, 0.005, FEW),
-        (False, True, 0.02, PLAIN._replace(beside=())),
+        (False, True, 0.02, PLAIN),
     ],
     ids=["", "unpoled, 5 ms", "still"],
 )
