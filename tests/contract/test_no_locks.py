@@ -11,7 +11,7 @@ import pytest
 from tests.support.no_locks import environment, library, objection
 from tests.support.rigs import demo_rig, rig_toml
 
-NUMBERS = {"ENOLCK": errno.ENOLCK, "EOPNOTSUPP": errno.EOPNOTSUPP, "EBADF": errno.EBADF}
+NUMBERS = {name: getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "EBADF", "EIO")}
 TOO_LONG_S = 120.0
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
