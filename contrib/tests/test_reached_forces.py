@@ -1,6 +1,5 @@
 """Forces that are asked for one after another, and stops in each phase, by every adapter."""
 
-import subprocess
 import sys
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
@@ -90,34 +89,6 @@ def held_by(rig: RunningRig, job: str) -> float:
     return found["progress"]["force_held_mN"]
 
 
-class CommandLine(Rest):
-    """``pincette job grip`` and ``pincette job hold``, each followed by its own process."""
-
-    def __init__(self, rig: RunningRig) -> None:
-        super().__init__(rig)
-        self.following: list[subprocess.Popen[str]] = []
-
-    def newest(self) -> str:
-        """Id of the newest job; empty before the first."""
-        jobs: list[Json] = self.rig.get("/jobs", limit=1)["jobs"]
-        return jobs[0]["id"] if jobs else ""
-
-    def reach(self, force_mN: float) -> float:
-        if (kept_mN := self.kept(force_mN)) is not None:
-            return kept_mN
-        before = self.newest()
-        line = [sys.executable, "-m", "pincette", "job", self.kind, "--until-released"]
-        line += ["--force-mN", f"{force_mN:g}", "--url", self.rig.rig.supervisor.url]
-        process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
-        self.following.append(process)
-        until(lambda: self.newest() != before, "no job")
-        try:
-            return held_by(self.rig, self.newest())
-        except NotReachedError:
-            assert process.wait(30.0) == 1
-            raise
-
-
 @contextmanager
 def bluesky(rig: RunningRig) -> Generator[Driver]:
     engine: Any = new_engine()
@@ -178,17 +149,8 @@ def rest(rig: RunningRig) -> Generator[Driver]:
     yield Rest(rig)
 
 
-@contextmanager
-def command_line(rig: RunningRig) -> Generator[Driver]:
-    commands = CommandLine(rig)
-    yield commands
-    for process in commands.following:
-        process.communicate(timeout=30.0)
-
-
 ADAPTERS: tuple[Callable[[RunningRig], AbstractContextManager[Driver]], ...] = (
     rest,
-    command_line,
     bluesky,
     agent,
 )
