@@ -30,6 +30,16 @@ def test_a_drawn_arm_has_the_loop_that_was_asked_for(kind: Class, share: float) 
     assert loop(arm)[1] == pytest.approx(share, abs=0.01)
 
 
+@pytest.mark.parametrize("seed", [1028, 2000, 5000, 6002])
+def test_no_drawn_arm_moves_against_its_voltage(seed: int) -> None:
+    """Each Bouc-Wen arm that could not be brought up did so after a turn, by up to 0.8 of d_p."""
+    hysteresis = draw(seed).arm.hysteresis
+    rising = [hysteresis.to(u_V) for u_V in np.linspace(0.0, 3.0, 151)]
+    falling = [hysteresis.to(u_V) for u_V in np.linspace(3.0, -1.0, 201)]
+    assert np.all(np.diff(rising) > 0.0)
+    assert np.all(np.diff(falling) < 0.0)
+
+
 def test_a_pressed_arm_of_the_campaign_is_in_equilibrium_and_gives_way() -> None:
     arm = draw(FIRST).arm
     for _ in range(200):

@@ -49,6 +49,8 @@ class ArmConfig:
     forgotten_scale_V: float
     return_error_um: float
     """Standard error of x_1 on the way back; 0 where it was not measured."""
+    turn_error_um_per_V: float
+    """Standard error of the slope of x_1 just after a turn; 0 where it was not measured."""
     ring_shares: RingShares
     """What the ring of the mode adds to the uncertainty of a position."""
     zero_limits: ZeroLimits
@@ -117,6 +119,7 @@ def _of_arm(rig: RigFile) -> ArmConfig:
         forgotten_mN=model.forgotten_mN,
         forgotten_scale_V=model.forgotten_scale_V,
         return_error_um=derived.return_error_um(model),
+        turn_error_um_per_V=derived.turn_error_um_per_V(model),
         ring_shares=derived.ring_shares(rig),
         zero_limits=ZeroLimits(
             rest_samples=derived.rest_samples(period_s),

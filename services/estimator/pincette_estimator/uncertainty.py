@@ -6,6 +6,7 @@ from pincette.control.force.estimation import COVERAGE, late_creep_um, uncertain
 from pincette.control.response.conditioned_branch import FRESH_V, past_creep_mN
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
+from pincette.control.response.model_errors import TURN_V
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
@@ -64,19 +65,25 @@ def ring_um(config: ArmConfig, ringing: Ringing) -> float:
 def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
     """Return the standard error of x_1 since the zero, in µm.
 
+        E² = E(reach)² + a·[E_return² - E(reach)²] + (1 - a)·(s·fall)²
+
     The error by the way since a zero was measured on ways up, that on the way back at the place of
-    the zero. In between its square grows with the way back, as it does on the way up. A fall of
-    ``FRESH_V``, such as creep makes in a hold, is no way back.
+    the zero. In between its square grows with the way back, as it does on the way up: a rises from
+    0 at a fall of ``FRESH_V`` to 1 at that place. A smaller fall, such as creep makes in a hold, is
+    no way back; it errs by the slope of x_1 just after a turn, s, which was measured up to
+    ``TURN_V``.
     """
     error_um = response.error_um()
-    if not isinstance(response, IdentifiedResponse) or config.return_error_um <= error_um:
+    if not isinstance(response, IdentifiedResponse):
         return error_um
     reach_V = response.reach_V
-    fell_V = reach_V - (response.voltage_V - response.zero_V)
-    if fell_V <= FRESH_V:
-        return error_um
-    share = 1.0 if fell_V >= reach_V else (fell_V - FRESH_V) / (reach_V - FRESH_V)
-    return sqrt(error_um**2 + share * (config.return_error_um**2 - error_um**2))
+    fell_V = max(0.0, reach_V - (response.voltage_V - response.zero_V))
+    share = 0.0
+    if fell_V > FRESH_V:
+        share = 1.0 if fell_V >= reach_V else (fell_V - FRESH_V) / (reach_V - FRESH_V)
+    turn_um = config.turn_error_um_per_V * min(fell_V, TURN_V)
+    return_um2 = max(config.return_error_um, error_um) ** 2
+    return sqrt(error_um**2 + share * (return_um2 - error_um**2) + (1.0 - share) * turn_um**2)
 
 
 def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:

@@ -133,7 +133,8 @@ class PlannedGoal(Model):
     model_config = example(judged=True, phase="hold", lasts_s=4.0, settling_s=0.5)
 
     judged: bool
-    """False if the phase is not longer than the settling time: ``goal.met`` will be null."""
+    """False if the phase is not longer than the settling time, or the force may be off by its whole
+    tolerance because of the arm's unknown past: ``goal.met`` will be null."""
     phase: str
     """Phase over which the errors are compared with the tolerances."""
     lasts_s: float | None

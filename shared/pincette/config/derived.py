@@ -241,6 +241,12 @@ def return_error_um(model: Model) -> float:
     return 0.0 if free is None or free.return_error_um is None else free.return_error_um
 
 
+def turn_error_um_per_V(model: Model) -> float:
+    """Return the standard error of the slope of x_1 just after a turn; 0 where it is not known."""
+    free = model.free_response
+    return 0.0 if free is None else free.turn_error_um_per_V or 0.0
+
+
 def creep_known_s(model: Model) -> float:
     """Return the age of a zero up to which the free response follows creep, in s.
 

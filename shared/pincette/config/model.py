@@ -133,6 +133,9 @@ class IdentifiedFreeResponse(Table):
     return_error_um: NotNegative | None = None
     """Standard error, in µm, of the free response at the place of the zero on the way back from a
     press, from rehearsed grips. None: not known."""
+    turn_error_um_per_V: NotNegative | None = None
+    """Standard error, in µm/V, of the slope of the free response over the first 0.2 V after the
+    voltage of a press has turned down, from rehearsed grips. None: not known."""
     creep_percent_per_decade: NotNegative = ASSUMED_CREEP_PERCENT
     """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
     ``creep_times_s`` the uncertainty of the force grows by it; the default is assumed."""
@@ -162,6 +165,7 @@ class IdentifiedFreeResponse(Table):
         taught_V: tuple[float, float] | None = None,
         creep_percent_per_decade: float = ASSUMED_CREEP_PERCENT,
         return_error_um: float | None = None,
+        turn_error_um_per_V: float | None = None,
         branch: ConditionedBranch | None = None,
     ) -> "IdentifiedFreeResponse":
         """Return the table of an identified model."""
@@ -174,6 +178,7 @@ class IdentifiedFreeResponse(Table):
             errors_um=errors_um,
             taught_V=taught_V,
             return_error_um=return_error_um,
+            turn_error_um_per_V=turn_error_um_per_V,
             creep_percent_per_decade=creep_percent_per_decade,
             branch=None if branch is None else Branch.from_branch(branch),
         )

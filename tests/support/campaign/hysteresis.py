@@ -21,7 +21,7 @@ WIDEST_V, TABLE_STEP_V = 5.0, 0.02
 SCALED_V = 4.0
 PLAYS = 16
 WIDEST_SHARE = 0.93
-"""Largest hysteretic share: beyond it an arm could move against its voltage."""
+"""Largest hysteretic share, over that at which an arm would move against its voltage."""
 BISECTIONS = 18
 REFERENCE_V = 1.0
 """Amplitude of the cycle by which the loop's width is stated: 2 V peak to peak."""
@@ -35,6 +35,8 @@ class Hysteresis(Protocol):
 
     share: float
     """Hysteretic share of the motion."""
+    most_share: float
+    """Share beyond which the arm moves against its voltage as that turns."""
 
     def to(self, u_V: float) -> float:
         """Lead the voltage to ``u_V`` and return the motion there."""
@@ -55,7 +57,7 @@ class RelayField:
 
     def __init__(self, mean_spread_V: float, half_spread_V: float) -> None:
         self._table = everett(mean_spread_V, half_spread_V)
-        self.share = 0.0
+        self.share, self.most_share = 0.0, 1.0
         self.scale_V = SCALED_V / self._between(-SCALED_V, SCALED_V)
         self.u_V, self.sum = 0.0, 0.0
         self.turns: list[tuple[float, float]] = []
@@ -125,7 +127,7 @@ class PlayStack:
         weight = np.exp(-decay * np.linspace(0.0, 1.0, PLAYS))
         self.weight: NDArray[np.float64] = weight / weight.sum()
         self.state: NDArray[np.float64] = np.zeros(PLAYS)
-        self.share = 0.0
+        self.share, self.most_share = 0.0, 1.0
 
     def to(self, u_V: float) -> float:
         lowest, highest = u_V - self.radius, u_V + self.radius
@@ -142,6 +144,8 @@ class BoucWen:
         self.b_per_V, self.g_per_V = b_per_V, g_per_V
         self.h_V = self.u_V = 0.0
         self.share = 0.0
+        # |h| < 1/(b + g), and dh/du = 1 + (b - g)·|h| as the voltage turns.
+        self.most_share = (b_per_V + g_per_V) / (2.0 * b_per_V)
 
     def to(self, u_V: float) -> float:
         way_V = u_V - self.u_V
@@ -200,7 +204,7 @@ def drawn(
         shape.share = share
         return shape
 
-    low, high = 0.0, WIDEST_SHARE
+    low, high = 0.0, WIDEST_SHARE * made(0.0).most_share
     if loop(made(high))[1] > loop_share:
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from pincette.records.columns import columns
-from pincette_supervisor.plugin.goal import goal_of
+from pincette_supervisor.plugin.goal import PAST_HIDES_MN, goal_of
 from tests.support.arms import with_arm
 
 from . import samples
@@ -101,13 +101,16 @@ def test_a_goal_that_cannot_be_judged_is_refused(
     assert member in response.text
 
 
-def test_a_completed_phase_that_is_shorter_than_the_settling_time_is_not_judged() -> None:
+@pytest.mark.parametrize("why", [{"settling_s": 60.0}, {"settling_s": 0.5, PAST_HIDES_MN: 0.4}])
+def test_a_completed_phase_too_short_or_with_an_unknown_past_is_not_judged(
+    why: dict[str, float],
+) -> None:
     table = columns([m for tick in samples.grip() for m in tick.messages()], PERIOD_S)
-    values = {"settling_s": 60.0, "force_tolerance_mN": 0.3}
+    values = {**why, "force_tolerance_mN": 0.3}
     found = goal_of(table, values, "hold", PERIOD_S, completed=True)
     assert found is not None
     assert found.met is None
     assert found.settled_s == 0.0
-    ended_early = goal_of(table, values, "hold", PERIOD_S)
+    ended_early = goal_of(table, {**values, "settling_s": 60.0}, "hold", PERIOD_S)
     assert ended_early is not None
     assert ended_early.met is False

@@ -19,6 +19,9 @@ SETTLING_S = 0.5
 NOISE_DEVIATIONS = 3.0
 """Standard deviations of its noise that a sample exceeds once in some hundred."""
 TOLERANCES = ("position_tolerance_um", "force_tolerance_mN")
+PAST_HIDES_MN = "past_hides_mN"
+"""Value of a plan: uncertainty of its force by the arm's unknown past, where the tolerance is not
+above it."""
 
 
 def tolerances(request: GoalRequest) -> dict[str, Any]:
@@ -45,7 +48,7 @@ def planned_goal(values: Mapping[str, Any], program: Program, phase: str) -> Pla
     if settling_s is None or not lasts_s:
         return None
     last_s = lasts_s[-1]
-    judged = last_s is None or last_s > settling_s
+    judged = (last_s is None or last_s > settling_s) and PAST_HIDES_MN not in values
     return PlannedGoal(judged=judged, phase=phase, lasts_s=last_s, settling_s=settling_s)
 
 
@@ -63,7 +66,13 @@ def goal_warnings(
     """
     found: list[str] = []
     goal = planned_goal(values, program, phase)
-    if goal is not None and not goal.judged:
+    if (hidden_mN := values.get(PAST_HIDES_MN)) is not None:
+        found.append(
+            f"the force may be off by {hidden_mN:.2g} mN by the arm's unknown past, which is not "
+            "below force_tolerance_mN: whether the goal is met will not be judged; let "
+            "conditioning strokes come first, or give a larger tolerance"
+        )
+    elif goal is not None and not goal.judged:
         found.append(
             f"the {phase} of {goal.lasts_s:g} s is not longer than settling_s = "
             f"{goal.settling_s:g} s: whether the goal is met will not be judged; plan a longer "
@@ -108,7 +117,8 @@ def goal_of(
         Control period.
     completed
         Whether the job went as planned. The goal is then not judged where the phase was not longer
-        than the settling time; a job that ended early has missed it.
+        than the settling time, or where the arm's unknown past hides as much as the tolerance; a
+        job that ended early has missed it.
 
     Returns
     -------
@@ -139,10 +149,9 @@ def goal_of(
     last = None if None in settled else max(index for index in settled if index is not None)
     settled_s = None if last is None else last * period_s
     lasts = int(ticks[-1]) + 1 if ticks.size else 0
+    unjudged = completed and (lasts <= skipped or PAST_HIDES_MN in values)
     return Goal(
-        met=(
-            None if completed and lasts <= skipped else last is not None and last <= skipped < lasts
-        ),
+        met=None if unjudged else last is not None and last <= skipped < lasts,
         settling_s=settling_s,
         settled_s=settled_s,
         position_tolerance_um=limits[0],

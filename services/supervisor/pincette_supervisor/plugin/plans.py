@@ -29,7 +29,12 @@ from pincette.control.planning.segments import Drive
 from pincette.control.planning.touch_force import SafeTouch
 from pincette.core.wording import fault_text
 from pincette_supervisor.plugin.errors import FaultyRequestError
-from pincette_supervisor.plugin.goal import goal_warnings, planned_goal, tolerances
+from pincette_supervisor.plugin.goal import (
+    PAST_HIDES_MN,
+    goal_warnings,
+    planned_goal,
+    tolerances,
+)
 from pincette_supervisor.plugin.laws import choose_law, rig_law, unstable
 from pincette_supervisor.plugin.model_in_use import ModelInUse
 from pincette_supervisor.plugin.planned import Planned, decimated
@@ -183,11 +188,15 @@ def contact_job(
     unsure = uncertain_forces(
         rig, values["contact_force_mN"], forces_mN[1], pointer, conditioned=conditioned
     )
+    past_mN = 0.0
     if not conditioned and present is not None and present.memory_known is False:
         unsure = (*unsure, *hidden_by_past(rig, forces_mN[1], pointer))
+        past_mN = past_uncertainty_mN(rig, forces_mN[1])
     violations = [violation_view(found) for found in (*unsure, *made.violations)]
     violations += unstable(law.assessment)
     phase, wanted = job_kinds()[request.kind].goal_phase, tolerances(request)
+    if 0.0 < (request.force_tolerance_mN or 0.0) <= past_mN:
+        wanted[PAST_HIDES_MN] = past_mN
     ring = ring_term(made, rig, phase, wanted.get("settling_s", 0.0))
     violations += ring_violation(ring, rig, request.force_tolerance_mN)
     plan = Plan(

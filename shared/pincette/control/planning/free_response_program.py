@@ -228,6 +228,7 @@ def conditioned_ways(
             grip = RehearsedGrip(
                 samples_of(f"conditioned approach {number}"),
                 samples_of(f"conditioned press {number}"),
+                let_go=samples_of(f"go back {number}"),
             )
             found.append(ConditionedWay(strokes, None, grip))
     return tuple(found)

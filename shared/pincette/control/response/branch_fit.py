@@ -17,7 +17,12 @@ from pincette.control.response.error_growth import ErrorGrowth
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.identified_response import identified_response
-from pincette.control.response.model_errors import REST_S, RehearsedGrip, rehearsed_errors
+from pincette.control.response.model_errors import (
+    REST_S,
+    RehearsedGrip,
+    rehearsed_errors,
+    return_error,
+)
 
 SETTLED = 0.5
 """Share of a rest, at its end, over which its place is taken."""
@@ -42,6 +47,14 @@ class ConditionedWay(NamedTuple):
     """The rehearsed grip; None: stairs."""
 
 
+class MeasuredBranch(NamedTuple):
+    """The rising branch of a conditioned arm, and the error on the way back from it."""
+
+    branch: ConditionedBranch
+    return_error_um: float | None
+    """Error of x_1 at the place of the zero on the way back; see ``return_error``."""
+
+
 class Rest(NamedTuple):
     """Means over the end of a rest."""
 
@@ -58,7 +71,7 @@ def measured_branch(
     x_um: Column,
     period_s: float,
     ways: Sequence[ConditionedWay],
-) -> ConditionedBranch | None:
+) -> MeasuredBranch | None:
     """Return the rising branch; None where there are no stairs or no rehearsed grips.
 
     After the strokes the plays of the model are those of a poled arm, whatever came before, as the
@@ -110,15 +123,16 @@ def measured_branch(
                 way_spread=spread,
                 strokes=strokes,
             ),
-            (voltage_V, left_um, model_um),
+            (voltage_V, x_um, left_um),
             period_s,
             grips,
             uneven_um,
         )
         for table_um in (added_um, nothing_um)
     ]
-    best = min(judged, key=lambda branch: branch.errors.errors_um[1])
-    return _with_rests(best, list(zip(bottoms, rested, strict=True)))
+    best = min(judged, key=lambda found: found.branch.errors.errors_um[1])
+    branch = _with_rests(best.branch, list(zip(bottoms, rested, strict=True)))
+    return best._replace(branch=branch)
 
 
 def _with_rests(branch: ConditionedBranch, ways: Sequence[tuple[Rest, Rest]]) -> ConditionedBranch:
@@ -138,17 +152,19 @@ def _judged(
     period_s: float,
     grips: Sequence[tuple[ConditionedWay, RehearsedGrip, Rest, Rest]],
     uneven_um: float,
-) -> ConditionedBranch:
-    """Return the branch with its error, and with the ratios of its ways, in rehearsed grips.
+) -> MeasuredBranch:
+    """Return the branch with its errors, and with the ratios of its ways, in rehearsed grips.
 
     The error is ``uneven_um`` at least, and it is widened for the small number of those grips.
     """
-    voltage_V, left_um, model_um = columns
+    voltage_V, x_um, left_um = columns
+    model_um = x_um - left_um
     remaining_um = left_um.copy()
     ratios: dict[float, float] = {}
     ways_um: list[float] = []
     for way, grip, bottom, rest in grips:
-        from_k, to_k = way.strokes.stop, grip.press.stop
+        from_k = way.strokes.stop
+        to_k = grip.press.stop if grip.let_go is None else grip.let_go.stop
         tops_V = np.maximum.accumulate(voltage_V[from_k:to_k])
         table_um = np.array([branch.at(top_V) for top_V in tops_V.tolist()])
         remaining_um[from_k:to_k] -= bottom.left_um + table_um
@@ -158,10 +174,10 @@ def _judged(
         way_um = _apart_um(rest, zero)
         ratios[zero.voltage_V] = way_um / modelled_um
         ways_um.append(abs(way_um))
-    found = rehearsed_errors(voltage_V, remaining_um, period_s, [grip for _, grip, _, _ in grips])
-    growth = found.growth
+    rehearsed = [grip for _, grip, _, _ in grips]
+    growth = rehearsed_errors(voltage_V, remaining_um, period_s, rehearsed).growth
     places_V = tuple(sorted(ratios))
-    return replace(
+    measured = replace(
         branch,
         errors=ErrorGrowth(
             growth.ways_V, tuple(max(uneven_um, FEW * um) for um in growth.errors_um)
@@ -170,6 +186,7 @@ def _judged(
         way_ratios=tuple(ratios[place_V] for place_V in places_V),
         way_uneven=sqrt(2.0) * uneven_um / float(np.mean(ways_um)),
     )
+    return MeasuredBranch(measured, return_error(x_um, remaining_um, period_s, rehearsed))
 
 
 def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:

@@ -36,6 +36,7 @@ from pincette.control.response.model_errors import (
     line_error,
     rehearsed_errors,
     return_error,
+    turn_error,
     unknown_forgetting,
 )
 
@@ -96,7 +97,10 @@ class FreeCalibration:
     rehearsed: Rehearsed
     """Errors of the model since a zero."""
     return_error_um: float | None
-    """Error of the model at the place of the zero on the way back; see ``return_error``."""
+    """Error of the model at the place of the zero on the way back, with strokes before the grip or
+    without, whichever is larger; see ``return_error``."""
+    turn_error_um_per_V: float | None
+    """Error of the slope of the model just after a turn; see ``turn_error``."""
     branch: ConditionedBranch | None
     """Rising branch after conditioning strokes; None where none were made."""
     unpoled: bool
@@ -156,6 +160,15 @@ def calibrate_free_response(
     cycles_residual_um = float(np.std(left[motion.cycles]))
     swings = [grip.swings for grip in motion.grips if grip.swings is not None]
     _require_explained(max(identified.residual_um, cycles_residual_um), x, creep)
+    measured = measured_branch(identified.model, u, x, motion.period_s, motion.conditioned)
+    returns_um = [
+        error_um
+        for error_um in (
+            return_error(x, left, motion.period_s, motion.grips),
+            None if measured is None else measured.return_error_um,
+        )
+        if error_um is not None
+    ]
     return FreeCalibration(
         gain=gain,
         creep=creep,
@@ -167,8 +180,9 @@ def calibrate_free_response(
         line_error=line_error((gain, presses)),
         forgetting=unknown_forgetting(u, left, motion.period_s, swings),
         rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
-        return_error_um=return_error(x, left, motion.period_s, motion.grips),
-        branch=measured_branch(identified.model, u, x, motion.period_s, motion.conditioned),
+        return_error_um=max(returns_um, default=None),
+        turn_error_um_per_V=turn_error(u, left, motion.period_s, motion.grips),
+        branch=None if measured is None else measured.branch,
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,

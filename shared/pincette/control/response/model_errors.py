@@ -23,6 +23,9 @@ REST_S = 0.2
 """End of a rest over which its place is taken."""
 BLOCK_S = 0.4
 """Before small swings, over which noise is averaged."""
+TURN_V = 0.2
+"""Fall over which the slope after a turn is taken: twice what creep makes of the voltage of a hold
+of some seconds."""
 PASSING = 3
 """Samples before and after a place, over which the position there is taken in passing."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
@@ -229,6 +232,42 @@ def return_error(
             returned_um = float(np.mean(left_um[grip.let_go][here]))
             squares.append((returned_um - float(np.mean(left_um[rest]))) ** 2)
     return sqrt(fsum(squares) / len(squares)) if squares else None
+
+
+def turn_error(
+    voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
+) -> float | None:
+    """Return the error of the slope of x_1 just after a turn in µm/V, r.m.s. of all grips.
+
+    It is that of the first ``TURN_V`` of the way back from a press, its noise taken off; what is
+    less than the noise of all of them is not known to be smaller.
+
+    Parameters
+    ----------
+    voltage_V, left_um
+        N samples of matched ages; position less x_1.
+    grips
+        Rehearsals; None is returned where no way back is known.
+    """
+    count, squares, noises = max(1, round(REST_S / period_s)), list[float](), list[float]()
+    for grip in grips:
+        if grip.let_go is None:
+            continue
+        rest = slice(grip.let_go.start - count, grip.let_go.start)
+        fell_V = float(np.mean(voltage_V[rest])) - voltage_V[grip.let_go]
+        begin = fell_V[: int(np.argmax(fell_V > TURN_V))]
+        lever_V2 = float(begin @ begin)
+        if not lever_V2 > 0.0:
+            continue
+        moved_um = left_um[grip.let_go][: len(begin)] - float(np.mean(left_um[rest]))
+        squares.append((float(begin @ moved_um) / lever_V2) ** 2)
+        # The mean of the rest errs too, and with it each sample after it by as much.
+        shared = float(np.sum(begin)) ** 2 / (lever_V2 * count)
+        noises.append(float(np.var(left_um[rest], ddof=1)) * (1.0 + shared) / lever_V2)
+    if not squares:
+        return None
+    noise = fsum(noises) / len(noises)
+    return sqrt(max(fsum(squares) / len(squares) - noise, noise / len(noises)))
 
 
 def passing(x_um: Column, place_um: float) -> slice | None:

@@ -129,6 +129,13 @@ def test_a_rig_without_voltages_below_rest_cannot_be_conditioned_and_is_told_so(
     assert "voltage_min_V = 0 V leaves no room for conditioning strokes" in said
     assert f"±{past_mN:.2g} mN" in said
     assert past_mN > 0.0
+    for share in (0.5, 2.0):
+        goal = GripJobRequest(kind="grip", force_tolerance_mN=share * past_mN)
+        plan = plan_job(goal, rig, present).plan
+        assert isinstance(plan, Plan)
+        assert plan.goal is not None
+        assert plan.goal.judged is (share > 1.0)
+        assert plan.goal.judged is not any("will not be judged" in one for one in plan.warnings)
     with pytest.raises(FaultyRequestError, match=r"limits\.voltage_min_V = 0 V leaves no room"):
         plan_job(GripJobRequest(kind="grip", condition="always"), rig, present)
 

@@ -10,7 +10,7 @@ from pincette.control.response.free_response import FreeSample
 from pincette.control.response.hysteresis import HysteresisModel
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.identified_response import identified_response
-from pincette.control.response.model_errors import RehearsedGrip, rehearsed_errors
+from pincette.control.response.model_errors import RehearsedGrip, rehearsed_errors, turn_error
 
 PERIOD_S = 0.02
 REST, RISE = 20, 10
@@ -72,6 +72,28 @@ def test_noise_hardly_counts_and_no_grip_is_refused() -> None:
         rehearsed_errors(u, noise_um, PERIOD_S, [])
     with pytest.raises(ValueError, match="way of a rehearsed press = 0"):
         rehearsed_errors(0.0 * u, noise_um, PERIOD_S, rehearsed)
+
+
+@pytest.mark.parametrize("noise_um", [0.0, 0.03])
+def test_the_error_of_the_slope_after_a_turn_is_that_of_the_first_of_the_way_back(
+    noise_um: float,
+) -> None:
+    fall_V: Column = np.linspace(0.0, 1.0, 51)
+    u, left_um = np.empty(0), np.empty(0)
+    rehearsed: list[RehearsedGrip] = []
+    for slope_um_per_V in (1.6, -1.2, 1.5):
+        at = len(u) + REST
+        u = np.concatenate([u, np.full(REST, 2.0), 2.0 - fall_V])
+        turned_um = slope_um_per_V * np.minimum(fall_V, 0.3)
+        left_um = np.concatenate([left_um, np.full(REST, 0.5), 0.5 + turned_um])
+        press, let_go = slice(at - REST, at), slice(at, len(u))
+        rehearsed.append(RehearsedGrip(press, press, let_go=let_go))
+    left_um = left_um + np.random.default_rng(5).normal(0.0, noise_um, len(left_um))
+    found = turn_error(u, left_um, PERIOD_S, rehearsed)
+    assert found == pytest.approx(sqrt((1.6**2 + 1.2**2 + 1.5**2) / 3.0), abs=4.0 * noise_um)
+    still = turn_error(u, left_um - left_um, PERIOD_S, rehearsed)
+    assert still == 0.0
+    assert turn_error(u, left_um, PERIOD_S, [rehearsed[0]._replace(let_go=None)]) is None
 
 
 def test_x_1_states_it_since_its_zero() -> None:

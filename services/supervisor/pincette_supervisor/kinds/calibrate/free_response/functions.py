@@ -173,6 +173,7 @@ def analyse(run: Run) -> Analysis:
         _fitted_V(motion),
         creep_percent_per_decade=max(0.0, found.creep.percent_per_decade),
         return_error_um=found.return_error_um,
+        turn_error_um_per_V=found.turn_error_um_per_V,
         branch=found.branch,
     )
     gain, off = found.gain, found.model_gain.gain_um_per_V / found.gain.gain_um_per_V - 1.0
