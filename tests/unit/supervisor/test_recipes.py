@@ -13,9 +13,14 @@ from pincette_supervisor.journal import library as journal
 from pincette_supervisor.journal.library import RecipeLimitError, RecipeRepository, RecipeRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning.job_plans import ResolvedRequest, plan, resolve
+from pincette_supervisor.planning.job_plans import (
+    FaultyValuesError,
+    ResolvedRequest,
+    checked_values,
+    plan,
+    resolve,
+)
 from pincette_supervisor.planning.prediction import played, with_prediction
-from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
 from pincette_supervisor.plugin import FaultyRequestError, Planned
 from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from tests.support.rigs import demo_rig

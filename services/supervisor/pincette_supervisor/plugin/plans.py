@@ -39,10 +39,12 @@ from pincette_supervisor.plugin.laws import choose_law, rig_law, unstable
 from pincette_supervisor.plugin.model_in_use import ModelInUse
 from pincette_supervisor.plugin.planned import Planned, decimated
 from pincette_supervisor.plugin.present import Present
-from pincette_supervisor.plugin.ring_term import ring_term, ring_violation, ring_warning
 from pincette_supervisor.plugin.stated_uncertainty import (
     hidden_by_past,
     past_uncertainty_mN,
+    ring_term,
+    ring_violation,
+    ring_warning,
     uncertain_forces,
 )
 

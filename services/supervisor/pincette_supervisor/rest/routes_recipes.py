@@ -10,7 +10,7 @@ from pincette.api.problems import responses
 from pincette.api.requests import Recipe, RecipeHistory, RecipeList, RecipeRequest
 from pincette_supervisor import problems
 from pincette_supervisor.journal.library import RecipeLimitError, RecipeRepository, RecipeRow
-from pincette_supervisor.planning.recipes import FaultyValuesError, checked_values
+from pincette_supervisor.planning.job_plans import FaultyValuesError, checked_values
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Journal, Note
 from pincette_supervisor.rest.limits import LARGE

@@ -22,7 +22,8 @@ from pincette.control.planning.contact_plan import (
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, MARGIN_UM
 from pincette.control.planning.feasibility import excursions, named_violation
 from pincette.control.planning.load_line import LEAST_STIFFNESS
-from pincette.control.planning.motion_plan import Stand
+from pincette.control.planning.motion_plan import Stand, named_pointer
+from pincette.control.planning.planned_arm import SWEPT_STEP_S, SWEPT_STEPS, swept
 from pincette.control.planning.prediction import (
     nominal,
     planned_phases,
@@ -34,12 +35,8 @@ from pincette.control.planning.profiles import SHORTEST_MOVE_S
 from pincette.control.planning.program import Guards, PlannedRange, Program
 from pincette.control.planning.segments import Drive, Entry, Press, Ramp, Reference, Segment
 from pincette.control.planning.touch_force import short_load, uncertain_force, weak_force
-from pincette.control.response.hysteresis import HysteresisModel, HysteresisState, start
-from pincette.control.response.hysteresis import step as state_after
+from pincette.control.response.hysteresis import start
 from pincette.control.response.inverse import free_voltages
-
-STEPS, STEP_S = 50, 0.04
-"""Steps of a way, and the time of each, in which a model is moved along it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +131,7 @@ def plan_held_force(
         *short_load(request.load_s, rig.period_s),
     ]
     for found in excursions(course, rig.limits):
-        pointer = pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))
+        pointer = named_pointer(found, pointers)
         broken.append(named_violation(found, pointer))
     softest = LEAST_STIFFNESS * K_e
     planned = PlannedRange(
@@ -172,7 +169,7 @@ def _guards(request: HeldForceRequest, rig: PlannedRig) -> Guards:
 
 def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[float]]:
     """Return the voltages along a way of the free arm, for a memory from below and from above."""
-    ways_um = [way_um * step / STEPS for step in range(STEPS + 1)]
+    ways_um = [way_um * step / SWEPT_STEPS for step in range(SWEPT_STEPS + 1)]
     model = rig.free_response
     if model is None:
         return [[from_V + one / rig.piezo_um_per_V for one in ways_um]]
@@ -181,20 +178,12 @@ def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[floa
     for stops_V in ((from_V,), (above_V, from_V)):
         memory = start(model) if rig.memory is None else rig.memory
         for to_V in stops_V:
-            memory = _led(model, memory, to_V)
-        voltages_V = free_voltages(model, ways_um, STEP_S, memory)
+            memory = swept(model, memory, to_V)[-1]
+        voltages_V = free_voltages(model, ways_um, SWEPT_STEP_S, memory)
         # A model that creeps finds another voltage for the place where it stands already.
         shift_V = from_V - voltages_V[0]
         found.append([one + shift_V for one in voltages_V])
     return found
-
-
-def _led(model: HysteresisModel, memory: HysteresisState, to_V: float) -> HysteresisState:
-    """Return the memory after a way to a voltage in even steps."""
-    from_V = memory.voltage_V
-    for step in range(1, STEPS + 1):
-        memory = state_after(model, memory, from_V + (to_V - from_V) * step / STEPS, STEP_S)
-    return memory
 
 
 def _at_share(values_V: Sequence[float], share: float) -> float:

@@ -17,7 +17,7 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.contact_plan import MotionPlan, PlannedRig, voltage_range
 from pincette.control.planning.contact_request import CONTACT_SAMPLES
-from pincette.control.planning.feasibility import excursions, named_violation
+from pincette.control.planning.feasibility import Excursion, excursions, named_violation
 from pincette.control.planning.path_shapes import voltage_moves
 from pincette.control.planning.paths import Path
 from pincette.control.planning.prediction import (
@@ -283,7 +283,7 @@ def _plan(
     require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
     course = sample_course(pieces, rig.period_s)
     broken = [
-        named_violation(found, _pointer(found.phase, found.quantity, pointers))
+        named_violation(found, named_pointer(found, pointers))
         for found in excursions(course, rig.limits)
     ]
     planned = PlannedRange(voltage=_voltages(segments, course.voltage_V, rig))
@@ -307,5 +307,6 @@ def _voltages(
     return voltage_range(voltages_V, rig)
 
 
-def _pointer(phase: str, quantity: str, pointers: Mapping[str, str]) -> str:
-    return pointers.get(f"{phase} {quantity}", pointers.get(phase, ""))
+def named_pointer(found: Excursion, pointers: Mapping[str, str]) -> str:
+    """Return the member of the request to blame, by ``phase quantity`` or ``phase``."""
+    return pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))

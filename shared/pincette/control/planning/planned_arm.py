@@ -26,7 +26,7 @@ from pincette.control.response.inverse import free_voltages
 HOME_SHARE = 0.5
 """Share of the voltages below 0 V that the way back may need; the rest is for errors of the model,
 and for drift that no reading has shown."""
-LED_STEPS, LED_STEP_S = 50, 0.04
+SWEPT_STEPS, SWEPT_STEP_S = 50, 0.04
 """Steps, and the time of each, in which a model is moved to a position, or back to a voltage."""
 SHAKEN_V, SHAKES = 0.02, 25
 """Small swings, peak to peak, and their number: the law makes them of noise as the arm presses."""
@@ -80,7 +80,7 @@ class PlannedArm:
         begins, memory = self._moved(model, x_um, force_mN)
         start_um, places_um = displacement_um(model, begins), list[float]()
         for to_V in voltages_V:
-            memory = _swept(model, memory, to_V)[-1]
+            memory = swept(model, memory, to_V)[-1]
             places_um.append(self.x_start_um + displacement_um(model, memory) - start_um)
         return places_um
 
@@ -144,7 +144,7 @@ class PlannedArm:
         crest_um = lowest_um
         for _ in range(cycles):
             for to_V in (crest_V - swing_V, crest_V):
-                states = _swept(model, memory, to_V)
+                states = swept(model, memory, to_V)
                 memory = states[-1]
                 lowest_um = min(lowest_um, *(displacement_um(model, one) for one in states))
         return crest_um - lowest_um
@@ -155,10 +155,10 @@ class PlannedArm:
         """Return the memory as the plan begins, and that at a position against a force."""
         begins = start(model) if self.memory is None else self.memory
         way_um = x_um - self.x_start_um + self.compliance_um_per_mN * force_mN
-        ways_um = [way_um * step / LED_STEPS for step in range(1, LED_STEPS + 1)]
+        ways_um = [way_um * step / SWEPT_STEPS for step in range(1, SWEPT_STEPS + 1)]
         memory = begins
-        for voltage_V in free_voltages(model, ways_um, LED_STEP_S, begins):
-            memory = state_after(model, memory, voltage_V, LED_STEP_S)
+        for voltage_V in free_voltages(model, ways_um, SWEPT_STEP_S, begins):
+            memory = state_after(model, memory, voltage_V, SWEPT_STEP_S)
         return begins, memory
 
     def entry(self, x_um: float, period_s: float) -> Entry:
@@ -203,11 +203,11 @@ def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
     return state_after(model, memory, about_V, 0.0)
 
 
-def _swept(model: HysteresisModel, memory: HysteresisState, to_V: float) -> list[HysteresisState]:
+def swept(model: HysteresisModel, memory: HysteresisState, to_V: float) -> list[HysteresisState]:
     """Return the memories on the way to a voltage."""
     from_V, states = memory.voltage_V, list[HysteresisState]()
-    for step in range(1, LED_STEPS + 1):
-        voltage_V = from_V + (to_V - from_V) * step / LED_STEPS
-        memory = state_after(model, memory, voltage_V, LED_STEP_S)
+    for step in range(1, SWEPT_STEPS + 1):
+        voltage_V = from_V + (to_V - from_V) * step / SWEPT_STEPS
+        memory = state_after(model, memory, voltage_V, SWEPT_STEP_S)
         states.append(memory)
     return states
