@@ -28,6 +28,8 @@ from tests.unit.supervisor.harness import Harness
 SEED = 20131
 EXAMPLES, MORE, MANY = 2, 8, 40
 """Requests of each operation and mode: in `make test`, in `make test-full`, and in `make soak`."""
+WITH_KEYS = 5
+"""One for each key that may be shown."""
 NAMES = frozenset({"testserver"})
 """By which schemathesis asks."""
 PATIENCE_S = 0.05
@@ -177,33 +179,33 @@ def test_the_answers_to_many_requests_are_documented(
 def test_every_answer_is_documented_where_keys_are_wanted(
     guarded: tuple[Any, ScopeKeys], method: str, path: str
 ) -> None:
-    """One request, sent without a key, with one that opens nothing, and with one of each scope."""
+    """Whoever asks: without a key, with one that opens nothing, and with one of each scope."""
     described, ring = guarded
     cases = described[path][method].as_strategy(generation_mode=GenerationMode.POSITIVE)
+    shown = st.sampled_from([None, "wrong", *ring.keys.values()])
 
     @seed(SEED)
     @settings(
-        max_examples=1,
+        max_examples=WITH_KEYS,
         deadline=None,
         database=None,
         phases=[Phase.generate],
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
     )
-    @given(case=cases, data=st.data())
-    def answers(case: Any, data: st.DataObject) -> None:
+    @given(case=cases, data=st.data(), key=shown)
+    def answers(case: Any, data: st.DataObject, key: str | None) -> None:
         aim(case, data, {})
         case.headers = {
             name: value for name, value in case.headers.items() if name.lower() != "authorization"
         }
-        for key in (None, "wrong", *ring.keys.values()):
-            more = {} if key is None else {"Authorization": f"Bearer {key}"}
-            without = excluded(method, path, keys=True)
-            response = case.call(headers=more, timeout=ANSWER_S)
-            if response.status_code == TOO_LARGE:  # refused before it was judged
-                without.append(negative_data_rejection)
-            case.validate_response(response, excluded_checks=without, headers=more)
-            # Who signs in shows a key or a password in the body.
-            signs_in = (method, path) == ("post", "/api/v1/session")
-            assert (response.status_code == 401) <= (key in (None, "wrong") or signs_in)
+        more = {} if key is None else {"Authorization": f"Bearer {key}"}
+        without = excluded(method, path, keys=True)
+        response = case.call(headers=more, timeout=ANSWER_S)
+        if response.status_code == TOO_LARGE:  # refused before it was judged
+            without.append(negative_data_rejection)
+        case.validate_response(response, excluded_checks=without, headers=more)
+        # Who signs in shows a key or a password in the body.
+        signs_in = (method, path) == ("post", "/api/v1/session")
+        assert (response.status_code == 401) <= (key in (None, "wrong") or signs_in)
 
     answers()
