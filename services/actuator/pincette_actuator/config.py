@@ -49,7 +49,7 @@ def configure(rig: RigFile) -> SafetyLimits:
 
 
 def wake_s(period_s: float, natural_frequency_rad_per_s: float) -> float:
-    """Time between two looks at the clock, and so between two steps of a ramp, in s.
+    """Return the time between two looks at the clock, and so between two steps of a ramp, in s.
 
     An odd number of the mode's half swings π/ω_n, of those within T/4 the nearest to 0.2·T: each
     step of the ramp then takes back what the one before it has set swinging. Where not even one

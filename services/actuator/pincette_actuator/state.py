@@ -31,7 +31,7 @@ class State(SafetyState, frozen=True):
 
 
 def facts_of(command: Command) -> CommandFacts:
-    """What the safety rules know of a command."""
+    """Return what the safety rules know of a command."""
     arms: list[ArmFacts] = []
     for arm in command.arms:
         arms.append(ArmFacts(arm.voltage_V, arm.force_mN, arm.x_d_um))

@@ -142,7 +142,7 @@ def _unconfirmed(state: State, device: Fault) -> State:
 
 
 def _heard(state: State, command: Command) -> tuple[State, Command | None, CommandFacts | None]:
-    """Which command is to be judged; one without authority, or repeated, displaces none that
+    """Return which command is to be judged; one without authority, or repeated, displaces none that
     waits."""
     facts, waits = facts_of(command), state.pending
     if why := unheard(state, facts):

@@ -109,7 +109,7 @@ def keep(player: Player) -> Player:
 
 
 def may_keep(player: Player) -> bool:
-    """Whether a part is held, and nothing moves."""
+    """Return whether a part is held, and nothing moves."""
     return player.held and (player.pause.active or player.segment.phase in KEPT)
 
 

@@ -42,7 +42,7 @@ def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float
 def no_command(
     estimate: Estimate, epoch: int, owner: int, silenced: Fault | None, player: Player | None
 ) -> Command:
-    """An invalid command with the forces, by which the actuator watches a frozen part."""
+    """Return an invalid command with the forces, by which the actuator watches a frozen part."""
     arms: list[ArmCommand] = []
     for arm, seen in enumerate(estimate.arms):
         arms.append(ArmCommand(seen.applied_V, force_mN=known_force_mN(estimate, arm, player)))
@@ -147,7 +147,7 @@ def check_command(
     command: Command,
     estimate: Estimate,
 ) -> tuple[tuple[Watches, ...], Command]:
-    """A command as it may leave: each arm's part of it within that arm's own limits.
+    """Return a command as it may leave: each arm's part of it within that arm's own limits.
 
     One that is refused keeps the voltages that are applied.
     """

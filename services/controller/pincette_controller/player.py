@@ -129,7 +129,7 @@ def _pause_at_rest(player: Player, period_s: float) -> Player:
 
 
 def is_over(player: Player, period_s: float) -> bool:
-    """Whether the segment has run its time."""
+    """Return whether the segment has run its time."""
     segment = player.segment
     if segment.duration_s is None or player.watch.zeroing:
         return False
@@ -137,7 +137,7 @@ def is_over(player: Player, period_s: float) -> bool:
 
 
 def _at_rest(player: Player, period_s: float) -> bool:
-    """Whether the references can stay at this sample without a jump of their speed."""
+    """Return whether the references can stay at this sample without a jump of their speed."""
     segment, entry = player.segment, player.entry
     if player.watch.zeroing or segment.ends_moving:
         return False
@@ -184,7 +184,7 @@ def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
 
 
 def _outcome(program: Program, player: Player) -> Outcome:
-    """What has been reached with the end of a segment."""
+    """Return what has been reached with the end of a segment."""
     segment = player.segment
     if program.begins_held:
         if segment.phase == Phase.UNLOAD:

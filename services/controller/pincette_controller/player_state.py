@@ -229,12 +229,12 @@ def jump(program: Program, player: Player, phase: str, x_um: float) -> Player:
 
 
 def has_phase(program: Program, phase: str) -> bool:
-    """Whether a program has a phase."""
+    """Return whether a program has a phase."""
     return any(segment.phase == phase for segment in program.segments)
 
 
 def leave(player: Player, following: Segment, x_um: float) -> Player:
-    """Where the pressing ends, the law gets no force any more and x_r starts from x.
+    """Return where the pressing ends, the law gets no force any more and x_r starts from x.
 
     Without a law a part that is pressed stays held.
     """

@@ -50,7 +50,7 @@ UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
 
 
 def admissible(program: Program, K_e: float) -> bool:
-    """Whether a contact stiffness may be used: within 0.3 to 3 times the planned one.
+    """Return whether a contact stiffness may be used: within 0.3 to 3 times the planned one.
 
     A program that looks for the stiffness itself states wider bounds, which hold then.
     """
@@ -98,7 +98,7 @@ def watch_steps(
 
 
 def _watched(program: Program, player: Player, estimate: ArmEstimate) -> bool:
-    """Whether a part is pressed, so that the position follows from voltage and stiffness.
+    """Return whether a part is pressed, so that the position follows from voltage and stiffness.
 
     Along a path it is not where the force is less than that of a touch: the arm may be free there.
     Two arms are not watched: place and opening move by both voltages, and the difference of the two
@@ -195,7 +195,7 @@ def within_plan(program: Program, player: Player, x_um: float) -> Player:
 
 
 def rests(player: Player) -> bool:
-    """Whether a part is kept at rest, so that freezing the voltage is enough."""
+    """Return whether a part is kept at rest, so that freezing the voltage is enough."""
     segment = player.segment
     if isinstance(segment, Drive):
         return segment.stays

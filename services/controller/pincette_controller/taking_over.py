@@ -42,7 +42,7 @@ def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Playe
 
 
 def force_unknown(player: Player, estimate: ArmEstimate) -> bool:
-    """Whether a held part is moved by a force that has no zero, or whose U is as large."""
+    """Return whether a held part is moved by a force that has no zero, or whose U is as large."""
     segment = player.segment
     if segment.phase != Phase.LOAD or player.outcome:
         return False

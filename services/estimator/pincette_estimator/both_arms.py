@@ -63,7 +63,7 @@ def moving_V(moving: Pair, voltage_V: float, other_V: float) -> float:
 
 
 def joined(first: Estimate, second: Estimate) -> Estimate:
-    """One estimate of both arms, valid where each is."""
+    """Return one estimate of both arms, valid where each is."""
     return replace(
         first,
         degraded=first.degraded or second.degraded,

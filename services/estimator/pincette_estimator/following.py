@@ -52,7 +52,7 @@ def _led_ahead(config: ArmConfig, state: ArmState, applied: Applied) -> ArmState
 
 
 def _followed(config: ArmConfig, state: ArmState, applied: Applied) -> Followed:
-    """What a voltage makes of the memories, over all samples since the last that had one."""
+    """Return what a voltage makes of the memories, over all samples since the last that had one."""
     voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
     response = state.response.follow(voltage_V, passed_s)
@@ -115,7 +115,7 @@ def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmS
 
 
 def _missed(config: ArmConfig, state: ArmState, applied: Applied) -> Residual | None:
-    """What x_1 misses at the tick that the voltage is of; without one it stays."""
+    """Return what x_1 misses at the tick that the voltage is of; without one it stays."""
     if config.residual is None or applied.segment is None:
         return state.missed
     return config.residual.at(applied.segment, applied.segment_tick)

@@ -74,7 +74,7 @@ def _uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
 
 
 def within(range_: tuple[float, float], value: float) -> bool:
-    """Whether a value is a number within a range; no comparison holds of what is none."""
+    """Return whether a value is a number within a range; no comparison holds of what is none."""
     return range_[0] <= value <= range_[1]
 
 
@@ -109,7 +109,7 @@ def degraded(
 def _fault(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Fault | None:
-    """Why there is no force to be had from a sample."""
+    """Return why there is no force to be had from a sample."""
     sample = position.arms[config.arm]
     if not sample.valid:
         return sample.fault

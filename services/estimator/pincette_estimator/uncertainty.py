@@ -21,7 +21,7 @@ def uncertainty_mN(
     zero_s: float | None,
     seq: int,
 ) -> float:
-    """Uncertainty of the force at a sample, by the memories led up to it.
+    """Return the uncertainty of the force at a sample, by the memories led up to it.
 
     A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
     what is left of them is its error. Past the end of what was played creep begins anew.
@@ -117,7 +117,7 @@ def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> flo
 
 
 def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
-    """What a free arm at rest tells of its creep since another rest.
+    """Return what a free arm at rest tells of its creep since another rest.
 
     Between them there may have been strokes over the whole range, so that x_1 errs by what the
     model leaves there, at either.
@@ -131,7 +131,7 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
 
 
 def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
-    """What a free arm has told of its past since the last zero; nothing before the first.
+    """Return what a free arm has told of its past since the last zero; nothing before the first.
 
     An arm that can be conditioned is believed after its strokes alone: its approach does not show
     what an unknown past makes of the force.

@@ -57,7 +57,7 @@ class Intake:
         return 1e-9 * (self._clock_ns() - arrival_ns)
 
     def drain(self) -> list[tuple[int, Message]]:
-        """What has come since the last call, each with its arrival in ns of UTC."""
+        """Return what has come since the last call, each with its arrival in ns of UTC."""
         taken: list[tuple[int, Message]] = []
         while self._queue:
             taken.append(self._queue.popleft())

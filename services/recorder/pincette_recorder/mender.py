@@ -159,7 +159,7 @@ def _lost_words(folder: Path, lost: list[str]) -> str:
 
 
 def _end_of(path: Path, request: Finish) -> Recorded | str:
-    """How a record has ended; raises OSError."""
+    """Return how a record has ended; raises OSError."""
     about, closing = mcap_reading.read_closing(path)
     if closing is None:
         return f"the record of job {request.job} does not say how it has ended"

@@ -24,7 +24,7 @@ OWN = frozenset((files.LIVE, *TABLES))
 
 
 def unclosed(records: Path) -> Iterator[Path]:
-    """Folders of jobs whose record has no end, the oldest first; raises OSError."""
+    """Yield folders of jobs whose record has no end, the oldest first; raises OSError."""
     for path in sorted(records.glob(f"*/{NAME}")):
         if not mcap_reading.is_closed(path):
             yield path.parent

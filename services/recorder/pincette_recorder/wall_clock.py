@@ -33,7 +33,7 @@ class WallClock:
         self._more = 0
 
     def now_ns(self) -> int:
-        """Time in ns of UTC."""
+        """Return the time in ns of UTC."""
         return self._offset_ns + self._steady_ns()
 
     def look(self) -> None:
@@ -49,7 +49,7 @@ class WallClock:
             self._seen_ns = offset_ns
 
     def words(self) -> str:
-        """What was noticed since the begin; empty where nothing was."""
+        """Return what was noticed since the begin; empty where nothing was."""
         listed = [
             f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the begin"
             for at_s, step_s in self._steps

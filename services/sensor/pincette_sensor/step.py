@@ -51,7 +51,7 @@ class State(FrozenRecord, frozen=True):
 
 
 def start(_config: SensorConfig) -> State:
-    """Epoch 0 is the idle loop before the first arming."""
+    """Return the state of the idle loop before the first arming, epoch 0."""
     return State()
 
 

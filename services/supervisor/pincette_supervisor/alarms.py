@@ -31,7 +31,7 @@ IN_FLIGHT = 1
 
 
 def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
-    """Faults as REST has them."""
+    """Return faults as REST has them."""
     return [
         FaultView(
             code=fault.code,
@@ -78,19 +78,19 @@ class TripRecord:
 
 
 def reason_of(applied: Applied) -> TripReason:
-    """The reason that the actuator reports."""
+    """Return the reason that the actuator reports."""
     return TripReason(applied.cause, applied.faults)
 
 
 def trip_ending(trip: TripReason) -> Ending:
-    """Why a job ends whose actuator has tripped; the abort of a person is no fault."""
+    """Return why a job ends whose actuator has tripped; the abort of a person is no fault."""
     if trip.cause == Cause.ABORT:
         return Ending(code="requested")
     return Ending(code="tripped", trip=str(trip.cause), faults=fault_views(trip.faults))
 
 
 def silent_program(newest: Mapping[str, LastSample], period_s: float) -> str:
-    """The first silent program, in the order of a tick; empty where all go on."""
+    """Return the first silent program, in the order of a tick; empty where all go on."""
     sensor = newest.get("sensor")
     if sensor is None:
         return ""
@@ -106,7 +106,7 @@ def silent_program(newest: Mapping[str, LastSample], period_s: float) -> str:
 
 
 def output_lost(reason: TripReason) -> bool:
-    """Whether the output does not confirm its voltage."""
+    """Return whether the output does not confirm its voltage."""
     codes = {one.code for one in reason.faults}
     return reason.cause == Cause.DEVICE or FaultCode.OUTPUT_UNCONFIRMED in codes
 

@@ -75,7 +75,7 @@ class Attention:
         return rows[-1][1] - begun[1], spent_s
 
     def totals(self) -> tuple[float, dict[Share, float]]:
-        """The same since the start."""
+        """Return the same since the start."""
         with self._lock:
             return self._late_s, dict(self._spent_s)
 
@@ -93,7 +93,7 @@ ATTENTION = Attention()
 
 
 def share_words(last_s: float, attention: Attention = ATTENTION) -> str:
-    """Where the last seconds went, for people."""
+    """Return where the last seconds went, for people."""
     stood_s, spent_s = attention.within(last_s)
     shares = ", ".join(f"{WORDS[share]} {value:.2f} s" for share, value in spent_s.items())
     return f"of the last {last_s:.1f} s this program stood still for {stood_s:.2f} s; {shares}"

@@ -67,7 +67,7 @@ class ProblemError(Exception):
 
 
 def response_of(error: ProblemError) -> JSONResponse:
-    """The answer to a refused request."""
+    """Return the answer to a refused request."""
     instance = f"urn:uuid:{uuid4()}"
     log.info("refused: %s (%s), %s", error.detail, error.code, instance)
     body = {
@@ -97,7 +97,7 @@ def _shown(value: Any) -> str:
 
 
 def _named(path: Sequence[str]) -> str:
-    """The last field of a path, with its list indices."""
+    """Return the last field of a path, with its list indices."""
     names = [place for place, part in enumerate(path) if not part.isdigit()]
     last = names[-1] if names else 0
     return "".join([*path[last : last + 1], *(f"[{index}]" for index in path[last + 1 :])])

@@ -215,7 +215,7 @@ def interrupted(store: Store) -> list[str]:
 
 
 def _by_rig(store: Store, jobs: list[str]) -> dict[str, list[str]]:
-    """Names of jobs by their rig, in the same order."""
+    """Return names of jobs by their rig, in the same order."""
     found: dict[str, list[str]] = {}
     for name in jobs:
         row = store.get(name)

@@ -84,14 +84,14 @@ class _Described:
         self._document, self._rig = document, rig
 
     def property(self, name: str) -> dict[str, Any]:
-        """What is read."""
+        """Return what is read."""
         operation = self._operation(PROPERTIES[name], "get")
         form = self._form(name, PROPERTIES[name], "GET", "readproperty")
         told = self._answer(operation)
         return {**told, **self._words(operation), "readOnly": True, "forms": [form]}
 
     def action(self, name: str, *, keys: bool, several: bool) -> dict[str, Any]:
-        """What is done; a plan does nothing."""
+        """Return what is done; a plan does nothing."""
         operation = self._operation(ACTIONS[name], "post")
         form = self._form(name, ACTIONS[name], "POST", "invokeaction")
         form["additionalResponses"] = [
@@ -117,14 +117,14 @@ class _Described:
                 one["required"] = sorted({*one.get("required", ()), "rig"})
 
     def event(self, name: str) -> dict[str, Any]:
-        """What comes as server-sent events."""
+        """Return what comes as server-sent events."""
         operation = self._operation(EVENTS[name], "get")
         form = self._form(name, EVENTS[name], "GET", "subscribeevent")
         form["subprotocol"] = "sse"
         return {**self._words(operation), "data": self.schema("LiveBatch"), "forms": [form]}
 
     def schema(self, name: str) -> dict[str, Any]:
-        """A model as a data schema, with all that it refers to."""
+        """Return a model as a data schema, with all that it refers to."""
         schemas = self._document["components"]["schemas"]
         return self._inlined(schemas[name]) if name in schemas else {"type": "object"}
 
@@ -157,7 +157,7 @@ class _Described:
         return {"type": "object", **found}  # of a union too, which a client wants to be told
 
     def _inlined(self, node: Any, within: tuple[str, ...] = ()) -> Any:
-        """A schema without references, which a data schema has not."""
+        """Return a schema without references, which a data schema has not."""
         if isinstance(node, list):
             return [self._inlined(one, within) for one in cast("list[Any]", node)]
         if not isinstance(node, dict):

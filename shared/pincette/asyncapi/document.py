@@ -53,12 +53,12 @@ REFUSAL: Json = {
 
 @cache
 def document() -> str:
-    """The document as text."""
+    """Return the document as text."""
     return json.dumps(tree(), indent=2, ensure_ascii=False) + "\n"
 
 
 def tree() -> Json:
-    """The document as data."""
+    """Return the document as data."""
     kinds = [topic.message for topic in TOPICS]
     kinds += [kind for item in REQUESTS for kind in (item.request, item.reply)]
     messages = {kind.__name__: _message(kind) for kind in kinds}
@@ -118,7 +118,7 @@ def _parameters(*names: str) -> Json:
 
 
 def _messages(**messages: str) -> Json:
-    """The messages of a channel."""
+    """Return the messages of a channel."""
     return {role: _reference("components", "messages", name) for role, name in messages.items()}
 
 

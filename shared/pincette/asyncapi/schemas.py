@@ -14,7 +14,7 @@ Json = dict[str, Any]
 
 
 def summary(kind: type) -> str:
-    """First paragraph of a record's docstring, in Markdown, on one line."""
+    """Return the first paragraph of a record's docstring, in Markdown, on one line."""
     return _plain((python_inspect.getdoc(kind) or "").split("\n\n")[0])
 
 
@@ -44,7 +44,7 @@ def _notes_of(kind: type) -> dict[str, str]:
 
 
 def reachable(kinds: Iterable[type]) -> list[type]:
-    """These records, each followed by the records that its fields carry, once each."""
+    """Return these records, each followed by the records that its fields carry, once each."""
     found: dict[type, None] = {}
     for kind in kinds:
         _collect(inspect.type_info(kind), found)
@@ -73,7 +73,7 @@ def _plain(text: str) -> str:
 
 
 def record_schema(kind: type) -> Json:
-    """The schema of a record: a map of its fields by name, and no other."""
+    """Return the schema of a record: a map of its fields by name, and no other."""
     node, texts = inspect.type_info(kind), notes(kind)
     assert isinstance(node, inspect.StructType)
     tree: Json = {"type": "object", "description": summary(kind), "additionalProperties": False}
@@ -97,7 +97,7 @@ def _field(name: str, node: inspect.Type, texts: dict[str, str]) -> Json:
 
 
 def type_schema(node: inspect.Type) -> Json:
-    """The schema of a field's type; records by reference.
+    """Return the schema of a field's type; records by reference.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class Vouching:
         return self._credentials.authority.read_text() + self._authority.certificate.decode()
 
     def inner(self, shown: Any) -> ssl.SSLContext:
-        """A client's context with a certificate of the same name and end as the one shown.
+        """Return a client's context with a certificate of the same name and end as the one shown.
 
         That is as ``getpeercert`` gives it; raises BusError where it was revoked, or had ended
         before the time of day was set back.

@@ -69,7 +69,7 @@ def blocking(
     method: Callable[Concatenate[A, P], Coroutine[Any, Any, Any]],
     wrap: Callable[[Any], Any] | None = None,
 ) -> Callable[Concatenate[Blocking[A], P], Any]:
-    """The blocking form of a coroutine method; ``wrap`` makes handles blocking too."""
+    """Return the blocking form of a coroutine method; ``wrap`` makes handles blocking too."""
 
     @wraps(method)
     def call(self: Blocking[A], /, *args: P.args, **kwargs: P.kwargs) -> Any:
@@ -82,7 +82,7 @@ def blocking(
 def iterator(
     method: Callable[Concatenate[A, P], AsyncGenerator[R]],
 ) -> Callable[Concatenate[Blocking[A], P], Iterator[R]]:
-    """The blocking form of a method that returns a stream."""
+    """Return the blocking form of a method that returns a stream."""
 
     @wraps(method)
     def call(self: Blocking[A], /, *args: P.args, **kwargs: P.kwargs) -> Iterator[R]:
@@ -115,11 +115,11 @@ class JobHandle(Blocking[AsyncJobHandle]):
         return self.asynchronous.ended
 
     def patient(self, patience_s: float) -> "JobHandle":
-        """The same job with another patience, in s, while no supervisor answers."""
+        """Return the same job with another patience, in s, while no supervisor answers."""
         return JobHandle(self.asynchronous.patient(patience_s))
 
     def result(self) -> JobResult | None:
-        """Its result; None if it has not moved."""
+        """Return its result; None if it has not moved."""
         return self.asynchronous.result()
 
     refresh = blocking(AsyncJobHandle.refresh)
@@ -165,7 +165,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
         return self.asynchronous.name
 
     def patient(self, patience_s: float) -> "RigHandle":
-        """The same rig with another patience, in s, while no supervisor answers."""
+        """Return the same rig with another patience, in s, while no supervisor answers."""
         return RigHandle(self.asynchronous.patient(patience_s))
 
     state = blocking(AsyncRigHandle.state)
@@ -236,7 +236,7 @@ class Supervisor(Blocking[AsyncSupervisor]):
         self.close()
 
     def patient(self, patience_s: float) -> "Supervisor":
-        """The same supervisor with another patience, in s, while it does not answer."""
+        """Return the same supervisor with another patience, in s, while it does not answer."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
         return other

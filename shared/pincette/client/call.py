@@ -62,7 +62,7 @@ class Call(Generic[T]):
     """Where no answer has come: how to see whether it was taken."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
-        """Arguments of ``httpx.Client.request``."""
+        """Return arguments of ``httpx.Client.request``."""
         details: dict[str, Any] = {
             "method": self.method,
             "url": self.path,
@@ -155,7 +155,7 @@ class Attempts:
 
 
 def _is_mistrust(error: BaseException | None) -> bool:
-    """Whether a supervisor's certificate is not believed; that does not pass by itself."""
+    """Return whether a supervisor's certificate is not believed; that does not pass by itself."""
     while error is not None:
         if isinstance(error, ssl.SSLCertVerificationError):
             return True
@@ -166,7 +166,7 @@ def _is_mistrust(error: BaseException | None) -> bool:
 def identity_headers(
     operator: str | None, key: str | None, claim: str | None = None
 ) -> dict[str, str]:
-    """Headers that name the caller; raises ValueError if a header cannot carry a value."""
+    """Return headers that name the caller; raises ValueError if a header cannot carry a value."""
     headers: dict[str, str] = {}
     if operator is not None:
         if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
@@ -196,18 +196,18 @@ def _is_printable(text: str, most: int) -> bool:
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:
-    """Reader of an answer that is a model; unknown fields are ignored."""
+    """Return the reader of an answer that is a model; unknown fields are ignored."""
     return lambda response: kind.model_validate_json(response.content, extra="ignore")
 
 
 def get(path: str, kind: type[M], **query: str | float | None) -> Call[M]:
-    """A call that reads; members of the query that are None are left out."""
+    """Return a call that reads; members of the query that are None are left out."""
     given = {name: value for name, value in query.items() if value is not None}
     return Call("GET", path, model(kind), given, repeatable=True)
 
 
 def post(path: str, kind: type[M], body: Any = None, *, repeatable: bool = False) -> Call[M]:
-    """A call that changes something."""
+    """Return a call that changes something."""
     return Call("POST", path, model(kind), body=body, repeatable=repeatable)
 
 
@@ -235,12 +235,12 @@ def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:
 
 
 def content(response: httpx.Response) -> bytes:
-    """Reader of an answer that is a file."""
+    """Return the reader of an answer that is a file."""
     return response.content
 
 
 def _unreadable(error: ValueError) -> str:
-    """What is wrong with an answer, in words of pincette."""
+    """Return what is wrong with an answer, in words of pincette."""
     if not isinstance(error, ValidationError):
         return str(error).partition("\n")[0]
     found = error.errors(include_url=False)[0]

@@ -199,7 +199,7 @@ class ProblemError(ClientError):
         return cast("list[Any]", found) if isinstance(found, list) else []
 
     def _words(self) -> str:
-        """Its title, then each fault in a line, or its detail."""
+        """Return its title, then each fault in a line, or its detail."""
         entries: list[Any] = [*self.violations, *self.errors, *self.reasons]
         faults = [str(_told(entry)) for entry in entries]
         if faults:
@@ -307,7 +307,7 @@ def refused(status: int, code: str, title: str, detail: str, **members: Any) -> 
 
 
 def _told(entry: Any) -> Any:
-    """The words of a fault, or all of it where it has none."""
+    """Return the words of a fault, or all of it where it has none."""
     if isinstance(entry, dict):
         fault = cast("dict[str, Any]", entry)
         return fault.get("message", fault)
@@ -315,7 +315,7 @@ def _told(entry: Any) -> Any:
 
 
 def problem_of(response: httpx.Response) -> ProblemError:
-    """The error that an answer is; its body must have been read."""
+    """Return the error that an answer is; its body must have been read."""
     place = f"{response.request.method} {response.request.url}"
     try:
         tree: Any = response.json()

@@ -45,7 +45,7 @@ class AsyncJobHandle:
         return STATES[self.job.state].terminal
 
     def patient(self, patience_s: float) -> "AsyncJobHandle":
-        """The same job with another patience, in s, while no supervisor answers."""
+        """Return the same job with another patience, in s, while no supervisor answers."""
         return AsyncJobHandle(self._transport.patient(patience_s), self.job)
 
     async def refresh(self, wait_s: float = 0.0) -> Job:
@@ -120,7 +120,7 @@ class AsyncJobHandle:
         return self._update(await self._transport.send(call))
 
     def events(self, after: int = 0) -> AsyncGenerator[Event]:
-        """Events of the job until it has ended, each once, with those of the past."""
+        """Return events of the job until it has ended, each once, with those of the past."""
 
         async def ended() -> bool:
             await self.refresh()
@@ -150,11 +150,11 @@ class AsyncJobHandle:
         return following.to_release(self._transport, self)
 
     def result(self) -> JobResult | None:
-        """Its result; None if it has not moved."""
+        """Return its result; None if it has not moved."""
         return result_of(self.job)
 
     async def artifacts(self) -> list[Artifact]:
-        """Files of its record."""
+        """Return files of its record."""
         found = await self._transport.send(get(f"/jobs/{self.id}/artifacts", ArtifactList))
         return found.artifacts
 

@@ -27,7 +27,7 @@ def plan_of(answer: httpx.Response) -> JobPlan:
 
 
 def result_of(job: Job) -> JobResult | None:
-    """The result of a job; None where it has not moved."""
+    """Return the result of a job; None where it has not moved."""
     if job.result is None:
         return None
     known = job_kinds().get(job.kind)

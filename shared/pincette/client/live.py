@@ -49,7 +49,7 @@ class LiveBookmark:
         self._from_s: float | None = None
 
     def read(self, data: str) -> Iterator[LiveSample]:
-        """Samples of an event that have not come before; raises ForeignAnswerError."""
+        """Yield samples of an event that have not come before; raises ForeignAnswerError."""
         try:
             batch = LiveBatch.model_validate_json(data, extra="ignore")
         except ValidationError as error:

@@ -32,11 +32,11 @@ class AsyncRigHandle:
         self._transport, self.name = transport, name
 
     def patient(self, patience_s: float) -> "AsyncRigHandle":
-        """The same rig with another patience, in s, while no supervisor answers."""
+        """Return the same rig with another patience, in s, while no supervisor answers."""
         return AsyncRigHandle(self._transport.patient(patience_s), self.name)
 
     async def state(self) -> Rig:
-        """Programs, interlocks, limits, latch, newest samples."""
+        """Return programs, interlocks, limits, latch, newest samples."""
         return await self._transport.send(get(f"/rigs/{self.name}", Rig))
 
     async def status(self, limit_s: float = NEWS_S) -> RigStatus:
@@ -56,19 +56,19 @@ class AsyncRigHandle:
             return unknown_status(str(error))
 
     async def can_start(self) -> list[str]:
-        """Reasons why no job can start; empty if one can."""
+        """Return reasons why no job can start; empty if one can."""
         rig = await self.state()
         return [] if rig.can_start else rig.reasons or ["the rig does not say why"]
 
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
-        """What a job would do, feasible or not; nothing moves."""
+        """Return what a job would do, feasible or not; nothing moves."""
         body = self._body(request, fields)
         query = {"dry_run": "true"}
         call = Call("POST", "/jobs", plan_of, query, body, repeatable=True, kept_s=PLANNING_S)
         return await self._transport.send(call)
 
     async def plot(self, request: JobRequest | str, **fields: Any) -> bytes:
-        """A picture of what a grip, a track or a move would do, as PNG; nothing moves."""
+        """Return a picture of what a grip, a track or a move would do, as PNG; nothing moves."""
         body = self._body(request, fields)
         call = Call(
             "POST", "/trajectories/plot", content, body=body, repeatable=True, kept_s=PLANNING_S
@@ -177,11 +177,11 @@ class AsyncRigHandle:
         return None, "hold" if rests_with_part(active.job) else "grip"
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""
+        """Return jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""
         return await jobs(self._transport, limit, rig=self.name, **filters)
 
     async def job(self, name: str) -> AsyncJobHandle:
-        """One job by its id."""
+        """Return one job by its id."""
         found = await self._transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self._transport, found)
 
@@ -194,7 +194,7 @@ class AsyncRigHandle:
         return await stop(self._transport, idempotency_key)
 
     async def active_job(self) -> AsyncJobHandle | None:
-        """The job that has the rig."""
+        """Return the job that has the rig."""
         rig = await self.state()
         return None if rig.active_job is None else await self.job(rig.active_job)
 
@@ -280,11 +280,11 @@ class AsyncRigHandle:
         return await self._transport.send(get(f"/rigs/{self.name}/timing", LoopTiming))
 
     async def model(self) -> ModelView:
-        """The model in use, and its versions."""
+        """Return the model in use, and its versions."""
         return await self._transport.send(get(f"/rigs/{self.name}/model", ModelView))
 
     async def checklist(self) -> Checklist:
-        """The calibrations in the order to make them, and which is next."""
+        """Return the calibrations in the order to make them, and which is next."""
         return await self._transport.send(get(f"/rigs/{self.name}/checklist", Checklist))
 
     async def use_model(self, version: int) -> ModelView:
@@ -361,7 +361,7 @@ async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[A
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
-    """Events at a path, after a number; without one, after the newest that there is."""
+    """Return events at a path, after a number; without one, after the newest that there is."""
     read, query = model(EventList), {"limit": 1}
     newest = Call("GET", f"{path}/list", lambda answer: read(answer).newest, query, repeatable=True)
     return transport.events(path, newest if after is None else after)

@@ -64,7 +64,7 @@ class Download:
 def stream_details(
     path: str, timeout_s: float, headers: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Arguments of ``httpx.Client.stream`` for server-sent events."""
+    """Return arguments of ``httpx.Client.stream`` for server-sent events."""
     return {
         "method": "GET",
         "url": path,
@@ -87,7 +87,7 @@ class Bookmark:
         self.path, self.number = path, after
 
     def details(self, timeout_s: float) -> dict[str, Any]:
-        """Arguments of ``httpx.Client.stream``."""
+        """Return arguments of ``httpx.Client.stream``."""
         return stream_details(self.path, timeout_s, {"Last-Event-ID": str(self.number)})
 
     def read(self, message: ServerSentEvent) -> Event | None:

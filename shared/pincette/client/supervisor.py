@@ -91,7 +91,7 @@ class AsyncSupervisor:
         await self.transport.close()
 
     def patient(self, patience_s: float) -> "AsyncSupervisor":
-        """The same supervisor with another patience, in s, while it does not answer."""
+        """Return the same supervisor with another patience, in s, while it does not answer."""
         other = copy(self)
         other.transport = self.transport.patient(patience_s)
         return other
@@ -103,15 +103,15 @@ class AsyncSupervisor:
         return other
 
     async def rigs(self) -> list[Rig]:
-        """Every rig that it serves."""
+        """Return every rig that it serves."""
         return (await self.transport.send(get("/rigs", RigList))).rigs
 
     async def rig(self, name: str | None = None) -> AsyncRigHandle:
-        """A rig by its name; raises WhichRigError if there are several and none is named."""
+        """Return a rig by its name; raises WhichRigError if there are several and none is named."""
         return AsyncRigHandle(self.transport, name or _only(await self.rigs()))
 
     async def job(self, name: str) -> AsyncJobHandle:
-        """A job by its id, of any rig."""
+        """Return a job by its id, of any rig."""
         found = await self.transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self.transport, found)
 
@@ -123,7 +123,7 @@ class AsyncSupervisor:
         return await stop(self.transport, idempotency_key)
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Jobs of every rig, the newest first.
+        """Return jobs of every rig, the newest first.
 
         Filters are rig, state, kind, outcome, label (``name=value``), text, created_from,
         created_to (ISO 8601 with a time zone), and before (a job's id).
@@ -160,7 +160,7 @@ class AsyncSupervisor:
         return found
 
     async def proposal(self, calibration: str) -> Proposal:
-        """What one calibration proposes, beside what is in use."""
+        """Return what one calibration proposes, beside what is in use."""
         return await self.transport.send(get(f"/calibrations/{calibration}", Proposal))
 
     async def decide(self, calibration: str, decision: Literal["accept", "discard"]) -> Proposal:
@@ -180,7 +180,7 @@ class AsyncSupervisor:
                 return found
 
     async def recipe(self, name: str) -> RecipeHistory:
-        """One recipe with all its versions."""
+        """Return one recipe with all its versions."""
         return await self.transport.send(get(f"/recipes/{name}", RecipeHistory))
 
     async def save_recipe(self, name: str, values: dict[str, Any], note: str = "") -> Recipe:
@@ -214,7 +214,7 @@ class AsyncSupervisor:
         return await self.transport.send(post(path, Alarm, body, repeatable=True))
 
     async def session(self) -> Session:
-        """The caller and its permissions, as the supervisor knows them."""
+        """Return the caller and its permissions, as the supervisor knows them."""
         return await self.transport.send(get("/session", Session))
 
     async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
@@ -229,7 +229,7 @@ class AsyncSupervisor:
         return found
 
     async def audit_chain(self, link: str | None = None) -> AuditChain:
-        """Whether the audit log is whole, and holds a newest link that was noted before."""
+        """Return whether the audit log is whole, and holds a newest link that was noted before."""
         return await self.transport.send(get("/audit/chain", AuditChain, link=link))
 
 

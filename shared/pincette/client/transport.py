@@ -50,11 +50,11 @@ class AsyncConnection:
             yield response
 
     def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
-        """The body, block by block."""
+        """Return the body, block by block."""
         return response.aiter_bytes()
 
     def messages(self, response: httpx.Response) -> AsyncIterator[ServerSentEvent]:
-        """The body as server-sent events."""
+        """Return the body as server-sent events."""
         return EventSource(response).aiter_sse()
 
     async def sleep(self, duration_s: float) -> None:
@@ -85,12 +85,12 @@ class BlockingConnection:
             yield response
 
     async def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
-        """The body, block by block."""
+        """Yield the body, block by block."""
         for block in response.iter_bytes():
             yield block
 
     async def messages(self, response: httpx.Response) -> AsyncIterator[ServerSentEvent]:
-        """The body as server-sent events."""
+        """Yield the body as server-sent events."""
         for message in EventSource(response).iter_sse():
             yield message
 
@@ -118,7 +118,7 @@ class Transport:
         self.sleep: Callable[[float], Awaitable[None]] = connection.sleep
 
     def patient(self, patience_s: float) -> "Transport":
-        """The same connection with another patience, in s."""
+        """Return the same connection with another patience, in s."""
         other = copy(self)
         other.patience_s = patience_s
         return other
@@ -192,7 +192,7 @@ class Transport:
             await self.sleep(FIRST_DELAY_S)
 
     async def live(self, path: str, past_s: float) -> AsyncGenerator[LiveSample]:
-        """Samples as they come, each once, over as many connections as needed."""
+        """Yield samples as they come, each once, over as many connections as needed."""
         bookmark = LiveBookmark(path, past_s)
         attempts = self._attempts("GET", path, repeatable=True)
         while True:

@@ -181,7 +181,7 @@ def answers(request: bytes) -> re.Pattern[bytes]:
 
 
 def timing(settings: Sensor) -> Timing:
-    """Time of one reading on the line: bytes at ten bits each over the baud rate.
+    """Return the time of one reading on the line: bytes at ten bits each over the baud rate.
 
     Raises
     ------

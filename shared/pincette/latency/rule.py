@@ -29,7 +29,7 @@ class Measured:
 
 
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
-    """Why a period T is not supported; none where it is.
+    """Return why a period T is not supported; none where it is.
 
     It is where of at least 100 wake-ups on a grid of T
 

@@ -48,7 +48,7 @@ def number_rows(path: Path) -> Iterator[str]:
 
 
 def number_metadata(path: Path) -> Iterator[str]:
-    """The CSVW metadata of ``number_rows``; raises OSError before the first part."""
+    """Return the CSVW metadata of ``number_rows``; raises OSError before the first part."""
     source = parquet.opened(path)
     try:
         fields = parquet.fields_of(source.schema_arrow)
@@ -75,7 +75,7 @@ def _codes(path: Path, fields: Iterable[parquet.Field]) -> number_table.Codes:
 
 
 def _table(source: Any, codes: number_table.Codes | None) -> Iterator[str]:
-    """The names, then the samples: as numbers alone where there are ``codes``."""
+    """Yield the names, then the samples: as numbers alone where there are ``codes``."""
     names = source.schema_arrow.names
     try:
         yield _line(names)

@@ -139,7 +139,7 @@ class RowBlocks:
         )
 
     def _table(self, seqs: list[int]) -> dict[str, list[Any]]:
-        """Columns of some rows, which are the next ones; counts what they lack."""
+        """Return columns of some rows, which are the next ones; counts what they lack."""
         found = {
             kind: {seq: samples[seq] for seq in seqs if seq in samples}
             for kind, samples in self._samples.items()
@@ -157,7 +157,7 @@ class RowBlocks:
         return (self._first_truth or 0) + self._places
 
     def _truths_of(self, seqs: list[int], applied: Mapping[int, Message]) -> dict[int, Message]:
-        """Truths of some rows; see ``number_truths``."""
+        """Return truths of some rows; see ``number_truths``."""
         if self._first_truth is None:
             self._first_truth = min(self._truths, default=None)
         found: dict[int, Message] = {}

@@ -72,7 +72,7 @@ class Folder:
         sync_folder(self._place(identity.name, KEY).parent)
 
     def credentials(self, identity: Identity) -> Credentials:
-        """Where the files of an identity are, whether they are there or not."""
+        """Return where the files of an identity are, whether they are there or not."""
         return Credentials(
             identity,
             self._place(AUTHORITY, CERTIFICATE),
@@ -81,7 +81,7 @@ class Folder:
         )
 
     def facts(self, identity: Identity) -> Facts:
-        """What the certificate of an identity says; raises SecurityError."""
+        """Return what the certificate of an identity says; raises SecurityError."""
         place = self._place(identity.name, CERTIFICATE)
         try:
             return certificates.read(_content(place))
@@ -89,7 +89,7 @@ class Folder:
             raise SecurityError(f"{place}: {error}") from error
 
     def authority(self) -> Facts:
-        """What the authority's own certificate says."""
+        """Return what the authority's own certificate says."""
         return self.facts(Identity(AUTHORITY, AUTHORITY))
 
     def all(self) -> Iterator[Facts]:
@@ -108,7 +108,7 @@ class Folder:
                 yield facts
 
     def named(self, name: str) -> Identity:
-        """The identity of a name; raises SecurityError where it has no certificate."""
+        """Return the identity of a name; raises SecurityError where it has no certificate."""
         known = {facts.identity.name: facts.identity for facts in self.all()}
         if name not in known:
             raise SecurityError(
@@ -118,7 +118,7 @@ class Folder:
         return known[name]
 
     def rigs(self) -> tuple[str, ...]:
-        """Rigs whose programs have certificates."""
+        """Return rigs whose programs have certificates."""
         return tuple(dict.fromkeys(one.identity.rig for one in self.all() if one.identity.rig))
 
     def _signed(self, identity: Identity, hosts: Sequence[str], now: datetime, days: float) -> Pair:
@@ -186,7 +186,7 @@ def checked(credentials: Credentials, now: datetime) -> Facts:
 
 
 def _content(path: Path) -> bytes:
-    """Bytes of a file; raises SecurityError where it cannot be read."""
+    """Return bytes of a file; raises SecurityError where it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

@@ -57,7 +57,7 @@ class Credentials:
 
 
 def program(name: str, rig: str) -> Identity:
-    """A program, one of the rig's own or one that all rigs share."""
+    """Return a program, one of the rig's own or one that all rigs share."""
     return Identity(name if name in SHARED else f"{rig}/{name}", name)
 
 
@@ -68,7 +68,7 @@ def programs_of(rig: str, composed: Iterable[str] = ()) -> tuple[Identity, ...]:
 
 
 def person(name: str, role: str) -> Identity:
-    """A person, or a tool that people use; raises SecurityError for a bad name or role."""
+    """Return a person, or a tool that people use; raises SecurityError for a bad name or role."""
     if role not in PEOPLE:
         raise SecurityError(f"role {role!r}: wanted {' or '.join(PEOPLE)}")
     _checked(name, "person")

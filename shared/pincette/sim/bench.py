@@ -114,7 +114,7 @@ def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[s
 
 
 def _tables_of(arm: RigFile) -> dict[str, set[str]]:
-    """Tables by the driver that they name."""
+    """Return tables by the driver that they name."""
     tables_of: dict[str, set[str]] = {}
     for table in TABLES:
         name = (arm.sensor if table == "sensor" else arm.output).driver
@@ -137,7 +137,7 @@ def _simulated(
     clock: Callable[[], float],
     truth: TruthSink | None,
 ) -> tuple[SimulatedRig | SimulatedPair, tuple[SimulatedRig | ArmOfPair, ...]]:
-    """The plant, and it or its arms as instruments meet them; raises ValueError."""
+    """Return the plant, and it or its arms as instruments meet them; raises ValueError."""
     period_s, lockstep = rig_file.rig.period_s, rig_file.lockstep
     if rig_file.second is None:
         plant = resolved(simulation, rig_file.output.driver)

@@ -32,7 +32,7 @@ def is_loopback(host: str) -> bool:
 
 
 def name_of(place: str) -> str | None:
-    """The host of a ``Host`` header, without its port; None where it is no place."""
+    """Return the host of a ``Host`` header, without its port; None where it is no place."""
     try:
         parts = urlsplit(f"//{place}")
         _ = parts.port
@@ -44,7 +44,7 @@ def name_of(place: str) -> str | None:
 
 
 def is_ours(place: str, names: Iterable[str]) -> bool:
-    """Whether a ``Host`` header names this supervisor, by an address or a known name."""
+    """Return whether a ``Host`` header names this supervisor, by an address or a known name."""
     # A foreign page may let its own name lead to this address (DNS rebinding), and then reads and
     # sends as if it came from here. It cannot do so with an address in place of a name.
     host = name_of(place)

@@ -54,7 +54,7 @@ def digest_of(secret: str) -> str:
 
 
 def _found(rows: Sequence[R], secret: str) -> R | None:
-    """The row with a secret's digest."""
+    """Return the row with a secret's digest."""
     if len(secret) > LONGEST:
         return None
     digest, found = digest_of(secret), None
@@ -116,12 +116,12 @@ class KeySnapshot:
     sessions: Sequence[SessionRow] = ()
 
     def key(self, text: str, now: str) -> KeyRow | None:
-        """The key that a caller shows; None if it is not valid at that time."""
+        """Return the key that a caller shows; None if it is not valid at that time."""
         found = _found(self.keys, text)
         return found if found is not None and found.usable(now) else None
 
     def session(self, cookie: str, now: str) -> tuple[SessionRow, KeyRow] | None:
-        """The session of a cookie and its key; None if the key is not valid at that time."""
+        """Return the session of a cookie and its key; None if the key is not valid at that time."""
         found = _found(self.sessions, cookie)
         if found is None:
             return None
@@ -372,7 +372,7 @@ class Authenticator:
 
 
 def _usable(rows: Sequence[KeyRow], now: str) -> frozenset[str]:
-    """Names of the keys that are valid at a time."""
+    """Return names of the keys that are valid at a time."""
     return frozenset(row.name for row in rows if row.usable(now))
 
 
@@ -381,7 +381,7 @@ def _same_minute(used_at: str | None, now: str) -> bool:
 
 
 def _drained(used: dict[str, str]) -> dict[str, str]:
-    """The entries so far; those that other threads add meanwhile stay for the next time."""
+    """Return the entries so far; those that other threads add meanwhile stay for the next time."""
     found = dict(used)
     for name in found:
         used.pop(name, None)
@@ -389,7 +389,7 @@ def _drained(used: dict[str, str]) -> dict[str, str]:
 
 
 def hours_before(now: str, hours: float) -> str:
-    """A UTC time in the journal's form, some hours before another."""
+    """Return a UTC time in the journal's form, some hours before another."""
     return utc_text(datetime.fromisoformat(now) - timedelta(hours=hours))
 
 

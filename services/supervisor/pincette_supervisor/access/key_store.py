@@ -105,7 +105,7 @@ class KeyStore:
         return self._file.revoke(name)
 
     def _view(self, row: KeyRow) -> KeyView:
-        """A key as it is shown, judged by the latest time as a supervisor does."""
+        """Return a key as it is shown, judged by the latest time as a supervisor does."""
         now = utc()
         latest = max(now, self._file.latest_at() or now)
         return KeyView(**columns(row, "digest", "password"), usable=row.usable(utc_text(latest)))

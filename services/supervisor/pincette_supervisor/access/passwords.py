@@ -38,7 +38,7 @@ WAITING_MAX = 32
 
 
 def hashed(password: str, salt: bytes | None = None) -> str:
-    """A password as it is kept: parameters, salt and hash."""
+    """Return a password as it is kept: parameters, salt and hash."""
     salt = secrets.token_bytes(SALT_BYTES) if salt is None else salt
     key = hashlib.scrypt(password.encode(), salt=salt, n=COST, r=BLOCK, p=LANES)
     return f"scrypt${b64encode(salt).decode()}${b64encode(key).decode()}"
@@ -49,7 +49,7 @@ NOBODY = hashed("", b"\0" * SALT_BYTES)
 
 
 def fits(password: str, kept: str) -> bool:
-    """Whether a password is the one that is kept."""
+    """Return whether a password is the one that is kept."""
     salt = b64decode(kept.split("$")[1])
     return hmac.compare_digest(hashed(password, salt), kept)
 

@@ -46,7 +46,7 @@ class Everywhere(Protocol):
     """Liveliness of the programs of every rig on the router."""
 
     def alive_everywhere(self) -> set[tuple[str, str]]:
-        """Rigs and programs that are alive."""
+        """Return rigs and programs that are alive."""
         ...
 
     def watch_everywhere(self, sink: Callable[[str, str, bool], None]) -> None:
@@ -176,7 +176,7 @@ class RigFinder:
         return not programs or self._compare(manager, self._request_rig_files(rig, programs))
 
     def _request_rig_files(self, rig: str, programs: set[str]) -> Mapping[str, RigFileReply]:
-        """The rig files of the programs; raises BusError if none answers."""
+        """Return the rig files of the programs; raises BusError if none answers."""
         replies: dict[str, RigFileReply] = {}
         trouble = ""
         for program in ASKED_FIRST:

@@ -36,7 +36,7 @@ SAMPLE_OF = {topic.producer: topic.message for topic in reversed(TOPICS) if topi
 
 
 def rig_view(manager: JobManager) -> Rig:
-    """The rig; asks the programs unless they have just answered or a job runs."""
+    """Return the rig; asks the programs unless they have just answered or a job runs."""
     context, queue = manager.context, manager.queue
     active, status = manager.active, None
     if active is not None:
@@ -182,7 +182,7 @@ def _zeroed(known: Estimate | None, arm: int) -> ArmEstimate | None:
 def _newest_of_second(
     position: Position | None, known: Estimate | None, applied: Applied | None
 ) -> dict[str, float | None]:
-    """The same of the second arm; nothing where there is none."""
+    """Return the same of the second arm; nothing where there is none."""
     found: dict[str, float | None] = {}
     if position is not None and len(position.arms) > 1:
         found["second_x_um"] = _x_um(position, 1)

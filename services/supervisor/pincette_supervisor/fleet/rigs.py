@@ -135,15 +135,15 @@ class Rigs:
         return replace(found, missed=missed)
 
     def all(self) -> list[JobManager]:
-        """All served rigs, the supervisor's own first."""
+        """Return all served rigs, the supervisor's own first."""
         return list(self._managers.values())
 
     def find(self, rig: str) -> JobManager | None:
-        """A rig by name; None if it is not served."""
+        """Return a rig by name; None if it is not served."""
         return self._managers.get(rig)
 
     def get(self, rig: str) -> JobManager:
-        """A rig by name; raises ProblemError if it is not served."""
+        """Return a rig by name; raises ProblemError if it is not served."""
         found = self.find(rig)
         if found is not None:
             return found
@@ -151,7 +151,7 @@ class Rigs:
         raise unready([why]) if why else problems.not_found("rig", rig, list(self._managers))
 
     def select(self, rig: str | None) -> JobManager:
-        """The rig that a request names, or the only one; raises ProblemError."""
+        """Return the rig that a request names, or the only one; raises ProblemError."""
         if rig is not None:
             return self.get(rig)
         if len(self._managers) == 1:
@@ -166,16 +166,16 @@ class Rigs:
         )
 
     def of_request(self, request: JobRequest, key: str | None) -> JobManager:
-        """The rig that has created a job with this key, or that the request names."""
+        """Return the rig that has created a job with this key, or that the request names."""
         known = None if key is None else self.store.created(key)
         return self.select(request.rig) if known is None else self.of_job(known.job)
 
     def of_row(self, rig: str) -> JobManager:
-        """The rig of a journal row; the supervisor's own if that rig is not served."""
+        """Return the rig of a journal row; the supervisor's own if that rig is not served."""
         return self.find(rig) or self.own
 
     def of_job(self, name: str) -> JobManager:
-        """The rig of a job; the supervisor's own if there is no such job."""
+        """Return the rig of a job; the supervisor's own if there is no such job."""
         known = next((one for one in self.all() if one.index.has_job(name)), None)
         if known is not None:
             return known
@@ -183,11 +183,11 @@ class Rigs:
         return self.own if row is None else self.of_row(row.rig)
 
     def with_live_job(self, job: str) -> JobManager:
-        """The rig with a live or queued job, without reading the journal."""
+        """Return the rig with a live or queued job, without reading the journal."""
         return next((one for one in self.all() if one.index.has_job(job)), self.own)
 
     def job(self, name: str) -> Job:
-        """One job; raises ProblemError if there is none of this name."""
+        """Return one job; raises ProblemError if there is none of this name."""
         return self._view(require_job(self.store, name))
 
     def listed_jobs(
@@ -250,7 +250,7 @@ class Rigs:
         return manager is None or manager.index.is_settled(row.id)
 
     def records(self, rig: str) -> Path:
-        """Folder of a rig's records, whether or not it is served."""
+        """Return the folder of a rig's records, whether or not it is served."""
         manager, own = self.find(rig), self.own.context.records
         if manager is not None:
             return manager.context.records

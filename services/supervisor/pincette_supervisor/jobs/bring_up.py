@@ -70,7 +70,7 @@ class Calibrations:
         return [(row.number or 0, self._view(row, decisions.get(row.id))) for row in rows]
 
     def one(self, name: str) -> Proposal:
-        """One proposal; raises ProblemError where there is none of this name."""
+        """Return one proposal; raises ProblemError where there is none of this name."""
         return self._view(self._row(name), self._decision(name))
 
     def _rows(self, limit: int, before: int | None = None) -> list[JobRow]:
@@ -221,7 +221,7 @@ def _result(row: JobRow) -> CalibrationResult:
 def _beside(
     value: dict[str, Any], in_use: dict[str, Any], sources: dict[str, str]
 ) -> ProposedValue:
-    """A proposed value with the one in use, and the difference where both are numbers."""
+    """Return a proposed value with the one in use, and the difference where both are numbers."""
     quantity, found = value["quantity"], value["value"]
     present = in_use[quantity]
     numbers = isinstance(found, int | float) and isinstance(present, int | float)
@@ -254,7 +254,7 @@ class Step:
 
 @cache
 def ordered() -> tuple[Step, ...]:
-    """Every calibration after those that find what it assumes; else by its place."""
+    """Return every calibration after those that find what it assumes; else by its place."""
     found = {name: functions_of(name) for name in KIND.variants}
     waiting = {name: functions for name, functions in found.items() if functions.of_bring_up}
     steps: list[Step] = []
@@ -266,7 +266,7 @@ def ordered() -> tuple[Step, ...]:
 
 
 def _first(waiting: dict[str, CalibrationFunctions]) -> str:
-    """The first that assumes nothing which another finds; where each does, the first."""
+    """Return the first that assumes nothing which another finds; where each does, the first."""
     for name, functions in waiting.items():
         others = (other for other in waiting.values() if other is not functions)
         if not any(set(functions.assumes) & set(other.finds) for other in others):
@@ -275,7 +275,7 @@ def _first(waiting: dict[str, CalibrationFunctions]) -> str:
 
 
 def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
-    """The checklist of a rig, by the model in use and the proposals."""
+    """Return the checklist of a rig, by the model in use and the proposals."""
     proposals = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
     steps: list[ChecklistStep] = []
     next_step: str | None = None
@@ -292,7 +292,7 @@ def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
 def _step(
     step: Step, model: RigModel, calibrations: Calibrations, proposals: Sequence[Proposal]
 ) -> ChecklistStep:
-    """One step; one that is still to be made is ``later``."""
+    """Return one step; one that is still to be made is ``later``."""
     used, variant = model.in_use, step.variant
     accepted = next((p for p in proposals if p.id in used.calibration.sources.values()), None)
     newest = next((p for p in proposals if p.state == "proposed"), None)
@@ -331,7 +331,7 @@ def _step(
 def _reasons(
     step: Step, model: RigModel, accepted: Proposal | None, newest: Proposal | None
 ) -> Iterator[StepReason]:
-    """Why a calibration is to be made or decided about; nothing where it is done."""
+    """Yield why a calibration is to be made or decided about; nothing where it is done."""
     if newest is not None:
         yield StepReason(
             code="proposed", text=f"{newest.id} proposes values: accept or discard them"
@@ -380,7 +380,7 @@ def _need(code: NeedCode, rig: RigFile) -> BenchNeed:
 
 
 def model_view(model: RigModel) -> ModelView:
-    """What is in use, quantity by quantity, and the versions there are."""
+    """Return what is in use, quantity by quantity, and the versions there are."""
     used, now = model.in_use, datetime.now(UTC)
     return ModelView(
         rig=model.file.rig.name,

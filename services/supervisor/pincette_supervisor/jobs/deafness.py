@@ -85,7 +85,7 @@ class Silence:
         )
 
     def _hears(self) -> bool:
-        """Whether any other program of the loop is heard."""
+        """Return whether any other program of the loop is heard."""
         observer = self._context.observer
         limit_s = HEARD_SHARE * silence_limit_s(self._context.rig)
         ages_s = [observer.silent_s(kind) for kind in OTHERS]

@@ -35,7 +35,7 @@ SAID = ("sample", "batch", "operator", "notes", "labels", "pinned")
 
 
 def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> JobRow:
-    """The journal row of a new job; its name is the time and a random suffix."""
+    """Return the journal row of a new job; its name is the time and a random suffix."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return JobRow(
         id=f"{stamp}-{secrets.token_hex(3)}",
@@ -59,7 +59,7 @@ def new_row(request: JobRequest, planned: Planned, rig: str, by: str | None) -> 
 
 
 def fingerprint_of(request: JobRequest) -> str:
-    """A digest that is equal for equal requests."""
+    """Return a digest that is equal for equal requests."""
     tree = request.model_dump(mode="json", exclude_unset=True)
     text = json.dumps({**tree, "kind": request.kind}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -73,7 +73,7 @@ def _ending(row: JobRow) -> Ending | None:
 def job_view(
     row: JobRow, live: LiveJob | None, position: int | None, records: Path, left: Left = NOTHING
 ) -> Job:
-    """One job, with its live state and its place in the queue where it has one."""
+    """Return one job, with its live state and its place in the queue where it has one."""
     status = None if live is None else live.status
     if status is not None and status.revision > row.revision:  # not written to the journal yet
         ended = status.ending.model_dump(mode="json") if status.terminal and status.ending else None
@@ -161,7 +161,7 @@ class JobIndex:
         self._lives = (*(one for one in self._lives if not one.recorded.is_set()), live)
 
     def job(self, name: str) -> Job:
-        """One job; raises ProblemError if there is none of this name.
+        """Return one job; raises ProblemError if there is none of this name.
 
         While the journal does not answer, a job that was started is returned from memory.
         """
@@ -171,16 +171,16 @@ class JobIndex:
         return self.view(refusals.require_job(self._context.store, name))
 
     def view(self, row: JobRow) -> Job:
-        """A job of the journal as it stands."""
+        """Return a job of the journal as it stands."""
         live, place = self._live(row.id), self._queue.position(row.id)
         return job_view(row, live, place, self._context.records, self.left)
 
     def has_job(self, name: str) -> bool:
-        """Whether a job is queued or was started last."""
+        """Return whether a job is queued or was started last."""
         return self._queue.entry(name) is not None or self._live(name) is not None
 
     def is_over(self, name: str) -> bool:
-        """Whether a job has ended, and no release of its part is going on."""
+        """Return whether a job has ended, and no release of its part is going on."""
         waits = self._queue.entry(name) is not None
         if waits or (live := self._live(name)) is None:
             return not waits
@@ -188,7 +188,7 @@ class JobIndex:
         return live.done.is_set() or (status.terminal and not status.letting_go)
 
     def is_recorded(self, name: str) -> bool:
-        """Whether a job has ended, and its record is written."""
+        """Return whether a job has ended, and its record is written."""
         if not self.is_over(name):  # asked first: from its end on the event tells of its record
             return False
         live = self._live(name)
@@ -203,7 +203,7 @@ class JobIndex:
                 live.recorded.wait(max(0.0, deadline - monotonic()))
 
     def changed_since(self, name: str, revision: int) -> bool:
-        """Whether a job has changed since a revision."""
+        """Return whether a job has changed since a revision."""
         entry = self._queue.entry(name)
         if entry is not None:
             return entry.revision != revision
@@ -271,7 +271,7 @@ class JobIndex:
         return self.job(name)
 
     def _live(self, name: str) -> LiveJob | None:
-        """A job that was started and may not be recorded yet; look into the queue first."""
+        """Return a job that was started and may not be recorded yet; look into the queue first."""
         return next((live for live in self._lives if live.id == name), None)
 
 

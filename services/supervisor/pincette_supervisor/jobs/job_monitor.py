@@ -81,7 +81,7 @@ class Watch:
         self._missed_s += missed_s
 
     def overdue(self) -> bool:
-        """Whether the deadline of the job's state has passed."""
+        """Return whether the deadline of the job's state has passed."""
         request, status, rig = self._job.request, self._job.status, self._planned.model.rig
         on_stop = kind_of(request).stop_of(request)
         limit_s = deadline_s(status.state, self._planned, rig, on_stop)
@@ -159,7 +159,7 @@ def exchange_fault(context: RigContext, reason: TripReason) -> Fault | None:
 
 
 def stall_words(context: RigContext, reason: TripReason) -> str:
-    """What this machine kept and what to change, for people; empty of another trip."""
+    """Return what this machine kept and what to change, for people; empty of another trip."""
     rig = context.rig
     silent_s = silence_s(rig, reason)
     if silent_s is None:
@@ -314,7 +314,7 @@ class JobMonitor:
         return words, Ending(code="overdue")
 
     def _actuator_published(self) -> bool:
-        """Whether a sample of the actuator came since this was last called."""
+        """Return whether a sample of the actuator came since this was last called."""
         before, self._applied = self._applied, self._context.observer.newest(Applied)
         return self._applied is not before
 

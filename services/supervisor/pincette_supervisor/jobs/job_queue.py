@@ -77,7 +77,7 @@ class Claims:
             self._ends_at = self._clock() + left_s
 
     def current(self) -> Claim | None:
-        """The claim in force."""
+        """Return the claim in force."""
         with self._lock:
             held, left_s = self._held, self._ends_at - self._clock()
             if held is None or left_s <= 0.0:
@@ -228,7 +228,7 @@ class JobQueue:
         return self._entries[0]
 
     def next(self) -> Entry | None:
-        """The next job; None if the queue is empty or halted."""
+        """Return the next job; None if the queue is empty or halted."""
         return None if self.halted or not self._entries else self._entries[0]
 
     def take(self, entry: Entry) -> None:
@@ -237,11 +237,11 @@ class JobQueue:
         self._moved_up()
 
     def entry(self, name: str) -> Entry | None:
-        """A queued job."""
+        """Return a queued job."""
         return next((entry for entry in self._entries if entry.row.id == name), None)
 
     def position(self, name: str) -> int | None:
-        """Place of a job in the queue, from 1; None if it is not queued."""
+        """Return the place of a job in the queue, from 1; None if it is not queued."""
         places = (place for place, entry in enumerate(self._entries, 1) if entry.row.id == name)
         return next(places, None)
 

@@ -243,7 +243,7 @@ class JobRecorder:
 
 
 def lacking(error: Exception) -> str:
-    """What the cause of a job says whose documents could not be written."""
+    """Return what the cause of a job says whose documents could not be written."""
     return f"the record is incomplete: {str(error) or type(error).__name__}"
 
 
@@ -282,7 +282,7 @@ class Left:
     stored: Mapping[str, Future[None]] = field(default_factory=dict[str, Future[None]])
 
     def being_written(self, job: str) -> bool:
-        """True while results of the closed record are not stored yet."""
+        """Return whether results of the closed record are not stored yet."""
         return job in self.stored and not self.stored[job].done()
 
 
@@ -334,7 +334,7 @@ def complete_left_records(context: RigContext, notify: Callable[[], None]) -> Le
 
 
 def _unwritten(context: RigContext) -> list[JobRow]:
-    """Jobs that have moved, whose supervisor ended before their record was written; by age.
+    """Return jobs that have moved, whose supervisor ended before their record was written; by age.
 
     The rig is free while a record is drawn, and so there may be several.
     """
@@ -453,7 +453,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
 
 
 def _gathered(context: RigContext, row: JobRow) -> Gathered:
-    """The job as it is recorded, with the result that was told of it, if any.
+    """Return the job as it is recorded, with the result that was told of it, if any.
 
     Raises OSError, or ValueError where it cannot be planned again as it was.
     """
@@ -472,7 +472,7 @@ def _gathered(context: RigContext, row: JobRow) -> Gathered:
 
 
 def _result(samples: Path, period_s: float) -> JobResult | None:
-    """How far a job came, where its own figures cannot be worked out."""
+    """Return how far a job came, where its own figures cannot be worked out."""
     taken = RunSamples(period_s)
     try:
         for part in parquet.parts(samples):

@@ -50,7 +50,7 @@ def interruption(kind: JobKind | None) -> ActionCode:
 
 
 def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
-    """The lease of a job's arming; None where the rig has none."""
+    """Return the lease of a job's arming; None where the rig has none."""
     length_s = lease_s(request, rig)
     if rig.lockstep or not length_s:
         return None
@@ -58,7 +58,7 @@ def lease_of(rig: RigFile, request: JobRequest, epoch: int) -> Lease | None:
 
 
 def ended_words(bus: Bus, length_s: float) -> str:
-    """Why the controller has stopped by itself, by its status where it answers."""
+    """Return why the controller has stopped by itself, by its status where it answers."""
     text = ""
     with suppress(BusError):
         text = ended_text(status(bus, "controller", ASK_S))
@@ -66,7 +66,7 @@ def ended_words(bus: Bus, length_s: float) -> str:
 
 
 def ended_text(controller: Status) -> str:
-    """The controller's text of a lease that has ended; empty where none has."""
+    """Return the controller's text of a lease that has ended; empty where none has."""
     return faults_text([one for one in controller.findings if one.code is FaultCode.LEASE_ENDED])
 
 

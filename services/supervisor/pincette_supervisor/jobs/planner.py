@@ -124,14 +124,14 @@ class TrajectoryStore:
         )
 
     def get(self, digest: str) -> TrajectoryRow:
-        """One that is kept; raises ProblemError where there is none of this digest."""
+        """Return one that is kept; raises ProblemError where there is none of this digest."""
         row = self.book.get(digest)
         if row is None:
             raise problems.not_found("trajectory", digest)
         return row
 
     def stale(self, row: TrajectoryRow) -> list[str]:
-        """What has changed since it was made, in words."""
+        """Return what has changed since it was made, in words."""
         model = self._context.model.in_use
         found: list[str] = []
         if (kind := row.request["kind"]) not in job_kinds():
@@ -159,14 +159,14 @@ class TrajectoryStore:
         return job_plans.plan(resolved)
 
     def require_planned(self, row: TrajectoryRow) -> Planned:
-        """The same; raises ProblemError."""
+        """Return the same; raises ProblemError."""
         planned = self.planned(row)
         if planned is None:
             raise self._stale(row)
         return planned
 
     def request(self, row: TrajectoryRow, start: TrajectoryStart) -> JobRequest:
-        """The request for a job of it.
+        """Return the request for a job of it.
 
         Raises
         ------

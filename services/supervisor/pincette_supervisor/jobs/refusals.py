@@ -15,7 +15,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 
 
 def require_job(store: Store, name: str) -> JobRow:
-    """A job of the journal; raises ProblemError where there is none of this name."""
+    """Return a job of the journal; raises ProblemError where there is none of this name."""
     row = store.get(name)
     if row is None:
         raise not_found("job", name)
@@ -89,7 +89,7 @@ def require_startable(context: RigContext, entry: Entry) -> None:
 
 
 def startable_entry(context: RigContext, queue: JobQueue) -> Entry | None:
-    """The next job; None of an empty or halted queue, and of one that is halted now.
+    """Return the next job; None of an empty or halted queue, and of one that is halted now.
 
     An emergency stop between two jobs, a part that is held, or a program that is gone uses up no
     job: it waits until a person has seen to it and resumes the queue.
@@ -207,7 +207,7 @@ def require_free(active: LiveJob | None) -> None:
 
 
 def require_queued(entry: Entry | None, name: str) -> Entry:
-    """An entry of the queue; raises ProblemError where the job does not wait."""
+    """Return an entry of the queue; raises ProblemError where the job does not wait."""
     if entry is None:
         raise not_found("queued job", name)
     return entry

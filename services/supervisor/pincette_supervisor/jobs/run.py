@@ -27,7 +27,7 @@ KEEP_S, LOOK_S = 2.0, 0.02
 
 
 def ending_code(error: BusError | StoreError) -> EndingCode:
-    """Why a job ends that has met an error."""
+    """Return why a job ends that has met an error."""
     if isinstance(error, StoreError):
         return "not_stored"
     return "refused" if isinstance(error, RefusalError) else "unanswered"

@@ -194,7 +194,7 @@ class Tracker:
         return (seq + 1 - self._paused_ticks) * self._period_s
 
     def lagging_program(self) -> str:
-        """The program whose number lags: the first, in the order of a tick."""
+        """Return the program whose number lags: the first, in the order of a tick."""
         seqs = [
             max(seq for topic, seq in self._seqs.items() if topic.producer == program)
             for program in LOOP
@@ -219,15 +219,15 @@ class Tracker:
         return self._seqs[APPLIED]
 
     def final_outcome(self) -> Outcome:
-        """How the program ended; ``Outcome.NONE`` where it has not come to its end."""
+        """Return how the program ended; ``Outcome.NONE`` where it has not come to its end."""
         return self.outcome or (Outcome.RELEASED if self.released else Outcome.NONE)
 
     def final_words(self) -> str:
-        """How the program ended, in words."""
+        """Return how the program ended, in words."""
         return outcome_words(self.final_outcome(), self._telemetry, self._estimate)
 
     def progress(self, wait: Wait | None = None) -> Progress:
-        """The progress by the newest samples, with what the run waits for."""
+        """Return the progress by the newest samples, with what the run waits for."""
         position, applied, telemetry = self._position, self._applied, self._telemetry
         seq = -1 if position is None else position.seq
         x_um = position.arms[0].x_um if position is not None and position.arms[0].valid else None
@@ -261,7 +261,7 @@ class Tracker:
         )
 
     def _force(self) -> tuple[float | None, float | None]:
-        """The newest force and its uncertainty, once it has a zero."""
+        """Return the newest force and its uncertainty, once it has a zero."""
         estimate = self._estimate
         arm = None if estimate is None or not estimate.valid else estimate.arms[0]
         if arm is None or arm.zero_age_s is None:
@@ -307,7 +307,7 @@ def _refusal_words(estimate: Estimate | None) -> str:
 
 
 def gone_words(context: RigContext) -> str:
-    """Programs whose token has vanished, in words."""
+    """Return programs whose token has vanished, in words."""
     gone = context.observer.gone(PROGRAMS)
     return f"killed or hung: {', '.join(gone)}" if gone else ""
 
@@ -318,7 +318,7 @@ def silence_limit_s(rig: RigFile) -> float:
 
 
 def silent_words(context: RigContext, tracker: Tracker, lasts_s: float) -> str:
-    """The silent program, in words; empty where all go on."""
+    """Return the silent program, in words; empty where all go on."""
     # In lockstep the whole loop stands still when one program does; in real time the actuator
     # stands for the loop, since it notices by itself when the others are silent.
     killed = gone_words(context)

@@ -79,7 +79,7 @@ class AuditRow:
     """Of the chain: SHA-256 of the entry and of the link before it, in hex."""
 
     def linked(self, number: int, before: str) -> "AuditRow":
-        """The same entry, in its place behind a link."""
+        """Return the same entry, in its place behind a link."""
         row = replace(self, number=number, link="")
         values = json.dumps([before, *asdict(row).values()], separators=(",", ":"))
         return replace(row, link=sha256(values.encode()).hexdigest())
@@ -142,7 +142,7 @@ class AuditRepository:
         return self._store.rows(AuditRow, query)
 
     def newest(self, limit: int, before: int | None = None) -> list[AuditRow]:
-        """Entries, the newest first; those before a number, where one is named."""
+        """Return entries, the newest first; those before a number, where one is named."""
         query = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(limit)
         if before is not None:
             query = query.where(AUDIT.c.number < before)

@@ -91,7 +91,7 @@ class AlarmRepository:
             return _newest(connection, ALARMS.c.number == number)
 
     def get(self, number: int) -> AlarmRow | None:
-        """One alarm; None where there is none of this number."""
+        """Return one alarm; None where there is none of this number."""
         with self._store.reading() as connection:
             return _newest(connection, ALARMS.c.number == number)
 
@@ -121,7 +121,7 @@ class AlarmRepository:
         return self._store.rows(AlarmRow, query)
 
     def count_open(self, rig: str | None = None) -> int:
-        """How many are open, of a rig or of all."""
+        """Return how many are open, of a rig or of all."""
         query = matching(select(func.count()).select_from(ALARMS).where(_open()), rig=rig)
         with self._store.reading() as connection:
             return int(connection.scalar(query) or 0)

@@ -216,7 +216,7 @@ def _remedy_of(cause: BaseException | None) -> str:
 
 
 def rows(connection: Connection, kind: Callable[..., T], query: Select[Any]) -> list[T]:
-    """The rows of a query as objects of a kind whose fields are named as the columns."""
+    """Return the rows of a query as objects of a kind whose fields are named as the columns."""
     return [kind(**row) for row in connection.execute(query).mappings()]
 
 
@@ -243,12 +243,12 @@ def keep_newest(
 
 
 def columns(row: Any, *without: str) -> dict[str, Any]:
-    """The values of a row's columns, some left out."""
+    """Return the values of a row's columns, some left out."""
     return {name: value for name, value in asdict(row).items() if name not in without}
 
 
 def matching(query: Select[Any], **values: object) -> Select[Any]:
-    """A query restricted to columns with these values; None does not restrict."""
+    """Return a query restricted to columns with these values; None does not restrict."""
     return query.filter_by(**{name: value for name, value in values.items() if value is not None})
 
 

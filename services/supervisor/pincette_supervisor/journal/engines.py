@@ -43,7 +43,7 @@ _to_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 
 
 def server_url(url: str) -> URL:
-    """The address of a database of PostgreSQL; raises ValueError."""
+    """Return the address of a database of PostgreSQL; raises ValueError."""
     try:
         found = make_url(url)
     except ArgumentError as error:
@@ -110,7 +110,7 @@ def _without_nul(
 
 
 def writing(engine: Engine) -> Engine:
-    """The same engine for transactions that write."""
+    """Return the same engine for transactions that write."""
     if engine.dialect.name == SERVER:
         return engine.execution_options(isolation_level="READ COMMITTED")
     return engine.execution_options(**{WRITES: True})

@@ -93,7 +93,7 @@ class Listeners:
         self._closed = False
 
     def open(self, rig: str | None, job: str | None) -> ListenerQueue:
-        """A queue for a listener on the running event loop; raises TooManyListenersError."""
+        """Return a queue for a listener on the running event loop; raises TooManyListenersError."""
         queue = ListenerQueue(rig, job)
         with self._lock:
             if len(self._queues) >= LISTENERS_MAX:

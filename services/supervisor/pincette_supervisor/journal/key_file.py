@@ -41,7 +41,7 @@ class KeyRow:
     """Of a user, as ``access.passwords`` keeps it; the digest is then of a key that nobody has."""
 
     def usable(self, now: str) -> bool:
-        """Whether it opens anything at a time."""
+        """Return whether it opens anything at a time."""
         return self.revoked_at is None and (self.expires_at is None or now < self.expires_at)
 
 

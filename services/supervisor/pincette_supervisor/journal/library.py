@@ -75,13 +75,13 @@ class RecipeRepository:
             return _newest(connection, name)
 
     def version(self, name: str, version: int) -> RecipeRow | None:
-        """One version of a recipe; None where there is none."""
+        """Return one version of a recipe; None where there is none."""
         wanted = select(RECIPES).where(RECIPES.c.name == name, RECIPES.c.version == version)
         with self._store.reading() as connection:
             return first(connection, RecipeRow, wanted)
 
     def versions(self, name: str) -> list[RecipeRow]:
-        """Every version of a recipe, the newest first."""
+        """Return every version of a recipe, the newest first."""
         wanted = select(RECIPES).where(RECIPES.c.name == name).order_by(RECIPES.c.version.desc())
         return self._store.rows(RecipeRow, wanted)
 
@@ -160,7 +160,7 @@ class TrajectoryRepository:
         return replace(row, created_at=made_at), True
 
     def get(self, digest: str) -> TrajectoryRow | None:
-        """One trajectory; None where there is none of this digest."""
+        """Return one trajectory; None where there is none of this digest."""
         with self._store.reading() as connection:
             return _find_trajectory(connection, digest)
 
@@ -177,7 +177,7 @@ class TrajectoryRepository:
 def _trajectory_row(
     *, rig: str, request: dict[str, Any], created_at: str, **_digest: str
 ) -> TrajectoryRow:
-    """A row of the table, whose column ``request`` holds the other fields."""
+    """Return a row of the table, whose column ``request`` holds the other fields."""
     return TrajectoryRow(rig, **request, created_at=created_at)
 
 

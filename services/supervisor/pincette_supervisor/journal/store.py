@@ -127,13 +127,13 @@ class Store(Database):
             _revise(connection, name, {})
 
     def get(self, name: str) -> JobRow | None:
-        """One job; None where there is none of this name."""
+        """Return one job; None where there is none of this name."""
         with self.reading() as connection:
             found = _select(connection, select(JOBS).where(JOBS.c.id == name))
         return found[0] if found else None
 
     def newest(self, limit: int, found: JobFilter = EVERY_JOB) -> list[JobRow]:
-        """Jobs, the newest first; only those that a filter lets through."""
+        """Return jobs, the newest first; only those that a filter lets through."""
         with self.reading() as connection:
             return _select(connection, found.newest(limit, connection.dialect.name))
 
@@ -170,7 +170,7 @@ class Store(Database):
             left = None if left is None else left - len(page)
 
     def queued(self, rig: str) -> list[JobRow]:
-        """Jobs of a rig that wait for their turn, the next first."""
+        """Return jobs of a rig that wait for their turn, the next first."""
         waits = and_(JOBS.c.state == "queued", JOBS.c.rig == rig)
         with self.reading() as connection:
             return _select(
@@ -178,7 +178,7 @@ class Store(Database):
             )
 
     def counted(self) -> dict[tuple[str, str, str], int]:
-        """How many jobs there are, by rig, kind and state; none where there is none."""
+        """Return how many jobs there are, by rig, kind and state; none where there is none."""
         names = JOBS.c.rig, JOBS.c.kind, JOBS.c.state
         with self.reading() as connection:
             found = connection.execute(select(*names, func.count()).group_by(*names)).all()
@@ -220,7 +220,7 @@ class Store(Database):
         return found
 
     def probe(self) -> bool:
-        """Whether anything can be written; see ``trouble``."""
+        """Return whether anything can be written; see ``trouble``."""
         try:
             self.set_note(PROBE, utc_now())
         except StoreError:
@@ -228,7 +228,7 @@ class Store(Database):
         return True
 
     def get_note(self, name: str) -> str | None:
-        """A fact kept under this name."""
+        """Return a fact kept under this name."""
         return self.get_notes([name]).get(name)
 
     def get_notes(self, names: Sequence[str]) -> dict[str, str]:

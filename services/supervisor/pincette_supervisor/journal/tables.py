@@ -246,10 +246,10 @@ class Creation:
 
 
 def utc_text(time: datetime) -> str:
-    """A time as the journal keeps it: in UTC, to a millisecond."""
+    """Return a time as the journal keeps it: in UTC, to a millisecond."""
     return time.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def utc_now() -> str:
-    """The present time in UTC, for people; nothing in the loop reads it."""
+    """Return the present time in UTC, for people; nothing in the loop reads it."""
     return utc_text(datetime.now(UTC))

@@ -44,7 +44,7 @@ def evaluate(run: Run) -> Evaluation:
 
 
 def _edge(table: Columns, period_s: float, *, last: bool) -> Mask:
-    """The first sample, or those of the last rest."""
+    """Return the first sample, or those of the last rest."""
     count = len(table["seq"])
     mask = np.zeros(count, dtype=np.bool_)
     if last:

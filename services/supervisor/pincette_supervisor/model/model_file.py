@@ -57,7 +57,7 @@ class ModelFiles:
     folder: Path
 
     def numbers(self) -> list[int]:
-        """Versions that there are, the oldest first."""
+        """Return versions that there are, the oldest first."""
         return sorted(self._paths())
 
     def _paths(self) -> dict[int, Path]:

@@ -24,7 +24,7 @@ from pincette_supervisor.plugin.residuals import merged
 
 
 def due_at(measured_at: str, valid_days: float | None) -> str | None:
-    """When what was measured is to be measured again; None where it holds without an end."""
+    """Return when what was measured is to be measured again; None where it holds without an end."""
     if valid_days is None:
         return None
     try:
@@ -48,7 +48,7 @@ class Due:
 
 
 def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: datetime) -> list[Due]:
-    """Why a calibration should be made again; nothing where it is still good.
+    """Return why a calibration should be made again; nothing where it is still good.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def warnings(
     present: Mapping[str, str],
     now: datetime,
 ) -> list[str]:
-    """Which calibrations should be made again, and why, in words.
+    """Return which calibrations should be made again, and why, in words.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ BESIDE_THE_ARM = {
 
 
 def basis(rig: RigFile) -> dict[str, Any]:
-    """Values by key, as JSON has them."""
+    """Return values by key, as JSON has them."""
     tree = rig.model_dump(mode="json")
     found = {
         f"{table}.{key}": tree[table][key] for table, keys in MEASURED_WITH.items() for key in keys
@@ -145,12 +145,12 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChan
 
 
 def doubtful(found: list[ModelChange]) -> list[ModelChange]:
-    """Changes that concern the whole model."""
+    """Return changes that concern the whole model."""
     return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
 
 
 def words(found: list[ModelChange], version: int) -> str:
-    """Changes since a version was chosen."""
+    """Return changes since a version was chosen."""
     listed = ", ".join(f"{one.key} = {one.now!r}, was {one.before!r}" for one in found)
     return f"{listed}, when model {version} was chosen"
 
@@ -254,7 +254,7 @@ class RigModel:
             self._choose(chosen)
 
     def warnings(self, now: datetime) -> list[str]:
-        """What in use should be calibrated again, in words; nothing is refused for it."""
+        """Return what in use should be calibrated again, in words; nothing is refused for it."""
         used = self.in_use
         due = warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
         changed = [
@@ -265,7 +265,7 @@ class RigModel:
         return [*due, *changed]
 
     def due(self, calibration: str, now: datetime) -> list[Due]:
-        """Why a calibration in use should be made again; nothing where it is still good."""
+        """Return why a calibration in use should be made again; nothing where it is still good."""
         used = self.in_use
         for quantity, accepted in used.acceptances.items():
             if used.calibration.sources.get(quantity) == calibration:
@@ -331,7 +331,7 @@ class RigModel:
 
 
 def _noted(text: str) -> tuple[int, dict[str, Any]]:
-    """The version that was chosen, and what the rig file had then."""
+    """Return the version that was chosen, and what the rig file had then."""
     noted = json.loads(text)
     return noted["version"], noted["basis"]
 

@@ -55,7 +55,7 @@ class Notice:
 
 
 def topic_of(event: Event) -> Told | None:
-    """What an event is told as; None: it is not."""
+    """Return what an event is told as; None: it is not."""
     if event.kind == "state":
         return "job.ended" if STATES[event.body["state"]].terminal else None
     if event.kind != "alarm":
@@ -67,7 +67,7 @@ def topic_of(event: Event) -> Told | None:
 
 
 def notice_of(event: Event, job: JobRow | None) -> Notice | None:
-    """What is told of an event; ``job`` is its job, where it has one that is known."""
+    """Return what is told of an event; ``job`` is its job, where it has one that is known."""
     topic = topic_of(event)
     if topic is None or event.number is None:
         return None
@@ -243,7 +243,7 @@ class Sender(Protocol):
 
 
 def read_secret(path: Path) -> str:
-    """The secret of a file that its owner alone can read; raises SecretError."""
+    """Return the secret of a file that its owner alone can read; raises SecretError."""
     try:
         mode, text = path.stat().st_mode, decoded(path.read_bytes()).strip()
     except (OSError, EncodingError) as error:
@@ -335,7 +335,7 @@ class MailSender:
         self.name = f"mail {mail.host}:{mail.port} {','.join(mail.to)}"
 
     def message(self, notice: Notice) -> EmailMessage:
-        """A notice as a mail; its Message-ID is the same each time it is tried."""
+        """Return a notice as a mail; its Message-ID is the same each time it is tried."""
         mail = self._mail
         message = EmailMessage(policy=SMTP)
         message["From"], message["To"] = mail.sender, ", ".join(mail.to)
@@ -368,7 +368,7 @@ class MailSender:
 
 
 def senders_of(supervisor: Supervisor, data: Path) -> list[Sender]:
-    """Who is told, by a rig file; raises SecretError."""
+    """Return who is told, by a rig file; raises SecretError."""
     found: list[Sender] = [
         WebhookSender(webhook, read_secret(data / webhook.secret_file))
         for webhook in supervisor.webhooks

@@ -99,14 +99,14 @@ class IdentifiedArm:
         return replace(self, hung_mN=weight_mN)
 
     def at(self, x_um: float) -> "IdentifiedArm":
-        """The free arm at rest where it was measured, by whatever it remembers of before."""
+        """Return the free arm at rest where it was measured, by whatever it remembers of before."""
         response = self.response.begin(x_um)
         return replace(
             self, response=response, state=rest_plain_arm(self.parameters, self.state, x_um)
         )
 
     def moved(self, voltage_V: float, missed_um: float | None = None) -> "IdentifiedArm":
-        """The arm a period after a sample that is answered with a voltage.
+        """Return the arm a period after a sample that is answered with a voltage.
 
         ``missed_um`` is what the free response misses then; None: as much as before.
         """
@@ -119,7 +119,7 @@ class IdentifiedArm:
     def driven(
         self, voltage_V: float, missed_um: float | None = None
     ) -> tuple["IdentifiedArm", list[Stretch]]:
-        """The arm with its response a period later and its tip as it is, and the way of x_f.
+        """Return the arm with its response a period later and its tip as it is, and the way of x_f.
 
         That way is in stretches, each of substeps of one length and of where the free arm rests.
         """
@@ -183,7 +183,7 @@ class IdentifiedArm:
 def identified_arm(
     rig: RigFile, instruments: Instruments, start_V: float, part: Part | None
 ) -> IdentifiedArm:
-    """The arm at rest at a voltage that it was brought to from 0 V, unpoled.
+    """Return the arm at rest at a voltage that it was brought to from 0 V, unpoled.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ class IdentifiedPair:
         return replace(self, arms=(first, second))
 
     def moved(self, voltages_V: Pair) -> "IdentifiedPair":
-        """Both arms a period after a sample that is answered with these voltages."""
+        """Return both arms a period after a sample that is answered with these voltages."""
         (first, ways_1), (second, ways_2) = (
             arm.driven(voltage_V) for arm, voltage_V in zip(self.arms, voltages_V, strict=True)
         )
@@ -270,7 +270,7 @@ class IdentifiedPair:
 def identified_pair(
     rig: RigFile, instruments: Instruments, present: Present, *, part: bool, held: bool
 ) -> IdentifiedPair:
-    """Both arms at rest where they stand; raises ValueError on a rig of one arm.
+    """Return both arms at rest where they stand; raises ValueError on a rig of one arm.
 
     Parameters
     ----------

@@ -39,12 +39,12 @@ class FaultyValuesError(ValueError):
 
 
 def completed_kinds() -> list[JobKind]:
-    """Kinds whose requests a recipe completes."""
+    """Return kinds whose requests a recipe completes."""
     return [kind for kind in job_kinds().values() if kind.recipe is not None]
 
 
 def checked_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a recipe as they are kept.
+    """Return values of a recipe as they are kept.
 
     Raises
     ------

@@ -60,7 +60,7 @@ class Samples:
     """Reference of that place."""
 
     def of_arms(self) -> "list[Samples]":
-        """The samples of each arm as if it were the only one."""
+        """Return the samples of each arm as if it were the only one."""
         if self.arms == 1:
             return [self]
         second = replace(
@@ -108,12 +108,12 @@ class Samples:
 
 
 def columns_of(samples: Samples) -> tuple[SampleColumn, ...]:
-    """What is known of each sample, of two arms more than of one."""
+    """Return what is known of each sample, of two arms more than of one."""
     return COLUMNS if samples.arms == 1 else (*COLUMNS, *SECOND_COLUMNS)
 
 
 def table(samples: Samples) -> dict[str, list[Any]]:
-    """Columns by their names."""
+    """Return columns by their names."""
     return {column.name: getattr(samples, column.name) for column in columns_of(samples)}
 
 
@@ -133,7 +133,7 @@ def as_csv(samples: Samples, about: dict[str, str]) -> bytes:
 
 
 def as_parquet(samples: Samples, about: dict[str, str]) -> bytes:
-    """The same columns, with what is said of them beside each."""
+    """Return the same columns, with what is said of them beside each."""
     fields = [
         parquet.Field(
             column.name, column.unit, column.meaning, "text" if column.name == "phase" else "float"

@@ -47,7 +47,7 @@ def played(planned: Planned) -> DryRun:
 
 
 def with_prediction(planned: Planned, dry_run: DryRun) -> Planned:
-    """A plan with what its dry run predicts; a limit that it breaks makes it infeasible.
+    """Return a plan with what its dry run predicts; a limit that it breaks makes it infeasible.
 
     The plan names its own violations first; of a loop that is not stable, which is no matter of
     place and time, it says so last.
@@ -114,20 +114,20 @@ def _pointer(planned: Planned) -> Callable[[str, str], str]:
 
 
 def _of_arm(broken: Violation, arm: int, arms: int) -> Violation:
-    """A violation that says of which arm it is, where there are two."""
+    """Return a violation that says of which arm it is, where there are two."""
     if arms == 1:
         return broken
     return broken.model_copy(update={"message": f"arm {arm}: {broken.message}"})
 
 
 def _curves(of: type[C], samples: Samples) -> C:
-    """Samples thinned out to ``CURVE_POINTS``, the first one kept."""
+    """Return samples thinned out to ``CURVE_POINTS``, the first one kept."""
     stride = max(1, ceil(len(samples.t_s) / CURVE_POINTS))
     return of(**{name: getattr(samples, name)[::stride] for name in of.model_fields})
 
 
 def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
-    """Phases in the order in which they were played."""
+    """Return phases in the order in which they were played."""
     begins = [
         index
         for index, phase in enumerate(samples.phase)
@@ -145,7 +145,7 @@ def phases(samples: Samples, period_s: float) -> list[PredictedPhase]:
 
 
 def _assumptions(planned: Planned, instruments: Instruments) -> list[str]:
-    """What a prediction takes for granted, in words."""
+    """Return what a prediction takes for granted, in words."""
     model = planned.armed
     words: list[str] = []
     for number, arm in enumerate(model.rig.arms, start=1):
@@ -203,7 +203,7 @@ def rates_V_per_s(samples: Samples, period_s: float) -> list[float]:
 
 
 def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
-    """The limits of a rig file, each with the samples it holds for.
+    """Return the limits of a rig file, each with the samples it holds for.
 
     Of the voltage that is what the controller asks for: the actuator keeps its limits.
     """
@@ -220,7 +220,7 @@ def limits_of(rig: RigFile, samples: Samples) -> list[Limit]:
 
 
 def margins(rig: RigFile, samples: Samples, *, switches: bool) -> list[Margin]:
-    """The least distance to each limit, and to the band of the sliding function.
+    """Return the least distance to each limit, and to the band of the sliding function.
 
     Parameters
     ----------
@@ -320,7 +320,7 @@ def _broken(
 
 
 def peaks(rig: RigFile, samples: Samples) -> Peaks:
-    """Extremes of the samples, of which there is one at least."""
+    """Return extremes of the samples, of which there is one at least."""
     return Peaks(
         force_max_mN=max(samples.force_mN),
         x_min_um=min(samples.x_um),

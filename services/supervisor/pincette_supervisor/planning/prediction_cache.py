@@ -48,7 +48,7 @@ class PredictionCache:
             self._room.release()
 
     def predicted(self, planned: Planned) -> Planned:
-        """A plan with what playing it predicts.
+        """Return a plan with what playing it predicts.
 
         A new force on a held part is planned alone: what its arm remembers of the grip is not known
         to a model.

@@ -178,7 +178,7 @@ def _pressed(table: Columns, from_mN: float) -> tuple[Pressed, ...]:
 
 
 def _stamped(numbers: Series, age_s: Series, period_s: float) -> set[int]:
-    """Segments at whose end the force was zeroed: the sample after the stamp has age 0."""
+    """Return segments at whose end the force was zeroed: the sample after the stamp has age 0."""
     fresh: Sequence[int] = np.flatnonzero(age_s < 0.5 * period_s).tolist()
     before = [numbers[place - 1] for place in fresh if place]
     return {int(number) for number in before if not np.isnan(number)}

@@ -79,7 +79,7 @@ class EmulatedInstruments:
         self.put_V = {}
 
     def begun(self, applied: Applied) -> tuple[Applied, Position] | None:
-        """What the estimator is to have heard of arms that stand away from 0 V."""
+        """Return what the estimator is to have heard of arms that stand away from 0 V."""
         first_V, *others_V = self.arms.targets_V
         if not first_V and not any(others_V):
             return None
@@ -97,7 +97,7 @@ class EmulatedDevice:
     """Index of the arm."""
 
     def read_um(self) -> float:
-        """What the sensor shows of where the arm stands, in µm."""
+        """Return what the sensor shows of where the arm stands, in µm."""
         sensor = self.instruments.rig.arms[self.arm].sensor
         return sensor.offset_um + sensor.direction * self.instruments.arms.tips_um[self.arm]
 
@@ -105,14 +105,14 @@ class EmulatedDevice:
         """Acquire one sample a tick, whatever the rate: a sweep is not emulated."""
 
     def read_block(self) -> Block:
-        """The sample of this tick."""
+        """Return the sample of this tick."""
         return Block((self.read_um(),), (self.read_V(),))
 
     def end_capture(self) -> None:
         """Acquire no more."""
 
     def read_V(self) -> float:
-        """The voltage that the arm goes to."""
+        """Return the voltage that the arm goes to."""
         return self.instruments.arms.targets_V[self.arm]
 
     def write_V(self, voltage_V: float) -> None:
@@ -212,7 +212,7 @@ class RigEmulator:
         arm_loop(self._bus, self._program, epoch=1, digest=self._rig.digest())
 
     def tick(self, seq: int) -> str:
-        """One sample; returns why nothing can be predicted beyond it."""
+        """Return one sample; returns why nothing can be predicted beyond it."""
         while (self._applied is None or self._applied.seq < seq) and self._bus.pump():
             pass
         applied, command = self._applied, self._command

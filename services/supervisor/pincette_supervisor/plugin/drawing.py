@@ -72,7 +72,7 @@ class Sheet:
         self.figure.text(0.985, 0.966, name, fontsize=8, color=FAINT, ha="right")
 
     def png(self) -> bytes:
-        """The picture as a PNG; nothing is left of it."""
+        """Return the picture as a PNG; nothing is left of it."""
         stream = BytesIO()
         self._canvas.print_png(stream)
         # Its texts and axes refer to each other and to the 7 MB drawn on, until cycles are sought.
@@ -82,7 +82,7 @@ class Sheet:
         return stream.getvalue()
 
     def picture(self) -> Picture:
-        """The picture as PNG, SVG and PDF; no time stands in the files."""
+        """Return the picture as PNG, SVG and PDF; no time stands in the files."""
         vector: dict[str, bytes] = {}
         for form, stamp in (("svg", "Date"), ("pdf", "CreationDate")):
             stream = BytesIO()
@@ -190,7 +190,7 @@ def force(axis: Axis, t_s: Series, table: Columns, *, columns: int = 1) -> None:
 
 
 def knows_truth(table: Columns) -> bool:
-    """Whether a simulated rig has told the true force."""
+    """Return whether a simulated rig has told the true force."""
     return any(value is not None for value in table["true_force_mN"])
 
 
@@ -214,7 +214,7 @@ def make_room(axis: Axis, share: float = 0.16) -> None:
 
 
 def contact_words(result: ClosedLoopResult) -> Sequence[str]:
-    """Where the contact is and how stiff, as far as it is known."""
+    """Return where the contact is and how stiff, as far as it is known."""
     if result.contact_stiffness_mN_per_um is None or result.contact_x_um is None:
         return ()
     return (
@@ -224,7 +224,7 @@ def contact_words(result: ClosedLoopResult) -> Sequence[str]:
 
 
 def grid(sheet: "Sheet", rows: int, columns: int = 1) -> list[Axis]:
-    """Axes of their own in rows and columns."""
+    """Return axes of their own in rows and columns."""
     found = sheet.figure.subplots(rows, columns, squeeze=False)
     sheet.figure.subplots_adjust(
         left=LEFT, right=RIGHT, top=TOP, bottom=BOTTOM, hspace=0.24, wspace=0.2

@@ -19,17 +19,17 @@ SETTLE_S = 0.5
 
 
 def series(table: Columns, name: str) -> Series:
-    """A column as numbers, NaN where a sample never came."""
+    """Return a column as numbers, NaN where a sample never came."""
     return np.array([np.nan if v is None else v for v in table[name]], dtype=np.float64)
 
 
 def within(table: Columns, phases: Sequence[str]) -> Mask:
-    """Samples of some phases."""
+    """Return samples of some phases."""
     return np.array([name in phases for name in table["phase"]], dtype=np.bool_)
 
 
 def settled(mask: Mask, period_s: float) -> Mask:
-    """The same samples without the first ``SETTLE_S``, or quarter, of them."""
+    """Return the same samples without the first ``SETTLE_S``, or quarter, of them."""
     places = np.flatnonzero(mask)
     skipped = min(int(SETTLE_S / period_s + 0.5), len(places) // 4)
     found = mask.copy()
@@ -38,37 +38,37 @@ def settled(mask: Mask, period_s: float) -> Mask:
 
 
 def chosen(values: Series, mask: Mask) -> Series:
-    """Values of the samples chosen that are there."""
+    """Return values of the samples chosen that are there."""
     found = values[mask]
     return found[~np.isnan(found)]
 
 
 def mean(values: Series, mask: Mask) -> float | None:
-    """Mean; None without a value."""
+    """Return the mean; None without a value."""
     found = chosen(values, mask)
     return float(found.mean()) if found.size else None
 
 
 def rms(values: Series, mask: Mask) -> float | None:
-    """Root of the mean square; None without a value."""
+    """Return the root of the mean square; None without a value."""
     found = chosen(values, mask)
     return float(np.sqrt(np.mean(found**2))) if found.size else None
 
 
 def largest(values: Series, mask: Mask) -> float | None:
-    """Largest value; None without one."""
+    """Return the largest value; None without one."""
     found = chosen(values, mask)
     return float(found.max()) if found.size else None
 
 
 def peak_to_peak(values: Series, mask: Mask) -> float | None:
-    """Largest less smallest; None without a value."""
+    """Return the largest less smallest; None without a value."""
     found = chosen(values, mask)
     return float(found.max() - found.min()) if found.size else None
 
 
 def percentiles(values: Series) -> Percentiles | None:
-    """Percentiles of the magnitude; None without a value."""
+    """Return percentiles of the magnitude; None without a value."""
     found = np.abs(values[~np.isnan(values)])
     if not found.size:
         return None
@@ -77,7 +77,7 @@ def percentiles(values: Series) -> Percentiles | None:
 
 
 def last(values: Sequence[Any]) -> float | None:
-    """The last value that is there."""
+    """Return the last value that is there."""
     for value in reversed(values):
         if value is not None and not isnan(value):
             return float(value)
@@ -85,7 +85,7 @@ def last(values: Sequence[Any]) -> float | None:
 
 
 def last_of(table: Columns, name: str, mask: Mask) -> float | None:
-    """The last value of a column among the samples chosen."""
+    """Return the last value of a column among the samples chosen."""
     return last([value for value, there in zip(table[name], mask, strict=True) if there])
 
 

@@ -117,5 +117,5 @@ def import_functions() -> None:
 
 
 def kind_of(request: JobRequest) -> JobKind:
-    """The kind that a request is for."""
+    """Return the kind that a request is for."""
     return job_kinds()[request.kind]

@@ -25,7 +25,7 @@ above it."""
 
 
 def tolerances(request: GoalRequest) -> dict[str, Any]:
-    """What a request asks for, as values of its plan; empty where it names no tolerance."""
+    """Return what a request asks for, as values of its plan; empty where it names no tolerance."""
     named = {name: value for name in TOLERANCES if (value := getattr(request, name)) is not None}
     if not named:
         return {}
@@ -164,13 +164,13 @@ def goal_of(
 def _last_stretch(
     places: "np.ndarray[Any, np.dtype[np.intp]]",
 ) -> "np.ndarray[Any, np.dtype[np.intp]]":
-    """The places after the last gap."""
+    """Return the places after the last gap."""
     gaps = np.flatnonzero(np.diff(places) > 1)
     return places[gaps[-1] + 1 :] if gaps.size else places
 
 
 def _settled(size: Series, limit: float) -> int | None:
-    """Index from which on a magnitude stays within its limit; None where it does not.
+    """Return the index from which on a magnitude stays within its limit; None where it does not.
 
     A sample that is missing says nothing; without any sample nothing has settled.
     """

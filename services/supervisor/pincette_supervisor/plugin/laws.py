@@ -75,7 +75,7 @@ def unstable(judged: Assessment | TwoArmAssessment) -> list[Violation]:
 
 
 def rig_law(rig: RigFile) -> ChosenLaw:
-    """The rig file's law with its gains, judged."""
+    """Return the rig file's law with its gains, judged."""
     settings = rig.law_settings
     return ChosenLaw(settings, "rig", judged(rig, settings))
 
@@ -131,7 +131,7 @@ def choose_law(request: ContactJobRequest, rig: RigFile) -> ChosenLaw:
 
 
 def _with_gains(settings: LawSettings, gains: Gains) -> LawSettings:
-    """The requested gains in place of those of the settings; raises FaultyRequestError."""
+    """Return the requested gains in place of those of the settings; raises FaultyRequestError."""
     if gains.force_age is not None:
         settings = replace(settings, force_age=gains.force_age)
     for name, value in gains.by_name.items():

@@ -49,5 +49,5 @@ class ModelInUse:
 
 
 def rig_file_alone(rig: RigFile) -> ModelInUse:
-    """A rig of which nothing has been calibrated."""
+    """Return a rig of which nothing has been calibrated."""
     return ModelInUse(rig, rig.digest())

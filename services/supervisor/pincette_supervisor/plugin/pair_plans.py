@@ -53,7 +53,7 @@ assessed = lru_cache(maxsize=16)(assess_two_arms)
 
 
 def contacts_um(rig: RigFile) -> Pair:
-    """Tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
+    """Return tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
     if rig.second is None:
         raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
     return rig.part.contact_um, rig.second.contact_um
@@ -62,7 +62,7 @@ def contacts_um(rig: RigFile) -> Pair:
 def pair_request(
     values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
 ) -> PairRequest:
-    """How the part is met; raises ValueError for an impossible number."""
+    """Return how the part is met; raises ValueError for an impossible number."""
     first, second = rig.arms
     return PairRequest(
         **{name: values[name] for name in CONTACT_FIELDS},
@@ -131,7 +131,7 @@ def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
 
 
 def most_mN(rig: RigFile) -> float:
-    """Force that no arm may have."""
+    """Return the force that no arm may have."""
     return min(arm.limits.force_max_mN for arm in rig.arms)
 
 

@@ -83,7 +83,7 @@ def stride_of(course: Course) -> int:
 
 
 def decimated(course: Course) -> Curves:
-    """A course as it is sent."""
+    """Return a course as it is sent."""
     stride = stride_of(course)
     return Curves(
         t_s=course.t_s[::stride],

@@ -150,7 +150,7 @@ def unconditioned(
 
 
 def part_values(rig: RigFile) -> dict[str, Any]:
-    """What the rig file says of the contact."""
+    """Return what the rig file says of the contact."""
     part = rig.part
     return {
         "zero_s": rig.grip.zero_s,
@@ -162,7 +162,7 @@ def part_values(rig: RigFile) -> dict[str, Any]:
 
 
 def violation_view(found: Broken) -> Violation:
-    """A broken limit as REST has it."""
+    """Return a broken limit as REST has it."""
     return Violation.model_validate({**asdict(found), "side": found.side})
 
 
@@ -249,7 +249,7 @@ def contact_pointer(quantity: str, phase: str) -> str:
 
 
 def _steady_errors(rig: RigFile, law: LawSettings, forces_mN: tuple[float, float]) -> SteadyErrors:
-    """Where the impedance would rest if the part differed within its tolerances."""
+    """Return where the impedance would rest if the part differed within its tolerances."""
     part, impedance = rig.part, law.definition.impedance(law.gains)
     found = steady_error_ranges(
         forces_r_mN=forces_mN,
@@ -276,7 +276,7 @@ SPEED_FACTOR = 3.0
 
 
 def stand_of(present: Present, rig: RigFile) -> Stand:
-    """Where a motion begins."""
+    """Return where a motion begins."""
     return Stand(present.stand_um(rig), present.stand_V(rig))
 
 
@@ -341,7 +341,7 @@ def releasing_job(
 
 
 def _of_both(program: Program) -> Program:
-    """The same motion of the voltages of both arms, with the law of both."""
+    """Return the same motion of the voltages of both arms, with the law of both."""
     segments = tuple(
         replace(one, courses=2 * one.courses) if isinstance(one, Drive) else one
         for one in program.segments
@@ -369,7 +369,7 @@ def _release_duration_s(rig: RigFile, present: Present) -> float:
 
 
 def _held_warnings(present: Present) -> list[str]:
-    """What a person should know where the rig does not say that a part is held."""
+    """Return what a person should know where the rig does not say that a part is held."""
     if present.held:
         return []
     known = "is not known" if present.held is None else "is not told by the rig"

@@ -35,11 +35,11 @@ class Present:
     """Expanded uncertainty of that force."""
 
     def stand_V(self, rig: RigFile) -> float:
-        """The voltage applied, or where that is not known the rig file's safe voltage."""
+        """Return the voltage applied, or where that is not known the rig file's safe voltage."""
         return rig.safety.safe_V if self.voltage_V is None else self.voltage_V
 
     def stand_um(self, rig: RigFile) -> float:
-        """The position, or where that is not known the one that the voltage stands for."""
+        """Return the position, or where that is not known the one that the voltage stands for."""
         if self.x_um is not None:
             return self.x_um
         return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)

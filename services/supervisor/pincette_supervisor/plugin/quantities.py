@@ -39,7 +39,7 @@ UNITS = {**OF_ONE_ARM, **{name: OF_ONE_ARM[name.partition(".")[2]] for name in O
 
 
 def value_of(rig: RigFile, quantity: str) -> Any:
-    """Value of a quantity as JSON has it; None where the rig file has none."""
+    """Return the value of a quantity as JSON has it; None where the rig file has none."""
     value: Any = rig
     for name in quantity.split("."):
         value = getattr(value, name)
@@ -50,12 +50,12 @@ def value_of(rig: RigFile, quantity: str) -> Any:
 
 
 def values_of(rig: RigFile) -> dict[str, Any]:
-    """Values of every quantity that a calibration may replace."""
+    """Return values of every quantity that a calibration may replace."""
     return {quantity: value_of(rig, quantity) for quantity in calibrated_of(rig)}
 
 
 def calibrated_of(rig: RigFile) -> tuple[str, ...]:
-    """Quantities that a calibration may replace, of the arms that the rig has."""
+    """Return quantities that a calibration may replace, of the arms that the rig has."""
     return CALIBRATED if rig.second is None else (*CALIBRATED, *OF_SECOND)
 
 

@@ -18,7 +18,7 @@ MOST_TABLES = 16
 
 
 def program_digest(program: Program) -> str:
-    """Names a program with its laws, whatever it has learned."""
+    """Return names a program with its laws, whatever it has learned."""
     bare = changed(program, corrections=None)
     return hashlib.sha256(msgspec.json.encode(bare)).hexdigest()[:16]
 
@@ -39,7 +39,7 @@ def motion_digest(program: Program) -> str:
 
 
 def table_for(rig: RigFile, program: Program) -> FreeResidual | None:
-    """The table of a program by the free response in use; None without one."""
+    """Return the table of a program by the free response in use; None without one."""
     if not rig.model.residuals:
         return None
     digest, response = motion_digest(program), rig.model.response_digest()
@@ -48,7 +48,7 @@ def table_for(rig: RigFile, program: Program) -> FreeResidual | None:
 
 
 def armed_with(model: ModelInUse, table: FreeResidual | None) -> ModelInUse:
-    """The model as it travels with a program: with the table of that program alone."""
+    """Return the model as it travels with a program: with the table of that program alone."""
     if not model.rig.model.residuals:
         return model
     tables = [] if table is None else [table.model_dump(mode="json")]
@@ -66,7 +66,7 @@ def armed_with(model: ModelInUse, table: FreeResidual | None) -> ModelInUse:
 def merged(
     before: Mapping[str, Any], values: Mapping[str, Any], measured_at: str
 ) -> dict[str, Any]:
-    """Values to lay over those in use: a table replaces that of its own program alone."""
+    """Return values to lay over those in use: a table replaces that of its own program alone."""
     if RESIDUALS not in values:
         return dict(values)
     found = [{**one, "measured_at": measured_at} for one in values[RESIDUALS]]

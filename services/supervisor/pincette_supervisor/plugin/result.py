@@ -46,7 +46,7 @@ ACTIONS = get_args(ActionType)
 
 
 def common(run: Run) -> dict[str, Any]:
-    """Figures that every job of one arm has, by the fields of ``ClosedLoopResult``."""
+    """Return figures that every job of one arm has, by the fields of ``ClosedLoopResult``."""
     table = run.table
     pressed = within(table, PRESSED)
     force, zeroed = series(table, "force_mN"), ~np.isnan(series(table, "zero_age_s"))
@@ -107,7 +107,7 @@ def _percent(shares: Sequence[float | None]) -> float | None:
 
 
 def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
-    """How a job went, whatever it was for."""
+    """Return how a job went, whatever it was for."""
     answered = [value for value in table["answered"] if value is not None]
     return {
         "outcome": outcome_of(table),
@@ -131,7 +131,7 @@ def course(table: Columns, *, period_s: float, dropped: int) -> dict[str, Any]:
 
 
 def tracking(error: Series, mask: Mask, pp: float | None) -> Tracking | None:
-    """Errors over the samples chosen; None without one.
+    """Return errors over the samples chosen; None without one.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def load_forces(table: Columns) -> LoadForces | None:
 
 
 def contact_fit(table: Columns) -> ContactFit | None:
-    """The contact line over the load, as the controller fits it; for its standard errors.
+    """Return the contact line over the load, as the controller fits it; for its standard errors.
 
     Those are of as many independent samples as the residuals show: an error of x_1 is shared by
     neighbouring ones. One that all of them share is an error of the force at the begin of the
@@ -233,7 +233,7 @@ def phases(names: Sequence[str | None], t_s: Sequence[float], period_s: float) -
 
 
 def outcome_of(table: Columns) -> str:
-    """The controller's last word; the actuator's where it tripped."""
+    """Return the controller's last word; the actuator's where it tripped."""
     if any(state in TRIPPED for state in table["actuator_state"]):
         return "tripped"
     reported = [outcome for outcome in table["outcome"] if outcome]
@@ -255,7 +255,7 @@ def _limits(table: Columns) -> list[LimitActed]:
 
 
 def law_figures(table: Columns, plant: DifferenceEquation) -> dict[str, Any]:
-    """Figures of the law, by the fields of ``ClosedLoopResult``.
+    """Return figures of the law, by the fields of ``ClosedLoopResult``.
 
     Parameters
     ----------
@@ -307,14 +307,14 @@ def true_perturbation_error(table: Columns, plant: DifferenceEquation) -> Series
 
 
 def _before(table: Columns, values: Series, ticks: int) -> Series:
-    """Values so many ticks before each row's; NaN where that sample never came."""
+    """Return values so many ticks before each row's; NaN where that sample never came."""
     of_seq = dict(zip(table["seq"], values.tolist(), strict=True))
     found = [of_seq.get(seq - ticks, nan) for seq in table["seq"]]
     return np.array(found, dtype=np.float64)
 
 
 def _share_in_band(table: Columns) -> float | None:
-    """Share of the samples with |s| within its band; None without one."""
+    """Return the share of the samples with |s| within its band; None without one."""
     within = np.abs(series(table, "sliding_um")) - series(table, "band_um")
     found = within[~np.isnan(within)]
     return float(np.mean(found <= 0.0)) if found.size else None

@@ -102,7 +102,7 @@ _TAG = re.compile(r'(?:W/)?"([^"]*)-([0-9]{1,18})"')
 
 
 def caller_of(scope: AsgiScope, authenticator: Authenticator) -> Caller:
-    """The sender of a request; identified once, and kept in its ASGI scope."""
+    """Return the sender of a request; identified once, and kept in its ASGI scope."""
     known = scope.get(CALLER)
     if known is None:
         known = scope[CALLER] = _identified(scope, authenticator)
@@ -132,7 +132,7 @@ def decoded(header: str) -> str:
 
 
 def label_of(scope: AsgiScope) -> str:
-    """What ``X-Operator`` names; empty if there is none."""
+    """Return what ``X-Operator`` names; empty if there is none."""
     return decoded(Headers(scope=scope).get("x-operator", "")[:OPERATOR_LENGTH]).strip()
 
 
@@ -307,12 +307,12 @@ IfNoneMatch = Annotated[
 
 
 def etag(job: str, revision: int) -> str:
-    """The ETag of a job; weak, since progress does not change it."""
+    """Return the ETag of a job; weak, since progress does not change it."""
     return f'W/"{job}-{revision}"'
 
 
 def matched_revision(job: str, header: str | None) -> int | None:
-    """The revision of a job that an ``If-None-Match`` names; None if it names none."""
+    """Return the revision of a job that an ``If-None-Match`` names; None if it names none."""
     for name, revision in _TAG.findall(header or ""):
         if name == job:
             return int(revision)

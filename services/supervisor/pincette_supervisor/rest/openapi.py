@@ -143,7 +143,7 @@ def _name_operations(document: dict[str, Any]) -> None:
 
 
 def _sent(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a parameter without null, which no query and no header can carry."""
+    """Return the schema of a parameter without null, which no query and no header can carry."""
     kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
     if len(kinds) != 1:
         return schema
@@ -161,7 +161,7 @@ def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _is_own_error_model(answer: dict[str, Any]) -> bool:
-    """Whether FastAPI has added an answer by itself."""
+    """Return whether FastAPI has added an answer by itself."""
     schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
     return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
 

@@ -144,7 +144,7 @@ class StrictRoute(APIRoute):
 
 
 def query_names(dependant: Dependant) -> Iterator[str]:
-    """Names of the query parameters of a route and of all that it depends on."""
+    """Yield names of the query parameters of a route and of all that it depends on."""
     for field in dependant.query_params:
         yield field.alias
     for inner in dependant.dependencies:

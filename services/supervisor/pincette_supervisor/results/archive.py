@@ -108,7 +108,7 @@ def trim_memory() -> None:
 
 
 def archivist() -> ThreadPoolExecutor:
-    """One thread that makes records, one after another."""
+    """Return one thread that makes records, one after another."""
     return ThreadPoolExecutor(1, thread_name_prefix="archive")
 
 

@@ -118,7 +118,7 @@ def report(
 
 
 def verdict(kind: JobKind, result: Mapping[str, Any]) -> str:
-    """How a job ended, and the figures that say most, in one line."""
+    """Return how a job ended, and the figures that say most, in one line."""
     outcome = str(result.get("outcome", ""))
     told = [OUTCOMES.get(outcome, outcome.replace("_", " "))]
     for figure in kind.figures_of(result):
@@ -146,7 +146,7 @@ def _whose(whose: Mapping[str, str], job: str, rig: str) -> str:
 
 
 def _times(whose: Mapping[str, str]) -> list[str]:
-    """When the samples were recorded, and when the job was asked for."""
+    """Return when the samples were recorded, and when the job was asked for."""
     names = ("created_at", SAMPLE_0, END, UNCERTAINTY)
     asked, begin, end, spread_s = (whose.get(name) for name in names)
     certain = f" (begin ± {spread_s} s)" if spread_s else ""
@@ -175,7 +175,7 @@ def _section(heading: str, content: str) -> str:
 def _scalars(
     tree: Mapping[str, Any], but: Sequence[str] = (), before: str = ""
 ) -> list[tuple[str, Any]]:
-    """Every value that is neither list nor map; those of a map within by both names."""
+    """Return every value that is neither list nor map; those of a map within by both names."""
     found: list[tuple[str, Any]] = []
     for name, value in tree.items():
         if name in but:
@@ -192,14 +192,14 @@ def _scalars(
 
 
 def _figures(kind: JobKind, result: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Every figure of a result, those that the kind names first."""
+    """Return every figure of a result, those that the kind names first."""
     first = [figure.name.partition(".")[0] for figure in kind.figures_of(result)]
     ordered = {name: result[name] for name in (*first, *result) if name in result}
     return _scalars(ordered, but=("outcome", "statement"))
 
 
 def _end(name: str, unit: str) -> str:
-    """The end of a name that tells the unit of what is in it."""
+    """Return the end of a name that tells the unit of what is in it."""
     return name.removeprefix(bare(name)) if unit else ""
 
 
@@ -212,7 +212,7 @@ def _pairs(pairs: Iterable[tuple[str, Any]], *, exact: bool = False) -> str:
 
 
 def _list(items: Sequence[Any]) -> str:
-    """A table of what has names, else a list."""
+    """Return a table of what has names, else a list."""
     if not items:
         return "<p>none</p>"
     if not all(isinstance(item, Mapping) for item in items):
@@ -237,7 +237,7 @@ def _headed(name: str) -> str:
 
 
 def _told(name: str, value: Any, *, exact: bool) -> str:
-    """A figure; what was asked for stands there as it was asked for."""
+    """Return a figure; what was asked for stands there as it was asked for."""
     if name in SHARES and isinstance(value, float):
         return f'<td class="number">{100.0 * value:.0f} %</td>'
     return _cell(value, unit_of(name), exact=exact)
@@ -273,7 +273,7 @@ NOT_RECORDED = "no recorder has said what it has"
 
 
 def completeness(recorded: Recorded | str) -> dict[str, bool | str]:
-    """What the manifest says of a record: whether it is complete, and why not."""
+    """Return what the manifest says of a record: whether it is complete, and why not."""
     if isinstance(recorded, str):
         return {"complete": False, "detail": recorded}
     return {"complete": recorded.complete, "detail": recorded.detail}
@@ -314,7 +314,7 @@ def write_documents(
 
 
 def said_of(job: JobRow) -> dict[str, str]:
-    """What was said of a job, as its files state it; what is empty is left out."""
+    """Return what was said of a job, as its files state it; what is empty is left out."""
     texts = {
         **{name: str(getattr(job, name)) for name in SAID},
         **{f"{LABEL}{name}": text for name, text in job.labels.items()},
@@ -355,7 +355,7 @@ def restate(folder: Path, job: JobRow) -> None:
 
 
 def _timing(folder: Path) -> LoopTiming | None:
-    """What the recorder has kept of the programs' loop_timing."""
+    """Return what the recorder has kept of the programs' loop_timing."""
     with suppress(OSError, ValueError):
         return LoopTiming.model_validate_json((folder / files.TIMING).read_bytes())
     return None

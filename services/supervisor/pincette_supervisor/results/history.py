@@ -50,7 +50,7 @@ class HistoryReader:
         self._lock = threading.Lock()
 
     def read(self, store: Store, from_s: float, to_s: float, points: int) -> History:
-        """The course from one time to another, in ``points`` stretches at most."""
+        """Return the course from one time to another, in ``points`` stretches at most."""
         rows, left_out = _jobs(store, self.rig, from_s, to_s)
         step_s = max(GRID_S, ceil((to_s - from_s) / points / GRID_S) * GRID_S)
         found: list[Reduced] = []
@@ -115,18 +115,18 @@ def _read(path: Path, begun_s: float, spent_s: float | None) -> Reduced:
 
 
 def seconds(at: str) -> float:
-    """A time of the journal as seconds since 1970."""
+    """Return a time of the journal as seconds since 1970."""
     return datetime.fromisoformat(at).timestamp()
 
 
 def text_of(at_s: float) -> str:
-    """The same as the journal writes it."""
+    """Return the same as the journal writes it."""
     stamp = datetime.fromtimestamp(at_s, UTC)
     return stamp.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _jobs(store: Store, rig: str, from_s: float, to_s: float) -> tuple[list[JobRow], int]:
-    """Jobs that have run in between, the oldest first, and how many were too many."""
+    """Return jobs that have run in between, the oldest first, and how many were too many."""
     wanted = JobFilter(
         rig=rig, created_from=text_of(from_s - LONGEST_JOB_S), created_to=text_of(to_s)
     )
@@ -195,7 +195,7 @@ def _grouped(at_s: Series, low: Series, high: Series, step_s: float) -> Reduced:
 
 
 def joined(found: Sequence[Reduced], from_s: float, to_s: float, step_s: float) -> Reduced:
-    """Several records as one, within the time that is asked for."""
+    """Return several records as one, within the time that is asked for."""
     if not found:
         return NOTHING
     at_s = np.concatenate([each[0] for each in found])

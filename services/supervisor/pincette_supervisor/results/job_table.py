@@ -130,7 +130,7 @@ def _scan(rows: Rows, words: _Words | None = None) -> Generator[bytes, None, _Ta
 
 
 def csv_of(rows: Rows) -> Iterator[bytes]:
-    """Parts of a CSV; a number reads back bit for bit, and no text is a formula.
+    """Yield parts of a CSV; a number reads back bit for bit, and no text is a formula.
 
     The jobs are read twice: for the columns and for the rows. The names of the fixed columns come
     at once. No more than a page of jobs is in memory.
@@ -201,7 +201,7 @@ def _seconds(time: str | None) -> float | None:
 
 
 def numbers_of(rows: Rows) -> Iterator[bytes]:
-    """Parts of a CSV of numbers alone; see ``csv_of``."""
+    """Yield parts of a CSV of numbers alone; see ``csv_of``."""
     yield FIXED[0].encode()
     numbers = yield from _numbers(rows)
     yield _lines([[one.name for one in numbers.fields]])[len(FIXED[0]) :].encode()
@@ -211,7 +211,7 @@ def numbers_of(rows: Rows) -> Iterator[bytes]:
 
 
 def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
-    """Parts of the CSVW metadata of that table, which has a name."""
+    """Yield parts of the CSVW metadata of that table, which has a name."""
     numbers = yield from _numbers(rows)
     kept = {one.name for one in numbers.fields}
     left_out = [one for one in numbers.table.columns if one not in kept]

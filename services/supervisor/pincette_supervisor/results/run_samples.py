@@ -124,18 +124,18 @@ class Rows:
         return len(self.numbers["seq"])
 
     def at(self, places: Indices) -> "Rows":
-        """Some of the rows."""
+        """Return some of the rows."""
         return Rows(
             {name: values[places] for name, values in self.numbers.items()},
             {name: [values[place] for place in places] for name, values in self.texts.items()},
         )
 
     def split(self, chosen: NDArray[np.bool_]) -> "tuple[Rows, Rows]":
-        """The rows that are chosen, and the others."""
+        """Return the rows that are chosen, and the others."""
         return self.at(np.flatnonzero(chosen)), self.at(np.flatnonzero(~chosen))
 
     def extremes(self) -> "Rows":
-        """Rows with the smallest and the largest values of ``EXTREMES``."""
+        """Return rows with the smallest and the largest values of ``EXTREMES``."""
         places: set[int] = set()
         for name in EXTREMES:
             values = self.numbers[name]
@@ -333,7 +333,7 @@ def completed(result: JobResult, tables: RunTables, period_s: float) -> JobResul
 
 
 def _means(result: JobResult, tables: RunTables, period_s: float) -> dict[str, float]:
-    """Means and r.m.s. values over all samples of a hold."""
+    """Return means and r.m.s. values over all samples of a hold."""
     table, sums = tables.even, tables.left_out.sums
     values = {
         "force": series(table, "force_mN"),

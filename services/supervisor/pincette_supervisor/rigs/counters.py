@@ -76,7 +76,7 @@ class MonotonicHistogram:
         self._start, self._newest = start, counted
 
     def counts(self) -> list[int]:
-        """Counts between each bound and the one before, and beyond the last."""
+        """Return counts between each bound and the one before, and beyond the last."""
         counts = [*self._before]
         for bucket, count in zip(self._newest.buckets, self._newest.counts, strict=True):
             counts[bound_index(bucket)] += count
@@ -95,7 +95,7 @@ def bound_index(bucket: int) -> int:
 
 
 def _grown(before: Distribution, after: Distribution) -> bool:
-    """Whether no bucket has fewer counts than before."""
+    """Return whether no bucket has fewer counts than before."""
     having = dict(zip(after.buckets, after.counts, strict=True))
     return all(
         having.get(bucket, 0) >= count
@@ -263,12 +263,12 @@ class RigCounters:
             self._gone[service] += 1
 
     def gone(self) -> dict[str, int]:
-        """How often each program was no longer seen on the bus."""
+        """Return how often each program was no longer seen on the bus."""
         with self._lock:
             return {service: self._gone[service] for service in OBSERVED}
 
     def trips(self) -> dict[Cause, int]:
-        """Trips of the actuator, by cause."""
+        """Return trips of the actuator, by cause."""
         with self._lock:
             return {cause: self._trips[cause] for cause in CAUSES}
 
@@ -278,17 +278,17 @@ class RigCounters:
             return {topic.name: self._gaps[topic.name] for topic in NUMBERED}
 
     def missed(self) -> dict[str, int]:
-        """Ticks that each program of the loop has missed."""
+        """Return ticks that each program of the loop has missed."""
         with self._lock:
             return {service: count.total for service, count in self._missed.items()}
 
     def refused(self) -> dict[str, int]:
-        """Messages that each program has refused."""
+        """Return messages that each program has refused."""
         with self._lock:
             return {service: count.total for service, count in self._refused.items()}
 
     def instrument(self) -> dict[tuple[str, str], int]:
-        """Exchanges with instruments that went wrong, by service and kind."""
+        """Return exchanges with instruments that went wrong, by service and kind."""
         with self._lock:
             return {pair: count.total for pair, count in self._instrument.items()}
 
@@ -299,12 +299,12 @@ class RigCounters:
             return Durations(tuple(accumulate(found.counts())), found.sum_s)
 
     def ages(self) -> Distribution:
-        """Age of commands when the actuator accepted them."""
+        """Return the age of commands when the actuator accepted them."""
         with self._lock:
             return self._ages.distribution()
 
     def command_ages(self) -> Durations:
-        """The same over ``BOUNDS_S``."""
+        """Return the same over ``BOUNDS_S``."""
         with self._lock:
             counted, sum_s = self._ages.distribution(), self._ages_s
         ages = MonotonicHistogram()
@@ -312,7 +312,7 @@ class RigCounters:
         return Durations(tuple(accumulate(ages.counts())), sum_s)
 
     def peaks(self) -> Peaks:
-        """Peak forces."""
+        """Return the peak forces."""
         with self._lock:
             newest = None if self._peak is None else self._peak[1]
             return Peaks(newest, tuple(accumulate(self._peaks)), self._peaks_mN)
@@ -322,5 +322,5 @@ NUMBERED = tuple(TOPIC_OF[kind] for kind in (Position, Estimate, Command, Teleme
 
 
 def _trip_of(applied: Applied) -> TripReason | None:
-    """The trip that the actuator is in; None where it is in none."""
+    """Return the trip that the actuator is in; None where it is in none."""
     return reason_of(applied) if applied.state in TRIPPED else None

@@ -154,7 +154,7 @@ class Health:
             self._trusted = UNTRUSTED
 
     def status(self, service: str) -> Status | None:
-        """The last status of a service; None where it did not answer."""
+        """Return the last status of a service; None where it did not answer."""
         answer = self.simulation if service == SIMULATION else self.statuses.get(service)
         return answer if isinstance(answer, Status) else None
 
@@ -261,7 +261,7 @@ class Health:
         self._write_queue.submit(partial(self._store.set_note, name, str(instance)))
 
     def latched(self) -> TripReason | None:
-        """Why a person must reset the actuator before a job; None if not needed."""
+        """Return why a person must reset the actuator before a job; None if not needed."""
         mode, reason = self.latch()
         if mode != Mode.LATCHED or self._boot_may_be_cleared():
             return None
@@ -317,7 +317,7 @@ class Health:
         return self._seldom == (sensor.instance, position.epoch)
 
     def sensor_trouble(self) -> str:
-        """Why the sensor cannot be relied on, by its samples; empty where it can."""
+        """Return why the sensor cannot be relied on, by its samples; empty where it can."""
         position = self._observer.newest(Position)
         silent_s, limit_s = self._observer.silent_s(Position), self.sensor_limit_s()
         if position is None or silent_s is None:
@@ -340,7 +340,7 @@ class Health:
         return {name: answer.exchanges for name, answer in answers if answer and answer.exchanges}
 
     def too_slow(self) -> str:
-        """Why the instruments do not fit into the control period; empty where they do.
+        """Return why the instruments do not fit into the control period; empty where they do.
 
         The larger of what the drivers state and what the programs have measured counts.
         """

@@ -251,7 +251,7 @@ class LiveCursor:
         self._sent_at: float | None = None
 
     def batches(self, silence_s: float) -> list[LiveBatch]:
-        """Batches since the last call; an empty one after a silence, as a sign of life."""
+        """Return batches since the last call; an empty one after a silence, as a sign of life."""
         self.place, dropped, rows = self.live.read(self.place, self._most)
         self._most = EVENT_POINTS
         now_s = self.live.clock()
@@ -266,7 +266,7 @@ class LiveCursor:
 
 
 def _grouped(rows: list[Row]) -> Iterator[list[Row]]:
-    """Rows in groups of one epoch and one phase."""
+    """Yield rows in groups of one epoch and one phase."""
     for _, group in groupby(rows, key=lambda row: (row.epoch, row.playing, row.phase)):
         yield list(group)
 
@@ -303,5 +303,5 @@ def _second_columns(rows: list[Row]) -> SecondColumns | None:
 
 
 def _rounded(value: float | None) -> float | None:
-    """A value as far as a screen can show it: to 0.1 nm, 0.1 µN and 0.1 mV."""
+    """Return a value as far as a screen can show it: to 0.1 nm, 0.1 µN and 0.1 mV."""
     return None if value is None else round(value, 4)

@@ -150,12 +150,12 @@ class Observer:
         self.tokens_changed += 1
 
     def newest(self, kind: type[M]) -> M | None:
-        """The newest message of a kind."""
+        """Return the newest message of a kind."""
         entry = self._newest.get(kind)
         return None if entry is None else cast(M, entry[0])
 
     def standing(self) -> Position | None:
-        """The sample that says where the arm stands.
+        """Return the sample that says where the arm stands.
 
         None before the first valid one, and after a step of the voltage that no sample has
         followed: a loop in lockstep ends with the ramp of a trip, or with programs that died.
@@ -167,21 +167,21 @@ class Observer:
         return None if position.epoch == epoch and position.seq <= seq else position
 
     def age_s(self, kind: type[Message]) -> float | None:
-        """Seconds since the newest message of a kind came; None before the first."""
+        """Return seconds since the newest message of a kind came; None before the first."""
         entry = self._newest.get(kind)
         return None if entry is None or entry[1] is None else self.clock() - entry[1][0]
 
     def silent_s(self, kind: type[Message]) -> float | None:
-        """The same, without the time for which this process was suspended."""
+        """Return the same, without the time for which this process was suspended."""
         entry = self._newest.get(kind)
         return None if entry is None or entry[1] is None else self.awake_clock() - entry[1][1]
 
     def listened_s(self) -> float:
-        """Seconds since it began to listen, without suspended time."""
+        """Return seconds since it began to listen, without suspended time."""
         return self.awake_clock() - self._begun_at
 
     def blind_s(self) -> float | None:
-        """Seconds since a valid position, without suspended time; None before the first."""
+        """Return seconds since a valid position, without suspended time; None before the first."""
         read_at = self._position_read_at
         return None if read_at is None else self.awake_clock() - read_at
 
@@ -191,11 +191,11 @@ class Observer:
         return None if at is None else self.clock() - at
 
     def alive(self, program: str) -> bool:
-        """Whether a program's liveliness token is seen."""
+        """Return whether a program's liveliness token is seen."""
         return self._alive.get(program, False)
 
     def gone(self, programs: tuple[str, ...]) -> list[str]:
-        """Those of these programs whose token was seen and has vanished."""
+        """Return those of these programs whose token was seen and has vanished."""
         return [program for program in programs if self._alive.get(program) is False]
 
     def sees_any(self, without: tuple[str, ...] = ()) -> bool:
@@ -238,7 +238,7 @@ class SuspendAwareClock:
         self._repeated = RepeatedAction("suspend-aware-clock", SAMPLE_S, self.sample)
 
     def __call__(self) -> float:
-        """Seconds awake since creation."""
+        """Return seconds awake since creation."""
         return self._passed_s(self._clock())
 
     def sample(self) -> None:

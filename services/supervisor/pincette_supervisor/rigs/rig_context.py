@@ -131,7 +131,7 @@ class RigContext:
         return HistoryReader(self.rig.rig.name, self.records, lockstep=self.rig.lockstep)
 
     def trip_words(self, reason: TripReason) -> str:
-        """Why the actuator has tripped, for people."""
+        """Return why the actuator has tripped, for people."""
         return self.observer.trips.words(reason, self.rig)
 
     @property

@@ -66,7 +66,7 @@ def _heard_s(context: RigContext) -> float | None:
 def _state(
     context: RigContext, limits: Limits, heard_s: float | None
 ) -> tuple[RigState, Certainty]:
-    """The actuator's state; of one that has gone none is believed."""
+    """Return the actuator's state; of one that has gone none is believed."""
     shown = context.health.state
     if shown == "unknown" or heard_s is None:
         return "unknown", "unknown"
@@ -121,7 +121,7 @@ def is_playing(context: RigContext) -> bool:
 
 
 def present(context: RigContext) -> Present | None:
-    """Where the arm stands; None where nothing is known of it."""
+    """Return where the arm stands; None where nothing is known of it."""
     applied = context.observer.newest(Applied)
     if applied is None:
         return None

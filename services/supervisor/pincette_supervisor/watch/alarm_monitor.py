@@ -114,7 +114,7 @@ class AlarmMonitor:
         self._conditions = found
 
     def _previous_conditions(self) -> dict[str, Condition]:
-        """What stood at the last look; at the first, what an earlier supervisor has left."""
+        """Return what stood at the last look; at the first, what an earlier supervisor has left."""
         if self._known:
             return self._conditions
         try:

@@ -63,7 +63,7 @@ class ActiveJob(Protocol):
 
 
 def of_supervisor(store: Store) -> list[Check]:
-    """What every rig needs of the supervisor itself."""
+    """Return what every rig needs of the supervisor itself."""
     words = store.trouble or "the journal can be written"
     value = "failed" if store.trouble else "written"
     return [
@@ -76,7 +76,7 @@ def of_supervisor(store: Store) -> list[Check]:
 
 
 def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
-    """All checks of a rig, in the order of a tick."""
+    """Return all checks of a rig, in the order of a tick."""
     return [
         *_answers(context),
         *_ages(context),
@@ -93,7 +93,7 @@ def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
 
 
 def words_of(checks: list[Check]) -> list[str]:
-    """What is needed and missing."""
+    """Return what is needed and missing."""
     return [check.words for check in checks if check.needed and not check.ok]
 
 
@@ -105,7 +105,7 @@ def _check(name: str, ok: bool, words: str, *, needed: bool = True, **known: obj
 
 
 def _answers(context: RigContext) -> Iterator[Check]:
-    """Whether each program answers, and works with the same rig file."""
+    """Yield whether each program answers, and works with the same rig file."""
     health = context.health
     troubles = health.troubles()
     for program in PROGRAMS:
@@ -154,7 +154,7 @@ def _sensor(context: RigContext) -> str:
 
 
 def _latch(context: RigContext) -> Check:
-    """A latched actuator is well, and waits for a person."""
+    """Return a latched actuator is well, and waits for a person."""
     latched = context.health.latched()
     state = context.health.state
     words = "no latch to clear"
@@ -215,7 +215,7 @@ def _refused(context: RigContext) -> Check:
 
 
 def _memory(context: RigContext) -> Check:
-    """Whether the estimator has followed all that the arm remembers."""
+    """Return whether the estimator has followed all that the arm remembers."""
     answer = context.health.status("estimator")
     unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
     words = "the arm's memory is known" if answer is not None else "estimator does not answer"
@@ -288,7 +288,7 @@ class Condition:
 
 
 def conditions(context: RigContext) -> Iterator[Condition]:
-    """All present conditions of a rig that raise an alarm."""
+    """Yield all present conditions of a rig that raise an alarm."""
     gone = context.observer.gone(TOKENS)
     for program in gone:
         yield Condition(f"program.{program}", f"{program} has gone: killed, hung or cut off")

@@ -33,7 +33,7 @@ def swept_response(
     bands: int = 200,
     least_drive: float = LEAST_DRIVE,
 ) -> FrequencyResponse:
-    """Frequency response of a recorded sweep that begins and ends at rest.
+    """Return the frequency response of a recorded sweep that begins and ends at rest.
 
     Over the spectra of the whole record, in bands of even width, G = Σ X·U*/Σ |U|², and from the
     coherence γ² of n lines u(log|G|) = √((1 - γ²)/(2·n·γ²)). The record is taken whole: a window

@@ -7,7 +7,7 @@ NYQUIST_SHARE = 0.95
 
 
 def shows_mode(natural_frequency_rad_per_s: float, period_s: float) -> bool:
-    """Whether the mode lies below half the sampling rate, with some room."""
+    """Return whether the mode lies below half the sampling rate, with some room."""
     return natural_frequency_rad_per_s * period_s <= NYQUIST_SHARE * pi
 
 

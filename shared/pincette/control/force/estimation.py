@@ -44,7 +44,7 @@ def uncertainty(
     zero_age_s: float,
     forgotten_mN: float,
 ) -> float:
-    """Expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
+    """Return the expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
     Its parts, each taken as a standard uncertainty: the sensor's r.m.s. noise and the error of the
     free response since the zero, both over s_p; the creep that x_1 does not know, which grows with
@@ -74,7 +74,7 @@ def late_creep_um(
 
 
 def uncertainty_of_mean(stated_mN: Sequence[float], *, noise_mN: float, reading_mN: float) -> float:
-    """Expanded uncertainty in mN of the mean force over n samples.
+    """Return the expanded uncertainty in mN of the mean force over n samples.
 
         U = ⟨√(U_k² - (2·σ_F)² + (2·σ)²/n)⟩
 

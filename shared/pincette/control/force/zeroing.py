@@ -80,7 +80,7 @@ def zero_refusal(
     kept: bool = False,
     memory_known: bool = True,
 ) -> Fault | None:
-    """Why the force must not be zeroed on the end of ``samples``; None where it may be.
+    """Return why the force must not be zeroed on the end of ``samples``; None where it may be.
 
     Refused while a part is held, before there are enough samples, where the arm has not settled,
     where it stands beyond the first touch that is planned, where it has met something on the way

@@ -56,7 +56,7 @@ def level_phase(number: int) -> str:
 def contact_stiffness_program(
     request: ContactRequest, rig: PlannedRig, levels_V: Sequence[float] = LEVELS_V
 ) -> Program:
-    """Phases of a grip until ``contact``; ``load``, ``press``, ``mean``, levels, ``unload``.
+    """Return phases of a grip until ``contact``; ``load``, ``press``, ``mean``, levels, ``unload``.
 
     Level n, from 1, has phase ``level n``, in the order of ``levels_V``; they are played from the
     widest to the narrowest. The limits are those of a plan that presses as far.

@@ -129,7 +129,7 @@ def turned_away(state: S, command: CommandFacts, why: Fault) -> S:
 
 
 def early(state: SafetyState, command: CommandFacts) -> bool:
-    """Whether a command has overtaken its sample, and must wait for it."""
+    """Return whether a command has overtaken its sample, and must wait for it."""
     return command.seq > newest_seq(state.arrivals)
 
 

@@ -25,7 +25,7 @@ READ_BACK_V = 0.01
 
 
 def waits_for_read_back(limits: SafetyLimits, state: SafetyState) -> bool:
-    """Whether the output must be read back before it is written again.
+    """Return whether the output must be read back before it is written again.
 
     Not in lockstep, where a write ends the tick and a failure ends the run.
     """
@@ -33,7 +33,7 @@ def waits_for_read_back(limits: SafetyLimits, state: SafetyState) -> bool:
 
 
 def read_back_due(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
-    """Whether it is to be asked now: at once, and then once a period."""
+    """Return whether it is to be asked now: at once, and then once a period."""
     return waits_for_read_back(limits, state) and now - state.asked_s >= limits.period_s
 
 

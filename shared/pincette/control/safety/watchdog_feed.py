@@ -17,7 +17,7 @@ OVERDUE = 2.0
 
 
 def may_kick_watchdog(limits: SafetyLimits, state: SafetyState, now: float) -> bool:
-    """Whether the loop is healthy."""
+    """Return whether the loop is healthy."""
     if state.mode == Mode.ARMED:
         return now - state.fresh_s <= OVERDUE * limits.age.limit_s
     if state.mode == Mode.FROZEN and not (len(state.arms) > 1 and state.unconfirmed):

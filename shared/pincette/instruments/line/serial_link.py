@@ -86,7 +86,7 @@ class Port(Protocol):
 
 
 def escaped(data: bytes) -> str:
-    """Bytes as Python escapes them, without quotes."""
+    """Return bytes as Python escapes them, without quotes."""
     return data.decode("latin-1").encode("unicode_escape").decode("ascii")
 
 

@@ -167,7 +167,7 @@ class SimulatedI7024:
 
 
 def _sum(body: bytes) -> bytes:
-    """Checksum: the sum of the bytes, modulo 256, in two hexadecimal digits."""
+    """Return the checksum: the sum of the bytes, modulo 256, in two hexadecimal digits."""
     total = 0
     for byte in body:
         total += byte

@@ -98,7 +98,7 @@ class SimulatedDriver:
 
 @cache
 def simulated_driver(name: str) -> SimulatedDriver | None:
-    """What is registered for a driver; None where its instrument is not simulated."""
+    """Return what is registered for a driver; None where its instrument is not simulated."""
     if name not in plugins.names(plugins.SIMULATED_INSTRUMENTS):
         return None
     driver: SimulatedDriver = plugins.load(plugins.SIMULATED_INSTRUMENTS, name)
@@ -106,7 +106,7 @@ def simulated_driver(name: str) -> SimulatedDriver | None:
 
 
 def simulated_in(table: str) -> list[str]:
-    """Drivers of a table whose instruments are simulated."""
+    """Return drivers of a table whose instruments are simulated."""
     names = plugins.names(plugins.SIMULATED_INSTRUMENTS)
     return [name for name in names if (one := simulated_driver(name)) and table in one.tables]
 

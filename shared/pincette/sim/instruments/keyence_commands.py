@@ -80,14 +80,14 @@ def value(position_um: float | None, unit: Unit) -> bytes:
 
 
 def number(field: bytes, least: int, most: int) -> int:
-    """The number in a field of one or two digits; raises Refused."""
+    """Return the number in a field of one or two digits; raises Refused."""
     if not field.isdigit() or len(field) > 2 or not least <= int(field) <= most:
         raise Refused("parameter")
     return int(field)
 
 
 def chosen(command: bytes, fields: list[bytes], dialect: Dialect) -> list[int]:
-    """The outputs that a measuring command asks for; raises Refused."""
+    """Return the outputs that a measuring command asks for; raises Refused."""
     every = list(range(1, OUTPUTS[dialect] + 1))
     if command in (b"MA", b"M0"):
         return every

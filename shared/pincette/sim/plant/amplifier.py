@@ -24,7 +24,7 @@ IDEAL = AmplifierParameters()
 
 
 def limited_V(amplifier: AmplifierParameters, input_V: float) -> float:
-    """Voltage that an amplifier aims at."""
+    """Return the voltage that an amplifier aims at."""
     most_V = amplifier.saturation_V
     return max(-most_V, min(most_V, amplifier.gain_ratio * input_V))
 

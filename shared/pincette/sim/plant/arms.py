@@ -94,7 +94,7 @@ def _arms(p: ArmNumbers) -> Arms:
 
 
 def _driven(p: ArmNumbers) -> tuple[Matrix, Matrix, Matrix]:
-    """Shares, frequencies and damping ratios of the driven arm's modes."""
+    """Return shares, frequencies and damping ratios of the driven arm's modes."""
     omega, second = p.natural_frequency_rad_per_s, p.second_share
     if second == 0.0:
         return np.array([1.0]), np.array([omega]), np.array([p.damping_ratio])

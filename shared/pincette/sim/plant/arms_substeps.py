@@ -97,7 +97,7 @@ def _pass_undisturbed(
 
 
 def _presses(k: MotionConstants) -> bool:
-    """Whether the faces of the part can be pressed in."""
+    """Return whether the faces of the part can be pressed in."""
     return k.hertz_um_per_mN23 > 0.0
 
 

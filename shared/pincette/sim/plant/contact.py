@@ -46,7 +46,7 @@ def static_force_mN(
 
 
 def cube_root(value: float) -> float:
-    """The C library's, which a compiler must be shown."""
+    """Return the C library's, which a compiler must be shown."""
     return math.cbrt(value)
 
 
@@ -59,11 +59,11 @@ def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) ->
 
 
 def ball_weight_mN(radius_um: float, density_kg_per_m3: float) -> float:
-    """Weight of the ball, 4/3·π·R³·ρ·g."""
+    """Return the weight of the ball, 4/3·π·R³·ρ·g."""
     volume_m3 = 4.0 / 3.0 * math.pi * (radius_um * 1e-6) ** 3
     return volume_m3 * density_kg_per_m3 * GRAVITY_M_PER_S2 * 1e3
 
 
 def holding_force_mN(weight_mN: float, friction: float) -> float:
-    """Least force at which friction on both arms carries the ball: weight/(2·µ)."""
+    """Return the least force at which friction on both arms carries the ball: weight/(2·µ)."""
     return weight_mN / (2.0 * friction)

@@ -58,12 +58,12 @@ class Electrical(NamedTuple):
 
 
 def rest_um(p: PlantParameters, state: PlantState) -> float:
-    """Position x_f that the free arm would rest at, a hung weight included."""
+    """Return the position x_f that the free arm would rest at, a hung weight included."""
     return rest_of(drive_constants(p, p.substep_s), electrical(state))
 
 
 def rest_of(k: DriveConstants, at: Electrical) -> float:
-    """The same of the electrical part alone."""
+    """Return the same of the electrical part alone."""
     w = at.drive_V
     y = k.d * w * (1.0 + k.kappa * w) - k.scale * at.hysteresis_um
     c0, c1, c2, c3, c4 = at.creep_um
@@ -71,7 +71,7 @@ def rest_of(k: DriveConstants, at: Electrical) -> float:
 
 
 def quantised_V(p: PlantParameters, voltage_V: float) -> float:
-    """Voltage rounded to the step of the output."""
+    """Return the voltage rounded to the step of the output."""
     return round(voltage_V / p.output_step_V) * p.output_step_V
 
 
@@ -114,7 +114,7 @@ def drive(
 
 
 def electrical(state: PlantState) -> Electrical:
-    """The part of a state that lies before the arms."""
+    """Return the part of a state that lies before the arms."""
     return Electrical(
         state.voltage_V, state.slewed_V, state.drive_V, state.hysteresis_um, state.creep_um
     )
@@ -213,7 +213,7 @@ def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float])
 
 @lru_cache(maxsize=64)
 def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
-    """What substeps of a length work with."""
+    """Return what substeps of a length work with."""
     return DriveConstants(
         dt_s=dt_s,
         lag=math.exp(-dt_s / p.output_lag_s) if p.output_lag_s > 0 else 0.0,
@@ -231,7 +231,7 @@ def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
 
 
 def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """One step of any length with the voltage settled."""
+    """Return one step of any length with the voltage settled."""
     push = p.creep_per_decade * (
         p.piezo_um_per_V * state.drive_V * (1.0 + p.curvature_per_V * state.drive_V)
         - p.hysteresis_scale * state.hysteresis_um

@@ -83,7 +83,7 @@ def _follow_side(
 
 
 def advance_hysteresis(shape: BoucWen, h_um: float, du_V: float) -> float:
-    """Hysteresis h in µm after the voltage has moved monotonically by ``du_V``.
+    """Return the hysteresis h in µm after the voltage has moved monotonically by ``du_V``.
 
     With w = |du| the equation is dh/dw = ±A - rate·h, rising or falling; the rate is b± - g while
     h stands against the way and b± + g along it, and h crosses zero at most once. The result

@@ -73,7 +73,7 @@ def move_arms(
 
 
 def tips(state: PlantState) -> Tips:
-    """The arms of a state."""
+    """Return the arms of a state."""
     second_um, second_speed = state.second_um, state.second_speed_um_per_s
     values = (
         state.x_um - second_um,
@@ -87,12 +87,12 @@ def tips(state: PlantState) -> Tips:
 
 
 def touchable(p: PlantParameters, state: PlantState) -> bool:
-    """Whether there is anything to touch."""
+    """Return whether there is anything to touch."""
     return state.part == "there" and p.environment_stiffness_mN_per_um > 0.0
 
 
 def put_into(k: MotionConstants, motion: Motion, state: PlantState) -> PlantState:
-    """The state with the arms as they are."""
+    """Return the state with the arms as they are."""
     found = tips_of(k, motion)
     first, second, y_um, first_speed, second_speed, y_speed = found.values
     return replace(
@@ -116,7 +116,7 @@ def without_part(k: MotionConstants, motion: Motion) -> Motion:
 
 
 def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float) -> PlantState:
-    """The arms at their equilibrium after ``dt_s`` in which nothing but creep went on."""
+    """Return the arms at their equilibrium after ``dt_s`` in which nothing but creep went on."""
     arms = arms_of(p)
     there = state.part == "there" and arms.passive_stiffness_mN_per_um > 0.0
     overlap_um = rest_um - p.contact_um

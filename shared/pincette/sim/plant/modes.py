@@ -90,7 +90,7 @@ def modal_system(
 
 
 def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
-    """Rates above the real axis, their vectors (columns) and the rows of the inverse."""
+    """Return rates above the real axis, their vectors (columns) and the rows of the inverse."""
     # Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
     count = len(by_position)
     if not np.any(by_position - np.diag(np.diag(by_position))):

@@ -69,7 +69,7 @@ class Tips(NamedTuple):
 
 
 def motion_of(k: MotionConstants, tips: Tips, rest_um: float, *, there: bool) -> Motion:
-    """Motion of arms that are somewhere, with x_f at ``rest_um``."""
+    """Return the motion of arms that are somewhere, with x_f at ``rest_um``."""
     joined = tips.joined and there
     offset_um = k.contact_um + tips.dent_um if joined else 0.0
     way = k.joined if joined else k.apart
@@ -80,7 +80,7 @@ def motion_of(k: MotionConstants, tips: Tips, rest_um: float, *, there: bool) ->
 
 
 def tips_of(k: MotionConstants, m: Motion) -> Tips:
-    """Where the arms are."""
+    """Return where the arms are."""
     way = k.joined if m.joined else k.apart
     offset_um = k.contact_um + m.dent_um if m.joined else 0.0
     first = component(way, 0, m.w, m.rest_um, offset_um)
@@ -97,7 +97,7 @@ def tips_of(k: MotionConstants, m: Motion) -> Tips:
 
 
 def force_mN(k: MotionConstants, m: Motion) -> float:
-    """Contact force, negative where the part sticks and is pulled."""
+    """Return the contact force, negative where the part sticks and is pulled."""
     if not m.joined:
         return 0.0
     at_rest_mN = (m.rest_um - (k.contact_um + m.dent_um)) / k.compliance_um_per_mN
@@ -106,7 +106,7 @@ def force_mN(k: MotionConstants, m: Motion) -> float:
 
 @lru_cache(maxsize=64)
 def motion_constants(p: PlantParameters, dt_s: float) -> MotionConstants:
-    """What substeps of a length work with."""
+    """Return what substeps of a length work with."""
     arms = arms_of(p)
     apart, joined = (way_of(system, arms.bending_modes) for system in (arms.apart, arms.joined))
     lag_s, pieces = p.output_lag_s + p.amplifier.lag_s, math.ceil(dt_s / arms.finest_s)

@@ -100,7 +100,7 @@ def _pushes(
 
 
 def _load_mN(p: PairParameters, state: PairState) -> float:
-    """What the balance of the part has beside the tips."""
+    """Return what the balance of the part has beside the tips."""
     contact = state.contact
     load_mN = p.face_mN_per_um * p.gap_um if contact.second else 0.0
     if contact.ground == Ground.HOLDS:
@@ -111,7 +111,7 @@ def _load_mN(p: PairParameters, state: PairState) -> float:
 
 
 def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) -> PairState:
-    """The tips after the step of ``modes``, and the part with them."""
+    """Return the tips after the step of ``modes``, and the part with them."""
     first, second = state.first, state.second
     e = (
         first.x_um - rest[0],
@@ -134,7 +134,7 @@ def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) ->
 def _certain(
     p: PairParameters, numbers: PairNumbers, modes: PairModes, state: PairState, rest: Pair
 ) -> bool:
-    """Whether nothing can touch, leave or slip while the tips go to their rest."""
+    """Return whether nothing can touch, leave or slip while the tips go to their rest."""
     if state.part != "there":
         return True
     contact = state.contact
@@ -188,7 +188,7 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
 
 
 def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
-    """Which faces touch from here on.
+    """Return which faces touch from here on.
 
     Of a part that nothing but faces holds both forces are one, and that of a single face is 0: no
     sign of a difference tells then what leaves. Both go by the one force, and a single face by the

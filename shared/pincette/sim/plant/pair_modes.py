@@ -111,7 +111,7 @@ def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) ->
 
 
 def rest_of(modes: PairModes, pushes_mN: Pair) -> Pair:
-    """Where the tips rest under k_i·x_f,i less the constant part of F_i."""
+    """Return where the tips rest under k_i·x_f,i less the constant part of F_i."""
     f11, f12, f22 = modes.flexibility
     push_1, push_2 = pushes_mN
     return f11 * push_1 + f12 * push_2, f12 * push_1 + f22 * push_2
@@ -125,7 +125,7 @@ def reach_of(modes: PairModes, by_x: Pair) -> float:
 
 
 def finest_s(numbers: PairNumbers) -> float:
-    """A fortieth of the fastest period: that of the lighter arm on both faces."""
+    """Return a fortieth of the fastest period: that of the lighter arm on both faces."""
     stiffest = max(numbers.stiffnesses) + numbers.face_mN_per_um
     return float(2.0 * np.pi * (min(numbers.masses) / stiffest) ** 0.5 / 40.0)
 

@@ -82,7 +82,7 @@ class PairState(FrozenRecord, frozen=True):
 
 
 def start_pair(p: PairParameters) -> PairState:
-    """Both arms unpoled and at rest, the part on the ground."""
+    """Return both arms unpoled and at rest, the part on the ground."""
     return PairState(arm_at_rest(), arm_at_rest(), p.part_um, p.part_um)
 
 
@@ -115,7 +115,7 @@ def remove_pair_part(state: PairState) -> PairState:
 
 
 def pair_numbers(p: PairParameters) -> PairNumbers:
-    """Masses, dampings and stiffnesses of both arms, faces and ground."""
+    """Return masses, dampings and stiffnesses of both arms, faces and ground."""
     first, second = p.arms
     return PairNumbers(
         masses=(_mass(first), _mass(second)),

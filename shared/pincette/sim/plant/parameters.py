@@ -91,7 +91,7 @@ class PlantParameters:
 
 
 def plant_parameters(simulation: Simulation) -> PlantParameters:
-    """Plant of a rig file; raises ValueError."""
+    """Return the plant of a rig file; raises ValueError."""
     if simulation.output_step_V is None or simulation.output_lag_s is None:
         raise ValueError("output_step_V, output_lag_s: left to the driver and not resolved")
     second = simulation.second_mode
@@ -122,7 +122,7 @@ def plant_parameters(simulation: Simulation) -> PlantParameters:
 
 
 def _hysteresis(simulation: Simulation) -> tuple[BoucWen | Relays, float]:
-    """The shape, and the curvature of the line beside it."""
+    """Return the shape, and the curvature of the line beside it."""
     d, relays = simulation.piezo_um_per_V, simulation.relays
     if relays is not None:
         full_V = relays.full_drive_V

@@ -71,7 +71,7 @@ def plain_substeps(
     rests_um: Sequence[float],
     positions_um: MutableSequence[float],
 ) -> tuple[float, float]:
-    """A substep towards each free position; returns x and ẋ.
+    """Return a substep towards each free position; returns x and ẋ.
 
     ``positions_um``, the position after each, is filled unless it is empty.
     """
@@ -98,7 +98,7 @@ def plain_substeps(
 
 
 def rest_plain_arm(p: PlantParameters, state: PlantState, rest_um: float) -> PlantState:
-    """The arm at its equilibrium."""
+    """Return the arm at its equilibrium."""
     ratio, bead = (
         p.environment_stiffness_mN_per_um * p.compliance_um_per_mN,
         first_touch_um(p, state),
@@ -114,7 +114,7 @@ def plain_force_mN(p: PlantParameters, state: PlantState) -> float:
 
 
 def first_touch_um(p: PlantParameters, state: PlantState) -> float:
-    """Position x_b of first touch; infinite where there is nothing to touch."""
+    """Return the position x_b of first touch; infinite where there is nothing to touch."""
     there = p.environment_stiffness_mN_per_um > 0 and state.part == "there"
     return p.contact_um if there else math.inf
 
@@ -122,7 +122,7 @@ def first_touch_um(p: PlantParameters, state: PlantState) -> float:
 def _cross(
     k: PlainConstants, bead: float, equilibrium: float, x: float, v: float
 ) -> tuple[float, float]:
-    """One substep in which the tip may touch or leave the bead."""
+    """Return one substep in which the tip may touch or leave the bead."""
     pressed = (equilibrium + k.ratio * bead) / (1.0 + k.ratio)
     for _ in range(CROSSING_PARTS):
         mode, rest = (k.crossing_touching, pressed) if x > bead else (k.crossing_free, equilibrium)
@@ -133,7 +133,7 @@ def _cross(
 
 @lru_cache(maxsize=64)
 def plain_constants(p: PlantParameters, dt_s: float) -> PlainConstants:
-    """Free and contact matrices for one step and for its parts."""
+    """Return the free and contact matrices for one step and for its parts."""
     ratio, part_s = (
         p.environment_stiffness_mN_per_um * p.compliance_um_per_mN,
         dt_s / CROSSING_PARTS,

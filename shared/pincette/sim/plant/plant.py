@@ -44,7 +44,7 @@ SETTLED_DECAYS = 30.0
 
 
 def start() -> PlantState:
-    """The arm at rest, unpoled: zero voltage, zero displacement."""
+    """Return the arm at rest, unpoled: zero voltage, zero displacement."""
     return PlantState(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
 
 
@@ -92,7 +92,7 @@ def place_part(parameters: PlantParameters, state: PlantState) -> PlantState:
 def take_part(
     parameters: PlantParameters, state: PlantState, how: Literal["removed", "lost"]
 ) -> PlantState:
-    """The part is gone; the arms go on from where they are."""
+    """Return the part is gone; the arms go on from where they are."""
     gone = replace(state, part=how, held_s=0.0, dent_um=0.0)
     if parameters.elaborate and state.joined:
         # The tips of joined arms are kept, as are their speeds.
@@ -151,7 +151,7 @@ def _substeps(
 
 
 def settled_s(p: PlantParameters, state: PlantState) -> float:
-    """Time in s after which nothing but creep is left; longer steps are cut there."""
+    """Return the time in s after which nothing but creep is left; longer steps are cut there."""
     decay_per_s = p.damping_ratio * p.natural_frequency_rad_per_s
     if p.elaborate:
         decay_per_s = min(decay_per_s, arms_of(p).slowest_decay_per_s)
@@ -159,7 +159,7 @@ def settled_s(p: PlantParameters, state: PlantState) -> float:
 
 
 def _creep_only(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """One step of any length with the voltage settled; the arm ends at its equilibrium."""
+    """Return one step of any length with the voltage settled; the arm ends at its equilibrium."""
     crept = creep_alone(p, state, dt_s)
     rest = rest_um(p, crept)
     return rest_arms(p, crept, dt_s, rest) if p.elaborate else rest_plain_arm(p, crept, rest)

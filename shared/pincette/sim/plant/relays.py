@@ -143,7 +143,7 @@ def _scale(shape: Relays) -> float:
 
 
 def _width_V(shape: Relays) -> float:
-    """Largest width of the loop between -U and U, as P scaled.
+    """Return the largest width of the loop between -U and U, as P scaled.
 
     The gap E(U, -U) - E(U, u) - E(u, -U), twice, is widest where both ways are equally steep; the
     way up gains on the way down up to there, and loses from there.
@@ -159,7 +159,7 @@ def _width_V(shape: Relays) -> float:
 
 
 def _opens(shape: Relays, v: float, low_V: float, high_V: float) -> bool:
-    """Whether the loop widens with the voltage at v."""
+    """Return whether the loop widens with the voltage at v."""
     c, w = shape.coercive_V, shape.spread_V
     falls = (math.tanh((high_V - c) / w) - math.tanh((v - c) / w)) / math.cosh((v + c) / w) ** 2
     rises = (math.tanh((v + c) / w) - math.tanh((low_V + c) / w)) / math.cosh((v - c) / w) ** 2

@@ -94,7 +94,7 @@ def modes_of(way: Way, state: Components, input_um: float, offset_um: float) -> 
 
 
 def component(way: Way, index: int, w: Three, input_um: float, offset_um: float) -> float:
-    """A component of the state that w stands for."""
+    """Return a component of the state that w stands for."""
     rest = way.rest_by_input[index] * input_um + way.rest_by_offset[index] * offset_um
     return rest + deviation(way.out[index], w)
 

@@ -14,7 +14,7 @@ class Orders:
     """Changes of a rig from outside, each an event; mixed into the rig, which keeps the lock."""
 
     def now_s(self) -> float:
-        """Time as the rig counts it."""
+        """Return the time as the rig counts it."""
         raise NotImplementedError
 
     def _present(self) -> AbstractContextManager[Timeline]:
@@ -81,14 +81,14 @@ def _tell(timeline: Timeline, what: str, text: str) -> None:
 
 
 def finite(name: str, value: float, unit: str) -> float:
-    """The value; raises ValueError where it is none."""
+    """Return the value; raises ValueError where it is none."""
     if not math.isfinite(value):
         raise ValueError(f"{name} = {value} {unit}: must be finite")
     return value
 
 
 def positive(factor: float) -> float:
-    """The factor; raises ValueError where it is none."""
+    """Return the factor; raises ValueError where it is none."""
     if not 0.0 < factor < math.inf:
         raise ValueError(f"factor = {factor}: must be above 0 and finite")
     return factor

@@ -88,11 +88,11 @@ class SimulatedPair(PairOrders):
             self.remove_part()
 
     def now_s(self) -> float:
-        """Time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        """Return the time as the rig counts it: simulated in lockstep, the clock's in real time."""
         return self._ticks * self._period_s if self._lockstep else self._clock()
 
     def measure_um(self, arm: int) -> float:
-        """Position of an arm, 0 or 1, with its sensor's noise, rounded to its step."""
+        """Return the position of an arm, 0 or 1, with its sensor's noise, rounded to its step."""
         with self._present() as timeline:
             self._sample = self._sample or timeline.state
             index = self._ticks if self._lockstep else self._looks[arm]
@@ -124,7 +124,7 @@ class SimulatedPair(PairOrders):
                 pass
 
     def snapshot(self) -> PairSnapshot:
-        """What is true now."""
+        """Return what is true now."""
         with self._present() as timeline:
             state = timeline.state
             return PairSnapshot(
@@ -138,7 +138,7 @@ class SimulatedPair(PairOrders):
             )
 
     def events(self) -> list[Event]:
-        """What has befallen the rig so far, in its own time."""
+        """Return what has befallen the rig so far, in its own time."""
         return list(self.snapshot().events)
 
     def arm_states(self) -> tuple[PlantState, ...]:
@@ -224,7 +224,7 @@ class ArmOfPair:
         self.pair.put_out(self.arm, voltage_V)
 
     def now_s(self) -> float:
-        """Time as the rig counts it."""
+        """Return the time as the rig counts it."""
         return self.pair.now_s()
 
     def set_averaging(self, averaging_s: float) -> None:
@@ -264,7 +264,7 @@ class ArmOfPair:
 def pair_parameters(
     simulation: Simulation, outputs: tuple[Simulation, Simulation]
 ) -> PairParameters:
-    """Both arms and what lies between them, of a rig file's tables; raises ValueError."""
+    """Return both arms and what lies between them, of a rig file's tables; raises ValueError."""
     if any(one.averaging_s for one in outputs):
         raise ValueError("averaging_s: the sensors of a pair do not average; leave it out")
     if simulation.passive_natural_frequency_rad_per_s is not None:

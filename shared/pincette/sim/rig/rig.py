@@ -75,11 +75,11 @@ class SimulatedRig(Orders):
         self._lock = threading.Lock()
 
     def now_s(self) -> float:
-        """Time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        """Return the time as the rig counts it: simulated in lockstep, the clock's in real time."""
         return self._ticks * self._period_s if self._lockstep else self._clock()
 
     def measure_um(self) -> float:
-        """Position with the sensor's noise, rounded to its step."""
+        """Return the position with the sensor's noise, rounded to its step."""
         with self._present() as timeline:
             self._sample = self._look()
             index = self._ticks if self._lockstep else self._looks
@@ -158,12 +158,12 @@ class SimulatedRig(Orders):
             timeline.set_averaging(averaging_s)
 
     def events(self) -> list[Event]:
-        """What has befallen the rig so far, in its own time."""
+        """Return what has befallen the rig so far, in its own time."""
         with self._present():
             return self._dated_events()
 
     def snapshot(self) -> Snapshot:
-        """What is true now."""
+        """Return what is true now."""
         with self._present() as timeline:
             present = timeline.state.part == "there"
             voltage_V, events = timeline.state.voltage_V, tuple(self._dated_events())
@@ -244,7 +244,7 @@ class SimulatedRig(Orders):
 
 
 def _next_sample_ns(capture: Capture | None, time_ns: int, rate_hz: float) -> int:
-    """When a capture of at least this rate samples next; now where there is none."""
+    """Return when a capture of at least this rate samples next; now where there is none."""
     if capture is None:
         return time_ns
     due = capture.instants_ns(time_ns - 1, time_ns + ceil(NANOSECONDS / rate_hz))

@@ -34,7 +34,7 @@ class Average:
                 del values[:old]
 
     def mean_um(self) -> float:
-        """Mean over the window before the last time; the first place held before it."""
+        """Return the mean over the window before the last time; the first place held before it."""
         now_s, total = self._times_s[-1], self._integrals[-1]
         begin_s = now_s - self.window_s
         index = bisect_right(self._times_s, begin_s) - 1

@@ -56,7 +56,7 @@ class Timeline:
         self.state = plant.set_voltage(self.parameters, self.state, voltage_V)
 
     def reading_um(self, noise: Callable[[int], float], index: int) -> float:
-        """What the sensor says, with noise number ``index``."""
+        """Return what the sensor says, with noise number ``index``."""
         average = self._average
         x_um = self.state.x_um if average is None else average.mean_um()
         return reading_um(self._simulation, x_um, self.time_ns * 1e-9, noise, index)

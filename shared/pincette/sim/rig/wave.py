@@ -28,11 +28,11 @@ class Grid:
             raise ValueError(f"rate_hz = {self.rate_hz} Hz: must be above 0 and up to 1e6 Hz")
 
     def instant_ns(self, index: int) -> int:
-        """When sample ``index`` is due."""
+        """Return when sample ``index`` is due."""
         return self.begin_ns + round(index * NANOSECONDS / self.rate_hz)
 
     def index_at(self, time_ns: int) -> int:
-        """The last sample due at ``time_ns``; negative before the first."""
+        """Return the last sample due at ``time_ns``; negative before the first."""
         index = math.floor((time_ns - self.begin_ns) * self.rate_hz / NANOSECONDS)
         while self.instant_ns(index + 1) <= time_ns:
             index += 1
@@ -42,7 +42,7 @@ class Grid:
 
 
 def checked_V(voltages_V: Iterable[float]) -> list[float]:
-    """Voltages as floats; raises ValueError where there is none or one is not finite."""
+    """Return voltages as floats; raises ValueError where there is none or one is not finite."""
     checked = [float(voltage_V) for voltage_V in voltages_V]
     if not checked:
         raise ValueError("a wave has at least one voltage, and all of them finite")
@@ -60,15 +60,15 @@ class Wave:
     voltages_V: list[float]
 
     def at_V(self, time_ns: int) -> float:
-        """Voltage put out from ``time_ns`` on."""
+        """Return the voltage put out from ``time_ns`` on."""
         return self.voltages_V[max(0, min(self.grid.index_at(time_ns), len(self.voltages_V) - 1))]
 
     def over(self, time_ns: int) -> bool:
-        """Whether each sample has had its 1/rate."""
+        """Return whether each sample has had its 1/rate."""
         return time_ns >= self.grid.instant_ns(len(self.voltages_V))
 
     def instants_ns(self, after_ns: int, before_ns: int) -> list[int]:
-        """When samples begin, between two times."""
+        """Return when samples begin, between two times."""
         first = max(0, self.grid.index_at(after_ns) + 1)
         last = min(self.grid.index_at(before_ns - 1), len(self.voltages_V) - 1)
         return [self.grid.instant_ns(index) for index in range(first, last + 1)]

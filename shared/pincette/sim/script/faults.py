@@ -42,7 +42,7 @@ class Faults:
     held: tuple[Fault, ...] = ()
 
     def value(self, what: str) -> float | None:
-        """Value of the newest fault of a kind; None where none holds."""
+        """Return the value of the newest fault of a kind; None where none holds."""
         return next((fault.value for fault in reversed(self.held) if fault.what == what), None)
 
     def __bool__(self) -> bool:
@@ -50,7 +50,7 @@ class Faults:
 
 
 def fault_of(order: SimCommand, now_s: float, default: float) -> Fault:
-    """An order as a fault on the rig's clock."""
+    """Return an order as a fault on the rig's clock."""
     begin_s = now_s + order.after_s
     end_s = inf if order.for_s is None else begin_s + order.for_s
     value = default if order.value is None else order.value
@@ -71,7 +71,7 @@ def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
 
 
 def left(faults: Iterable[Fault], now_s: float) -> list[Fault]:
-    """Those that hold now, and those to come."""
+    """Return those that hold now, and those to come."""
     known = list(faults)
     held = [
         fault
@@ -87,7 +87,7 @@ def chance(key: str, number: int) -> bytes:
 
 
 def lost(share: float, drawn: bytes) -> bool:
-    """Whether an exchange is among the share that is lost."""
+    """Return whether an exchange is among the share that is lost."""
     return int.from_bytes(drawn[:8]) < share * 2.0**64
 
 
@@ -113,7 +113,7 @@ class Past:
             del self._known[0]
 
     def at(self, time_s: float) -> float:
-        """Value that held at a time: the newest not after it."""
+        """Return the value that held at a time: the newest not after it."""
         place = bisect_right(self._known, time_s + EDGE_S, key=lambda known: known[0])
         return self._known[max(0, place - 1)][1]
 
@@ -133,7 +133,7 @@ def misread_um(faults: Faults, past: Past, now_s: float) -> float:
 
 
 def misput_V(faults: Faults, past: Past, now_s: float) -> float:
-    """What the output puts out, given the voltages asked for while it was not stuck."""
+    """Return what the output puts out, given the voltages asked for while it was not stuck."""
     delay_s = faults.value("delayed")
     asked_V = past.newest if delay_s is None else past.at(now_s - delay_s)
     return asked_V + (faults.value("wrong") or 0.0)

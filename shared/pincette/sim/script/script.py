@@ -195,7 +195,7 @@ class Script:
 
 
 def script_of(rig_file: RigFile) -> Script:
-    """Script of a rig file: its entries, and whether orders may come."""
+    """Return the script of a rig file: its entries, and whether orders may come."""
     simulation = rig_file.simulation
     return Script(
         () if simulation is None else simulation.script,
@@ -208,7 +208,7 @@ def script_of(rig_file: RigFile) -> Script:
 
 
 def timeouts_of(rig_file: RigFile) -> dict[str, float]:
-    """How long each instrument is waited for, by its target in orders."""
+    """Return how long each instrument is waited for, by its target in orders."""
     timeouts_s = {"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s}
     if (second := rig_file.second) is not None:
         timeouts_s |= {

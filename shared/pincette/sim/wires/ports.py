@@ -23,7 +23,7 @@ class Line(Protocol):
     """One conversation with a client."""
 
     def fileno(self) -> int:
-        """Descriptor to wait for."""
+        """Return the descriptor to wait for."""
         ...
 
     def recv(self, size: int, /) -> bytes:

@@ -92,14 +92,14 @@ def functions_of(calibration: str) -> CalibrationFunctions:
 
 
 def identified(quantity: str, value: float, uncertainty: float) -> Identified:
-    """A number with its standard uncertainty."""
+    """Return a number with its standard uncertainty."""
     return Identified(
         quantity=quantity, value=float(value), unit=UNITS[quantity], uncertainty=float(uncertainty)
     )
 
 
 def sure(value: float, uncertainty: float, unit: str, of: str) -> str:
-    """How sure a value is, in words."""
+    """Return how sure a value is, in words."""
     return (
         f"{value:.5g} ± {2.0 * uncertainty:.2g} {unit} at about 95 % (two standard uncertainties, "
         f"{of})"
@@ -107,7 +107,7 @@ def sure(value: float, uncertainty: float, unit: str, of: str) -> str:
 
 
 def residuals(of: str, unit: str, values: Sequence[float] | NDArray[np.float64]) -> Residuals:
-    """What a fit has left, in two numbers."""
+    """Return what a fit has left, in two numbers."""
     found = np.asarray(values, dtype=np.float64)
     return Residuals(
         of=of,
@@ -119,7 +119,7 @@ def residuals(of: str, unit: str, values: Sequence[float] | NDArray[np.float64])
 
 
 def path_of(planned: Planned, phase: str) -> Path:
-    """The path of a phase of the program; raises ValueError where there is none."""
+    """Return the path of a phase of the program; raises ValueError where there is none."""
     paths = [path for s in planned.program.segments if s.phase == phase for path in paths_of(s)]
     if not paths:
         raise ValueError(f"the program has no path in its phase {phase!r}")
@@ -169,7 +169,7 @@ class Samples:
     """As estimated, unfiltered."""
 
     def of(self, phase: str) -> slice:
-        """The samples of a phase, from its first to its last.
+        """Return the samples of a phase, from its first to its last.
 
         Raises
         ------
@@ -182,7 +182,7 @@ class Samples:
         return slice(places[0], places[-1] + 1)
 
     def filled(self, values: Series, place: slice, what: str) -> Series:
-        """Values with the few that are missing interpolated.
+        """Return values with the few that are missing interpolated.
 
         Raises
         ------

@@ -149,7 +149,7 @@ def _unknown_loop_mN(rig: RigFile, range_V: float) -> float:
 
 
 def assumptions(calibration: str, model: ModelInUse) -> list[Assumption]:
-    """Quantities that a calibration takes for granted, and where they come from."""
+    """Return quantities that a calibration takes for granted, and where they come from."""
     return [
         Assumption(
             quantity=quantity,

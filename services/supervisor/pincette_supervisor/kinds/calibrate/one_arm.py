@@ -35,7 +35,7 @@ def model_of_arm(model: ModelInUse, arm: int) -> ModelInUse:
 
 
 def program_for_both(program: Program, rig: RigFile, arm: int) -> Program:
-    """The program on the arm's voltage, the other at rest; of a rig of one arm as it is.
+    """Return the program on the arm's voltage, the other at rest; of a rig of one arm as it is.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def _on_first(segment: Segment) -> Segment:
 
 
 def run_of_arm(run: Run, arm: int) -> Run:
-    """What a job has gathered of this arm, as if it were the only one."""
+    """Return what a job has gathered of this arm, as if it were the only one."""
     planned = run.planned
     model = model_of_arm(planned.model, arm)
     segments = planned.program.segments if arm == 1 else map(_on_first, planned.program.segments)
@@ -78,7 +78,7 @@ def run_of_arm(run: Run, arm: int) -> Run:
 
 
 def named_of_arm(analysis: Analysis, arm: int) -> Analysis:
-    """Quantities under the names that the rig file of two arms has for them."""
+    """Return quantities under the names that the rig file of two arms has for them."""
     if arm == 1:
         return analysis
     values = tuple(

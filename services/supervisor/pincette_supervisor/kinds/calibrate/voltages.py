@@ -20,7 +20,7 @@ from pincette.control.planning.segments import (
 def planned_phases(
     program: Program, rig: PlannedRig, contact_um: float, rest_V: float
 ) -> tuple[list[PlannedPhase], float, float]:
-    """Phases of a program, its lowest and its highest voltage.
+    """Return phases of a program, its lowest and its highest voltage.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ def _plan_pair(
 
 
 def pointer(quantity: str, phase: str) -> str:
-    """Member of a request that leads beyond a limit; empty where none can be named."""
+    """Return the member of a request that leads beyond a limit; empty where none can be named."""
     return "/force_mN" if phase in PRESSING else contact_pointer(quantity, phase)
 
 
@@ -168,7 +168,7 @@ def _subtitle(result: GripResult) -> str:
 
 
 def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
-    """Speeds of a quick grip; None where it is to be a gentle one.
+    """Return speeds of a quick grip; None where it is to be a gentle one.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def chosen_speeds(request: GripJobRequest, rig: RigFile) -> QuickSpeeds | None:
 
 
 def _speeds(request: GripJobRequest, rig: RigFile, *, asked: bool) -> QuickSpeeds | None:
-    """Speeds of a quick grip; None where nobody asks for one and it cannot be."""
+    """Return speeds of a quick grip; None where nobody asks for one and it cannot be."""
     if rig.model.free_response is None:
         if asked:
             raise FaultyRequestError(

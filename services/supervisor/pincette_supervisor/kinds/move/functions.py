@@ -109,12 +109,12 @@ def _overridden(request: MoveJobRequest, made: MotionPlan, rig: RigFile) -> list
 
 
 def _touch_um(rig: RigFile) -> float:
-    """Position from which on the arm may touch the part of the rig file."""
+    """Return the position from which on the arm may touch the part of the rig file."""
     return rig.part.contact_um - rig.part.contact_tolerance_um
 
 
 def _cycles(request: MoveJobRequest, rig: RigFile) -> Cycles | None:
-    """Cycles of the request over what it names, else as far as limits and the part allow."""
+    """Return cycles of the request over what it names, else as far as limits and the part allow."""
     if not request.conditioning_cycles and not request.warm_up_s:
         return None
     limits, d_p, safe_V = rig.limits, rig.model.piezo_um_per_V, rig.safety.safe_V

@@ -185,7 +185,7 @@ def learning(planned: Planned, path: Path, period_s: float) -> Planned:
 
 
 def whole_cycle(path: Path, period_s: float) -> int:
-    """Ticks of a cycle; 0 where nothing swings, or not in whole ticks."""
+    """Return ticks of a cycle; 0 where nothing swings, or not in whole ticks."""
     if path.knots:
         return 0
     try:
@@ -195,7 +195,7 @@ def whole_cycle(path: Path, period_s: float) -> int:
 
 
 def learned_of(run: Run, path: Path) -> Corrections | None:
-    """What the program has learned, by the samples as the controller met them."""
+    """Return what the program has learned, by the samples as the controller met them."""
     begun = run.planned.program.corrections
     if begun is None:
         return None

@@ -115,7 +115,7 @@ def analyse(run: Run) -> Analysis:
 
 
 def _reading(taken: Samples, number: int) -> WeighedStep:
-    """Mean position under a weight, its uncertainty and its time; raises ValueError."""
+    """Return the mean position under a weight, its uncertainty and its time; raises ValueError."""
     place = taken.of(f"measure {number}")
     values = taken.filled(taken.x_um, place, f"weight {number}")
     return WeighedStep(

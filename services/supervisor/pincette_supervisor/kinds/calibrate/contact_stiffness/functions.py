@@ -147,21 +147,21 @@ def analyse(run: Run) -> Analysis:
 
 
 def _error_um(rig: RigFile, way_V: float) -> float:
-    """Standard error of x_1 that far from a zero."""
+    """Return the standard error of x_1 that far from a zero."""
     return derived.free_response(rig.model).begin(0.0).follow(way_V, 0.0).error_um()
 
 
 def _judged(
     x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
 ) -> NDArray[np.float64]:
-    """The force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
+    """Return the force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
     x_1_um = x_um + s_p * force_mN
     more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
     return force_mN + more_um / s_p
 
 
 def _approach(taken: Samples, up_to_mN: float) -> slice:
-    """Samples of the seek and of the press as long as it is light."""
+    """Return samples of the seek and of the press as long as it is light."""
     begin, end = taken.of("contact").start, taken.of("press").stop
     beyond = np.flatnonzero(taken.force_mN[begin:end] > up_to_mN)
     return slice(begin, begin + int(beyond[0]) if len(beyond) else end)

@@ -80,7 +80,7 @@ def program(
 
 
 def _within(rig: RigFile, request: FreeResponseRequest) -> RigFile:
-    """The rig with the voltages of the request as limits, where they are closer."""
+    """Return the rig with the voltages of the request as limits, where they are closer."""
     limits = rig.limits
     least_V, most_V = limits.voltage_min_V, limits.voltage_max_V
     if request.least_V is not None:

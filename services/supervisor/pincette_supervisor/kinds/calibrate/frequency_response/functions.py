@@ -190,7 +190,7 @@ def draw(sheet: Sheet, found: SweptMode) -> None:
 
 
 def _moves_fast(rig: RigFile) -> bool:
-    """Whether the estimator takes the mode into account; a quasi-static one does not.
+    """Return whether the estimator takes the mode into account; a quasi-static one does not.
 
     Where bursts at the period of the loop show the mode, ``output_timing`` finds it.
     """

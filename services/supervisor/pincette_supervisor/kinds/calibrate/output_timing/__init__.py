@@ -41,6 +41,6 @@ CALIBRATION = Variant(
 
 
 def bursts_are_needed(rig: "RigFile") -> bool:
-    """Whether the law looks ahead, and samples show the mode by which it is told when."""
+    """Return whether the law looks ahead, and samples show the mode by which it is told when."""
     looks_ahead = law_definition(rig.law.scheme).previews
     return looks_ahead and shows_mode(rig.model.natural_frequency_rad_per_s, rig.rig.period_s)

@@ -131,14 +131,14 @@ def _statement(found: IdentifiedTiming) -> str:
 
 
 def _burst(taken: Samples, phase: str, rest_V: float) -> Burst:
-    """Samples of one burst, and the voltages that answer them."""
+    """Return samples of one burst, and the voltages that answer them."""
     place = taken.of(phase)
     taken.filled(taken.x_um, place, phase)  # refuses what lacks too many
     return Burst(_answers(taken, place) - rest_V, taken.x_um[place])
 
 
 def _answers(taken: Samples, place: slice) -> Series:
-    """Voltages that answer the samples of a burst: the last one where none is known."""
+    """Return voltages that answer the samples of a burst: the last one where none is known."""
     found = taken.voltage_V[place.start + 1 : place.stop + 1].copy()
     for number in np.flatnonzero(np.isnan(found)):
         found[number] = found[number - 1] if number else taken.voltage_V[place.start]

@@ -198,7 +198,7 @@ def _ring_um(motion: RecordedMotion, rig: RigFile) -> float:
 
 
 def _rest(places: list[Place], zeroes: list[bool], period_s: float) -> slice:
-    """Ticks of the rest on which the recorded job made its last zero."""
+    """Return ticks of the rest on which the recorded job made its last zero."""
     if not any(zeroes):
         raise ValueError("the recorded job never zeroed its force")
     last = len(zeroes) - 1 - zeroes[::-1].index(True)
