@@ -1,4 +1,4 @@
-"""What the actuator takes from the rig file: the limits of the safety module."""
+"""Configuration of the actuator from the rig file: the limits of the safety module."""
 
 from importlib import import_module
 from math import floor, pi
@@ -9,13 +9,14 @@ from pincette.control.safety.freshness import AgeLimits
 from pincette.control.safety.state import SafetyLimits
 
 GRACE_PERIODS = 50.0
-"""How long after arming the first command may come."""
+"""Time from the arming within which the first command must come, in periods."""
 WAKE_PERIODS = 0.2
 """About how often the actuator looks at its clock in real time."""
 MOST_PERIODS = 0.25
 """No longer than that between two looks, or a silent controller is noticed late."""
 EXCUSED_PERIODS = 10.0
-"""How much of the actuator's own standstill is left out of an age, from one command to the next."""
+"""Time of the actuator's own standstill that is subtracted from an age, in periods between
+commands."""
 
 
 def configure(rig: RigFile) -> SafetyLimits:

@@ -1,4 +1,4 @@
-"""What the actuator is asked: to be armed, to trip, to be reset."""
+"""Requests to the actuator: to be armed, to trip, to be reset."""
 
 from msgspec.structs import replace
 

@@ -18,7 +18,7 @@ class ArmMemory(FrozenRecord, frozen=True):
 
     response: FreeResponse
     model: FreeResponse
-    """What ``response`` began as, unpoled."""
+    """Initial ``response``, unpoled."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """The voltage since the start, for another model to be led through."""
     followed_seq: int = -1

@@ -1,4 +1,4 @@
-"""What the controller takes from the rig file."""
+"""Configuration of the controller from the rig file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class ControllerConfig:
     """Laws by name."""
     force_filter_s: float
     output: OutputTiming
-    """When a voltage acts on the arm."""
+    """Delay and lag of the voltage on its way to the arm."""
     steps: StepLimits
     """Numbers by which a step of the position is judged."""
     part_um_per_mN: float

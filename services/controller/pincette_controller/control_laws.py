@@ -39,7 +39,7 @@ class ArmView(FrozenRecord, frozen=True):
 
 
 class Setpoint(FrozenRecord, frozen=True):
-    """What a law is to reach at the coming sample."""
+    """Goal of a law at the coming sample."""
 
     ref: Reference
     """References; their speeds are those of the coming motion, 0 where it rests."""
@@ -56,7 +56,7 @@ class Setpoint(FrozenRecord, frozen=True):
 
 
 class Wanted(FrozenRecord, frozen=True):
-    """What a law wants, and what it tells of the newest sample."""
+    """Voltages that a law requests, and its figures of the newest sample."""
 
     voltages_V: tuple[float, ...]
     """Voltage of each arm, before any limit."""
@@ -67,7 +67,7 @@ class Wanted(FrozenRecord, frozen=True):
 
 
 class Handover(FrozenRecord, frozen=True):
-    """How the references go on where a segment, or another law, begins."""
+    """How the references continue where a segment, or another law, begins."""
 
     ref: Reference
     """References of the newest sample; where the references begin anew, those of the coming one."""

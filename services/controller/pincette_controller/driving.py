@@ -1,4 +1,4 @@
-"""From the references of a player to voltages: by the law of its segment, or without one."""
+"""Voltages from the references of a player: by the law of its segment, or without one."""
 
 from typing import Any
 

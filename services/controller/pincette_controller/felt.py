@@ -11,7 +11,7 @@ from pincette.core.messages.arms import ArmEstimate
 FELT_S = 0.03
 """Time constant over which each side's force and tip are averaged to find a touch."""
 DRIFT_S = 1.0
-"""Time constant of the mean of each free side's force, by which its model errs along the way."""
+"""Time constant of the mean of each free side's force, which is the model's error along the way."""
 
 Arms = tuple[ArmEstimate, ...]
 """Estimate of each arm at one sample."""

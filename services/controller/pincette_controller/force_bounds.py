@@ -1,4 +1,4 @@
-"""What the uncertainty U lets a force mean."""
+"""What can be concluded from a force, given its uncertainty U."""
 
 from pincette.core.messages.arms import ArmEstimate
 

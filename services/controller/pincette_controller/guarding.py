@@ -1,7 +1,7 @@
-"""What ends a segment early: contact, too much force, a lost part, a limit of position.
+"""Guards that end a segment early: contact, too much force, a lost part, a position limit.
 
 Each guard holds for one arm and for two. Steps of the position and the contact line of a load are
-looked for with one arm alone.
+watched with one arm alone.
 """
 
 from math import inf
@@ -34,7 +34,7 @@ from pincette_controller.taking_over import force_unknown, keep_as_it_is
 from pincette_controller.touching import RETREAT_S, seek, watch_way
 
 STOP_S = 0.3
-"""How long a stop takes to bring x_r to rest."""
+"""Time in which a stop brings x_r to rest."""
 FREE = 2.0
 """Stated uncertainties within which the force of an arm that has lost its part lies."""
 UNGUARDED = (

@@ -1,4 +1,4 @@
-"""What a program learns while it plays: from cycle to cycle of its path at full amplitude."""
+"""Learning of a program while it plays: from cycle to cycle of its path at full amplitude."""
 
 from msgspec.structs import replace
 
@@ -12,7 +12,7 @@ from pincette_controller.player_state import Player
 
 
 class Learning(FrozenRecord, frozen=True):
-    """What is learned so far, and what is added to x_r of the sample to come."""
+    """What has been learned so far, and the correction of x_r at the coming sample."""
 
     learner: CycleLearner | None
     """None: the program learns nothing."""

@@ -1,4 +1,4 @@
-"""What the controller sends: a command that keeps the hard limits, or none, and its telemetry.
+"""Outputs of the controller: a command within the hard limits, or none, and its telemetry.
 
 The guards end a program gently; where what they did is not enough, or the law has gone astray, the
 controller commands no more. It checks each command by the actuator's own rules: one that breaks

@@ -1,4 +1,4 @@
-"""Where a program stands, its references at a tick, and its way from segment to segment."""
+"""Place in a program, its references at a tick, and its way from segment to segment."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ class SeenStep(FrozenRecord, frozen=True):
 
     step: Step
     step_um: float
-    """Its size, a mean over the samples since; positive towards the part."""
+    """Size of the step, a mean over the samples since; positive towards the part."""
     force_mN: float
     """Estimated force just before the step; the force after it where the sensor caused it."""
     after_mN: float
@@ -78,7 +78,7 @@ class SlipWatch(FrozenRecord, frozen=True):
     noise: RestNoise = field(default_factory=RestNoise)
     """Noise of the sensor, as the rests of this program show it."""
     noise_um: float = 0.0
-    """The same as a number, at the end of the newest rest."""
+    """Noise as a number, at the end of the newest rest."""
     steps: StepWatch = field(default_factory=StepWatch)
     """Newest positions, in which a step is looked for."""
     suspect: Step | None = None
@@ -102,7 +102,7 @@ class Began(FrozenRecord, frozen=True):
 
 
 class Touch(FrozenRecord, frozen=True):
-    """What the arm has met on its way through free space."""
+    """A touch of the arm on its way through free space."""
 
     x_um: float | None
     force_mN: float
@@ -148,7 +148,7 @@ class Player(FrozenRecord, frozen=True):
 
 
 class Foreseen(FrozenRecord, frozen=True):
-    """Where a player will be a tick later, but for what a sample changes."""
+    """State of a player one tick later, unless a sample changes it."""
 
     of: Player
     player: Player

@@ -1,4 +1,4 @@
-"""What the controller is asked: to load a program, to be armed, to act, to renew its lease."""
+"""Requests to the controller: to load a program, to be armed, to act, to renew its lease."""
 
 from msgspec.structs import replace
 

@@ -1,4 +1,4 @@
-"""What the controller does about a step of the position that the voltage does not explain.
+"""Reaction of the controller to a step of the position that the voltage does not explain.
 
 The first sample that shows the step freezes the voltage; the next one confirms it, or the program
 goes on. What a confirmed step means depends on its direction and on what the references do:

@@ -1,4 +1,4 @@
-"""What the controller gets, and what it remembers from one sample to the next."""
+"""Inputs of the controller, and its state between samples."""
 
 from typing import Any, NamedTuple
 

@@ -1,4 +1,4 @@
-"""What arms meet on their way: the part that they look for, or something in the way.
+"""Touches of arms on their way: of the part that they look for, or of something in the way.
 
 On its way through free space an arm must meet nothing, from the first sample on. A touch that
 the estimator has found stops the motion, and the arms go back to where they were free.
@@ -33,9 +33,9 @@ from pincette_controller.player_state import (
 )
 
 RETREAT_S = 2.0
-"""How long the way back takes where a program has none."""
+"""Duration of the way back if a program has none."""
 BACK_UM, BACK_SHARE = 2.0, 0.1
-"""Way out of what was met on the way back, in µm, or as a share of the voltage gone back."""
+"""Distance of the way out after a touch on the way back, in µm, or as a share of the voltage."""
 BEND_FORCES = 5.0
 """Contact forces above which a kink is no bend of the arm itself, however soft it is."""
 DRIFT_S = 0.2

@@ -16,7 +16,7 @@ from pincette.core.messages import Estimate
 APART_S = 0.5
 """Time constant of the mean, long against a swing of the part."""
 LEAST_S = 1.0
-"""For which a part has been held before anything is said."""
+"""Time for which a part must have been held before the forces are compared."""
 
 
 class ForcesApart(FrozenRecord, frozen=True):

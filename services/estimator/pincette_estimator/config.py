@@ -1,4 +1,4 @@
-"""What the estimator takes from the rig file."""
+"""Configuration of the estimator from the rig file."""
 
 from dataclasses import dataclass, replace
 
@@ -34,7 +34,7 @@ class ArmConfig:
     residual: ResidualTable | None
     """What x_1 misses along the program that is armed; None: nobody has measured it."""
     observer: ForceObserver
-    """At rest without a force."""
+    """Observer of an arm at rest without a force."""
     compliance_um_per_mN: float
     noise_um: float
     """Standard deviation that the sensor's noise gives the force, times s_p."""
@@ -52,7 +52,7 @@ class ArmConfig:
     turn_error_um_per_V: float
     """Standard error of the slope of x_1 just after a turn; 0 where it was not measured."""
     ring_shares: RingShares
-    """What the ring of the mode adds to the uncertainty of a position."""
+    """Contribution of the mode's ringing to the uncertainty of a position."""
     zero_limits: ZeroLimits
     kink_limits: KinkLimits
     part_stiffness_mN_per_um: float
@@ -62,7 +62,7 @@ class ArmConfig:
     position_um: tuple[float, float]
     """Range of the sensor, as positions of the arm."""
     voltage_V: tuple[float, float]
-    """What can be put out at all: as far beyond the limits again as they are apart."""
+    """Voltages that are possible at all: as far beyond the limits as they are apart."""
     drift_um_per_s: float = 0.0
     """Largest drift of the sensor's reading."""
     moving: tuple[float, float] | None = None

@@ -17,10 +17,10 @@ from pincette_estimator.statements import within
 from pincette_estimator.uncertainty import uncertainty_mN
 
 OUTPUT_LOST = (Cause.DEVICE, Cause.SUSPEND)
-"""Why the actuator has tripped where it had to ask the output what it puts out."""
+"""Causes of a trip in which the actuator had to ask the output for its voltage."""
 UNHEARD_S = 0.5
-"""Time without a word of the actuator, in which somebody else may move the output: less than it
-takes to be started anew, more than lost messages make."""
+"""Time without a message of the actuator after which somebody else may have moved the output: less
+than a restart takes, more than lost messages cause."""
 
 
 def ahead(config: EstimatorConfig, state: State, told: Message) -> State:

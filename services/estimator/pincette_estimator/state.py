@@ -1,4 +1,4 @@
-"""What the estimator takes in each step, and what it keeps from one to the next.
+"""Inputs of the estimator, and its state between samples.
 
 ``StuckWatch`` finds a sensor that shows the same reading while the voltage moves. Noise makes a
 laser's readings differ even at rest, but a coarse display may hide it, so a constant reading alone
@@ -52,7 +52,8 @@ class StuckWatch(FrozenRecord, frozen=True):
 
     x_um: float | None = None
     voltages_V: tuple[float, ...] = ()
-    """At most ``SAMPLES``, for creep: a loop that holds the arm still moves the voltage slowly."""
+    """Newest voltages, at most ``SAMPLES``, because of creep: a loop that holds the arm still moves
+    the voltage slowly."""
     stuck: bool = False
     held: bool = False
     """Whether those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
@@ -121,7 +122,7 @@ class Ringing(NamedTuple):
 
 
 class Followed(FrozenRecord, frozen=True):
-    """What a voltage applied makes of the memories."""
+    """The memories after an applied voltage."""
 
     response: FreeResponse
     past: VoltageMemory
@@ -145,9 +146,9 @@ class ArmState(FrozenRecord, frozen=True):
     """The free response of an arm, the samples behind it, and the past that a force needs."""
 
     response: FreeResponse
-    """Its memory outlives an arming, as the arm's does."""
+    """Free response; its memory outlives an arming, as the arm's does."""
     model: FreeResponse
-    """What ``response`` began as, unpoled."""
+    """Initial ``response``, unpoled."""
     observer: ForceObserver
     unknown: UnknownPast
     """Possible history of the arm before the start, or since it was last followed."""
@@ -156,7 +157,7 @@ class ArmState(FrozenRecord, frozen=True):
     observed_seq: int | None = None
     """The last sample that ``observer`` has seen; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
-    """Without the part, up to the newest sample but for ``unseen``."""
+    """Motion without the part, up to the newest sample except ``unseen``."""
     unseen: tuple[FreeResponse, float] | None = None
     """The newest sample and what the arm's memory was then, until ``caught_up``."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
@@ -178,7 +179,7 @@ class ArmState(FrozenRecord, frozen=True):
     x_2_um: float = 0.0
     x_3_um: float = 0.0
     reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))
-    """Of the voltage, since the zero."""
+    """Reversals of the voltage since the zero."""
     highest_V: float = 0.0
     """Highest voltage that ``response`` has followed since its past was unknown."""
     missed: Residual | None = None
@@ -191,7 +192,7 @@ class ArmState(FrozenRecord, frozen=True):
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """The voltage since its past was unknown, for another model to be led through."""
     followed: Followed | None = None
-    """By a voltage whose sample has not come yet."""
+    """The memories after a voltage whose sample has not arrived yet."""
     foreseen: Foreseen | None = None
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
@@ -239,7 +240,7 @@ class State(FrozenRecord, frozen=True):
     epoch: int = 0
     refused: int = 0
     apart: ForcesApart = field(default_factory=ForcesApart)
-    """How far the forces of two arms differ."""
+    """Difference of the forces of two arms."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:

@@ -1,4 +1,4 @@
-"""What the estimator states of a sample: the force with its uncertainty, or why there is none."""
+"""Statement of the estimator on a sample: the force with its uncertainty, or a fault."""
 
 from math import hypot
 

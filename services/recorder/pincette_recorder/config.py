@@ -1,4 +1,4 @@
-"""What the recorder takes from the rig file, and where it keeps what it records."""
+"""Configuration of the recorder from the rig file, and the folder of its records."""
 
 from dataclasses import dataclass
 from pathlib import Path

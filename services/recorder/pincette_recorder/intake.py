@@ -21,7 +21,7 @@ class Intake:
         self._queue: deque[tuple[int, Message]] = deque()
         self._job, self._epoch = "", 0
         self.dropped: Counter[str] = Counter()
-        """What found no room, by topic."""
+        """Number of messages that did not fit, by topic."""
 
     def open(self, job: str, epoch: int) -> None:
         """Take the messages of an epoch, and the notices of its job, from here on."""

@@ -1,4 +1,4 @@
-"""One record while it is open: its file, and how far its loop has come."""
+"""A record while it is open: its file, and the progress of its loop."""
 
 import logging
 from collections import Counter
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
 """Messages of every sample of a loop that plays."""
 TIMING_S = 10.0
-"""How often the programs' timing is kept; each message counts on from the one before."""
+"""Interval in which the programs' timing is stored; each message includes the one before."""
 
 
 class OpenRecord:
@@ -57,13 +57,13 @@ class OpenRecord:
         """Number of the file's chunks that the thread knows of."""
         self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
         self.trouble = ""
-        """Why the disk takes no more."""
+        """Why the disk accepts no more data."""
         self.refused: Counter[str] = Counter()
         """Messages that came after that, or could not be kept, by topic."""
         self.over_seq: int | None = None
         """The sample with which the actuator said that the arming is over."""
         self.alive_at_s = self.heard_at_s = now_s
-        """When the loop last played, and when anything came."""
+        """Time at which the loop last played, and at which anything last arrived."""
         self.missing = 0
         """Samples that are known to have been sent and never came; see ``losses``."""
         self._newest: dict[type[Message], int] = {}

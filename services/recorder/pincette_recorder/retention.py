@@ -1,4 +1,4 @@
-"""Which records are deleted, where the rig file says that they do not stay for ever."""
+"""Deletion of records, if the rig file limits their age or size."""
 
 import logging
 import shutil

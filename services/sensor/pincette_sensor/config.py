@@ -1,4 +1,4 @@
-"""What the sensor takes from the rig file."""
+"""Configuration of the sensor from the rig file."""
 
 from dataclasses import dataclass
 

@@ -27,7 +27,7 @@ from pincette_supervisor.journal.write_queue import WriteQueue
 LATE_PERIODS = 1.5
 """A sensor without a sample for so long is silent; its samples come one a period."""
 IN_FLIGHT = 1
-"""By so many samples a program may lag behind the one before it."""
+"""Number of samples by which a program may lag behind the one before it."""
 
 
 def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
@@ -43,7 +43,7 @@ def fault_views(faults: Iterable[Fault]) -> list[FaultView]:
 
 
 class TripReason(NamedTuple):
-    """Why the actuator is latched: a code, and what was found."""
+    """Why the actuator is latched: a code, and its findings."""
 
     cause: Cause
     faults: tuple[Fault, ...] = ()
@@ -74,7 +74,7 @@ class TripRecord:
     newest: Mapping[str, LastSample]
     """The newest sample of each program of the loop when it came."""
     at_s: float = 0.0
-    """When it came, or what was found changed."""
+    """Time of the trip, or of a changed finding."""
 
 
 def reason_of(applied: Applied) -> TripReason:
@@ -166,7 +166,7 @@ class AlarmLog:
         self._new = True
         """Whether what an earlier supervisor has raised was not looked up yet."""
         self._by: dict[Cause, str] = {}
-        """Who has asked for a trip that is not raised yet, by its cause."""
+        """Callers who requested a trip that is not raised yet, by its cause."""
 
     def raise_alarm(
         self,

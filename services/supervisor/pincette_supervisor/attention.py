@@ -1,4 +1,4 @@
-"""Where the supervisor's time goes: what it was at while it heard nothing.
+"""Processor time of the supervisor: what it was doing while it received nothing.
 
 A thread wakes on a grid and measures how late it comes: so long nothing of this process ran, since
 the processor or the interpreter's lock was another's. Beside it stands what the process was at:
@@ -17,7 +17,7 @@ from pincette.engine.threads import RepeatedAction
 Share = Literal["bus", "journal", "drawing"]
 GRID_S = 0.05
 LATE_S = 0.02
-"""Up to here a thread is not late."""
+"""Largest lateness of a thread that still counts as in time."""
 KEPT = 1200
 """Rows of the grid that are kept: a minute."""
 WORDS: dict[Share, str] = {
@@ -89,7 +89,7 @@ class Attention:
 
 
 ATTENTION = Attention()
-"""Of this process, as processor time is."""
+"""Attention of this process; process-wide, like its processor time."""
 
 
 def share_words(last_s: float, attention: Attention = ATTENTION) -> str:

@@ -10,7 +10,8 @@ from pincette.security.identity import SUPERVISOR, Credentials, program
 
 STORE = "supervisor.sqlite"
 STORE_URL = "PINCETTE_STORE"
-"""Of the environment: a rig file is recorded and sent over the bus, and a URL may be secret."""
+"""Environment variable; not in the rig file, which is recorded and sent, since a URL may be secret.
+"""
 RECORDS, MODELS = "jobs", "models"
 """Folders of a rig below its home: one for each job, and the versions of its model."""
 
@@ -35,7 +36,7 @@ class SupervisorConfig:
     store: Path
     """SQLite: jobs, actions, results; the keys lie beside it."""
     store_url: str
-    """Of a PostgreSQL database in its place; empty: the file."""
+    """URL of a PostgreSQL database instead; empty: the file."""
 
 
 def configure(rig: RigFile, data: Path) -> SupervisorConfig:

@@ -41,7 +41,7 @@ from pincette_supervisor.rigs.standing import standing
 MOST_RIGS = 64
 """Rigs that are exported; labels have fixed sets, so this bounds the number of series."""
 ASKED_S = 10.0
-"""How long an unanswered status request counts against a program's token."""
+"""Age from which an unanswered status request counts against a program's token."""
 N_PER_MN = 1e-3
 BOUNDS_N = tuple(N_PER_MN * bound_mN for bound_mN in FORCE_BOUNDS_MN)
 REAL_TIME = "in real time"
@@ -76,7 +76,7 @@ Readings = Iterable[tuple[tuple[str, ...], float | Counted]]
 
 
 class Scrape(NamedTuple):
-    """What one answer is made of."""
+    """Data of one answer."""
 
     rigs: Rigs
     exported: Sequence[JobManager]
@@ -89,13 +89,13 @@ class Family:
     """One metric."""
 
     name: str
-    """As Prometheus stores it, with base units: seconds and newtons."""
+    """Name as Prometheus stores it, with base units: seconds and newtons."""
     kind: Kind
     labels: tuple[str, ...]
     read: Callable[[Scrape], Readings]
     meaning: str
     where: str = ""
-    """Where it is served, if not everywhere."""
+    """Address at which it is served, if not everywhere."""
 
     def metric(self, scrape: Scrape) -> Metric:
         """Return the metric with its present values; raises StoreError."""

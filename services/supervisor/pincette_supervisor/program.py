@@ -56,7 +56,8 @@ STOP_S = 5.0
 TAKEN_LOOK_S, TAKEN_LOGGED_S = 0.5, 300.0
 """Time between two tries to bind a port that another program has, and between two log lines."""
 GONE_S, LOOK_S = 5.0, 0.1
-"""For how long the token of a supervisor that was killed or cut off may still be seen."""
+"""Time for which the token of a killed or disconnected supervisor may still be visible, and the
+interval of the checks."""
 
 
 class PortInUseError(OSError):

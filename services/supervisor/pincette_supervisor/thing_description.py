@@ -32,14 +32,14 @@ ACTIONS: Mapping[str, str] = {
 EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
 """The events of jobs are server-sent with names, which a form cannot ask for."""
 DEEPEST = 1
-"""Models within a model that are told whole: a client checks what it sends by them, and the
-supervisor what it gets. What lies deeper is in the OpenAPI document."""
+"""Depth up to which nested models are included: a client checks what it sends by them. Deeper ones
+are in the OpenAPI document."""
 OPEN = ("estop",)
-"""What needs no key."""
+"""Security of operations that need no key."""
 FIXED = {"plan": "dry_run=true", "result": "wait=terminal&timeout_s=60"}
 """Queries by which one path is two affordances."""
 LEFT_OUT = ("discriminator", "example", "examples")
-"""Of schemas: words for other tools."""
+"""Keys of schemas that are left out: words for other tools."""
 
 
 def thing(

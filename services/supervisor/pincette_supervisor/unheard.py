@@ -23,7 +23,8 @@ CAUSE = "supervisor.unheard"
 RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
 """Environment variable: how often the supervisor has restarted itself since it was last heard."""
 MOST_DOUBLED = 4
-"""How often the time may double: a bus that stays mute costs a restart each 8 minutes."""
+"""Largest number of doublings of the time: a bus that stays silent costs a restart each 8 minutes.
+"""
 
 
 class UnheardWatch:

@@ -52,7 +52,7 @@ PKI = "PINCETTE_PKI"
 """Names a folder of certificates in place of the rig file's, for tools beside `up --secure`."""
 IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
 IN_THE_PACKAGE = "rigs/demo.toml"
-"""The same file, as the wheel brings it along."""
+"""The same file in the installed package."""
 
 
 def chosen(given: Path | None) -> Path:

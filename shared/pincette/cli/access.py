@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 CLAIM = "PINCETTE_CLAIM"
 """Holds the secret of a claim, which every command then sends."""
 PATIENCE_S = 0.5
-"""How long a person waits to learn that no supervisor answers."""
+"""Time that a person waits to learn that no supervisor answers."""
 FOLLOWED_S = 30.0
-"""How long a job is followed on while its supervisor does not answer, as when it restarts."""
+"""Time for which a job is followed while its supervisor does not answer, as in a restart."""
 STATUSES = {  # of refusals, by their codes
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,

@@ -103,7 +103,7 @@ class EmergencyStop:
         self.file_given = self.url_given = False
         """Whether the caller has named a rig file, and an address."""
         self.notes: list[str] = []
-        """What could not be used."""
+        """What could not be used, and why."""
         self.found: set[str] = set()
         """Rigs that the supervisor serves, or whose actuator is on the router."""
         self.absent: set[str] = set()

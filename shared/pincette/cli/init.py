@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 FIRST_PORT = "/dev/ttyUSB0"
-"""Where an instrument is if its driver names no usual place."""
+"""Port of an instrument if its driver states no usual place."""
 
 
 SIDES = {

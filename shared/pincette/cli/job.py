@@ -52,9 +52,9 @@ ACTIONS: Mapping[ActionType, str] = {
     "start": "begin a job that was created and is ready",
 }
 SAID = ("sample", "batch", "operator", "notes")
-"""What is said of a job beside its labels."""
+"""Members of a job's edit besides its labels."""
 STOPPED_S = 60.0
-"""How long ``stop`` waits for the rig to confirm."""
+"""Time that ``stop`` waits for the rig to confirm."""
 
 
 NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]

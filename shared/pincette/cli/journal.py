@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 VERIFY = "verify"
 STORE_URL = "PINCETTE_STORE"
-"""Of a PostgreSQL database in place of the journal's file."""
+"""URL of a PostgreSQL database instead of the journal's file."""
 File = Annotated[Path, Argument(metavar="FILE", help="such as bench.tar.gz")]
 
 app = group()

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 RAMP_S, LOOK_S = 3.0, 0.05
-"""How long a reset waits for an arm that is on its way to the safe voltage."""
+"""Time that a reset waits for an arm on its way to the safe voltage, and the interval of the
+checks."""
 
 app = group()
 

@@ -10,7 +10,7 @@ from typer import Option
 from pincette.cli.readers import choice
 
 SEPARATORS: Mapping[str, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
-"""By their names on the command line."""
+"""Separators by their names on the command line."""
 COMMENT = "#"
 ForSpreadsheet = Annotated[
     str | None,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pincette.cli.screen import Rows
 
 PATIENCE_S = 1.0
-"""After so long a command says what it waits for."""
+"""Time after which a command says what it waits for."""
 LAST_OUTPUT_S = 1.0
 """Limit of the wait for output at the end of a command that keeps a rig up."""
 LABEL_WIDTH = 19

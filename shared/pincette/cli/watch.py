@@ -198,7 +198,7 @@ def follow(job: "JobHandle", console: "Console") -> "Job":
 
 
 class _Bar(AbstractContextManager[None]):
-    """One line that is drawn anew."""
+    """One line that is drawn again and again."""
 
     def __init__(self, console: "Console") -> None:
         from rich.progress import BarColumn, TextColumn

@@ -51,7 +51,7 @@ def _items(stream: AsyncGenerator[R]) -> Iterator[R]:
 
 
 class Blocking(Generic[A]):
-    """An object of the asynchronous client whose methods are called blocking."""
+    """An object of the asynchronous client whose methods block."""
 
     def __init__(self, asynchronous: A) -> None:
         self.asynchronous = asynchronous
@@ -199,7 +199,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
 
 
 class Supervisor(Blocking[AsyncSupervisor]):
-    """Where to begin: ``Supervisor(url).rig()``; parameters as of ``AsyncSupervisor``."""
+    """Entry point: ``Supervisor(url).rig()``; parameters as of ``AsyncSupervisor``."""
 
     def __init__(
         self,

@@ -59,7 +59,7 @@ class Call(Generic[T]):
     kept_s: float = 0.0
     """How long the supervisor may delay its answer, in s."""
     look: str = LOOK
-    """Where no answer has come: how to see whether it was taken."""
+    """If no answer has come: how to see whether the request was accepted."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
         """Return arguments of ``httpx.Client.request``."""
@@ -102,7 +102,7 @@ class Call(Generic[T]):
 
 
 class Attempts:
-    """When to repeat a call that got no answer: soon, then less often, for a limited time."""
+    """Times at which a call without an answer is repeated: soon, then less often, and bounded."""
 
     def __init__(
         self,

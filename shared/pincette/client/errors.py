@@ -1,4 +1,4 @@
-"""What can go wrong between a program and its supervisor, in words a person can act on."""
+"""Errors between a program and its supervisor, in words that a person can act on."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
@@ -37,21 +37,21 @@ class NoAnswerError(ClientError):
         self.silent = silent
         """True where a connection was made, but no reply came in time."""
         self.delivered = delivered
-        """Whether what was asked may have been taken, although no answer has come."""
+        """Whether the request may have been accepted although no answer has come."""
 
 
 class GatewayError(httpx.TransportError):
-    """What stands between client and supervisor has answered in its place."""
+    """A program between client and supervisor has answered in its place."""
 
 
 class WhichRigError(ClientError):
-    """It is not said which of several rigs is meant."""
+    """The request does not name one of several rigs."""
 
     code = "which-rig"
 
 
 class ForeignAnswerError(ClientError):
-    """What answers is no supervisor of this version."""
+    """The answer is not that of a supervisor of this version."""
 
     code = "foreign-answer"
 
@@ -140,7 +140,7 @@ class ForceNotReachedError(JobEndedError):
 
 
 class RigLatchedEndError(JobEndedError):
-    """It has ended because the rig was latched, as by an emergency stop."""
+    """The job has ended because the rig was latched, for example by an emergency stop."""
 
     code = "rig-latched"
 
@@ -297,7 +297,7 @@ RAISED: Mapping[str, type[ProblemError]] = {
     "scope-too-small": NotPermittedError,
     "key-stopped": RequestStoppedError,
 }
-"""What a problem is raised as, by its code; any other one is a ``ProblemError`` itself."""
+"""Exception of each problem code; any other problem is a ``ProblemError`` itself."""
 
 
 def refused(status: int, code: str, title: str, detail: str, **members: Any) -> ProblemError:

@@ -27,7 +27,7 @@ class AsyncJobHandle:
     def __init__(self, transport: Transport, job: Job) -> None:
         self._transport = transport
         self.job = job
-        """As of the newest answer of the supervisor."""
+        """The job in the newest answer of the supervisor."""
 
     @property
     def id(self) -> str:

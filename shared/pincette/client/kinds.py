@@ -1,4 +1,4 @@
-"""Which model a plan and a result are of, by the kind of job.
+"""Models of plans and results, by the kind of job.
 
 A kind that is installed at the supervisor alone is read by what all plans and results have; its
 other members are there as they came.

@@ -16,7 +16,7 @@ class LiveSample(NamedTuple):
     """One sample of a rig; a value is None where nothing is known of it."""
 
     epoch: int
-    """Of the arming; a random number that says only which samples belong together."""
+    """Random number of the arming; samples with the same number belong together."""
     seq: int
     t_s: float
     """Since the arming."""
@@ -40,7 +40,7 @@ class LiveSample(NamedTuple):
 
 
 class LiveBookmark:
-    """How far a listener has come, over connections that break: each brings the last minute."""
+    """Position of a listener across broken connections: each one sends the last minute."""
 
     def __init__(self, path: str, past_s: float) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""The state of a rig as orchestrators are told it: from one table, with its age."""
+"""The state of a rig for orchestrators: from one table, with its age."""
 
 import asyncio
 from collections.abc import Callable

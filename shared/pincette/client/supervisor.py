@@ -27,7 +27,7 @@ ExportForm = Literal["csv", "parquet", "numbers.csv", "numbers.csv-metadata.json
 
 
 class AsyncSupervisor:
-    """Where to begin: ``AsyncSupervisor(url).rig()``.
+    """Entry point: ``AsyncSupervisor(url).rig()``.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""How calls reach a supervisor: over asyncio, or blocking; both repeat what may be repeated."""
+"""Transport of calls to a supervisor: over asyncio, or blocking.
+
+Both repeat what may be repeated.
+"""
 
 import asyncio
 import ssl

@@ -20,7 +20,7 @@ from pincette.sim.script.script import Script
 from pincette.sim.wires.wire import serve
 
 PREFIXES = ("", "second_")
-"""Before the tables of each arm, in names of instruments and in a script."""
+"""Prefixes of each arm's tables in names of instruments and in a script."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,8 @@ class Bench:
 
     rig: SimulatedRig | SimulatedPair
     fitted: dict[str, Fitted]
-    """By table of the rig file: ``sensor`` and ``output``, ``second_sensor``, ``second_output``."""
+    """Instruments by table of the rig file: ``sensor`` and ``output``, ``second_sensor``,
+    ``second_output``."""
 
     @property
     def sensor(self) -> Instrument:

@@ -1,1 +1,1 @@
-"""Who may do what: keys, sessions, limits, and the audit log."""
+"""Access rights: keys, sessions, limits, and the audit log."""

@@ -188,7 +188,7 @@ class TokenBuckets:
 
 @dataclass(frozen=True)
 class Access:
-    """What the REST application needs to decide who may do what; by default everybody may."""
+    """Data by which the REST application decides on access; by default everybody has it."""
 
     authenticator: Authenticator = field(default_factory=Authenticator)
     audit_buffer: AuditBuffer = field(default_factory=AuditBuffer)

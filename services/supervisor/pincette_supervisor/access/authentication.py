@@ -1,4 +1,4 @@
-"""Who calls, by key or session, and whether the scope suffices."""
+"""Authentication of callers by key or session, and the check of their scope."""
 
 import hashlib
 import hmac
@@ -32,7 +32,7 @@ BYTES = 32
 # Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
 # people choose, and would let a flood of wrong keys cost more than a flood of requests.
 PREFIX = "pincette_"
-"""By which a key that was published by mistake is found and recognised."""
+"""Prefix by which a key that was published by mistake is found and recognised."""
 LONGEST = 200
 """Characters of the longest key or cookie that is examined."""
 R = TypeVar("R", KeyRow, SessionRow)
@@ -76,7 +76,7 @@ def network_of(address: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who calls, from where, and what they may do."""
+    """A caller, with address and rights."""
 
     address: str
     name: str | None = None

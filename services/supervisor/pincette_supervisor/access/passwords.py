@@ -30,7 +30,7 @@ LONGEST_WAIT_S = 60.0
 HELD_S = 5.0
 """A try that has to wait no longer than this is held back and then checked; others get 429."""
 PLACES_MAX = 1000
-"""Pairs of a name and an address whose wrong passwords are counted."""
+"""Largest number of pairs of name and address whose wrong passwords are counted."""
 NICE = 15
 """Priority of the thread that computes hashes; the higher the number, the lower the priority."""
 WAITING_MAX = 32
@@ -45,7 +45,7 @@ def hashed(password: str, salt: bytes | None = None) -> str:
 
 
 NOBODY = hashed("", b"\0" * SALT_BYTES)
-"""Is tried where there is no such name, so that the time tells nothing."""
+"""Hash that is checked if the name does not exist, so that the time reveals nothing."""
 
 
 def fits(password: str, kept: str) -> bool:

@@ -20,7 +20,7 @@ from pincette_supervisor.journal.store import StoreError
 
 log = logging.getLogger(__name__)
 FIRST_S = 4.0
-"""How long the supervisor waits at start for rigs that are already running."""
+"""Time that the supervisor waits at its start for rigs that are already running."""
 SETTLE_S = 0.1
 """Programs of one rig come and go together; changes within this time are handled at once."""
 AGAIN_S, AGAIN_MOST_S = 1.0, 30.0
@@ -71,7 +71,7 @@ class FoundRig:
 
 
 class RigFinder:
-    """Serves every rig whose programs appear, except the supervisor's own."""
+    """Serves every rig whose programs appear, besides the supervisor's own."""
 
     def __init__(
         self, rigs: Rigs, others: AskRigFile, create: Callable[[RigFile], JobManager]

@@ -1,4 +1,4 @@
-"""What is known of the rig, put together for REST."""
+"""State of the rig, put together for REST."""
 
 from datetime import UTC, datetime
 

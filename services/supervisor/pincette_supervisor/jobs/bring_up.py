@@ -1,4 +1,4 @@
-"""The calibrations in the order to make them, and how far a rig has come."""
+"""Calibrations in the order to make them, and the progress of a rig."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

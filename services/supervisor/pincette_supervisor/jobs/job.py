@@ -125,9 +125,9 @@ class LiveJob:
         self.row = row
         """The journal's row as it was at the start, with the actions since then."""
         self.planned = planned
-        """None for a queued job until it starts."""
+        """Plan; None for a queued job until it starts."""
         self.epoch = 0
-        """Of its samples; 0 before it is armed."""
+        """Epoch of its samples; 0 before it is armed."""
         self.renewal: Renewal | None = None
         """Renews the lease under which its program plays."""
         self.status = JobStatus(

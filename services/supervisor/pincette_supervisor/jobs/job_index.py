@@ -136,12 +136,12 @@ WRITTEN_S = 30.0
 
 
 class JobIndex:
-    """How the jobs of one rig stand."""
+    """The jobs of one rig."""
 
     def __init__(self, context: RigContext, queue: JobQueue, changes: ChangeNotifier) -> None:
         self._context, self._queue, self._changes = context, queue, changes
         self._lives: tuple[LiveJob, ...] = ()
-        """The job that was started last, after those whose record is still being written."""
+        """The job that was started last, after those whose records are still being written."""
         self.left = NOTHING
         """The job whose record an earlier supervisor has left open."""
 

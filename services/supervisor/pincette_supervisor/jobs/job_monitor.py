@@ -180,17 +180,17 @@ def stall_words(context: RigContext, reason: TripReason) -> str:
 
 
 LOOK_S = 0.02
-"""How often the run takes new messages."""
+"""Interval in which the run takes new messages."""
 LATE_S = 0.5
-"""How long the last samples of a run may come after the one that ended it."""
+"""Time within which the last samples of a run may arrive after the one that ended it."""
 PROGRESS_S = 0.2
-"""How often progress is published at most."""
+"""Shortest time between two progress events."""
 CUT_SHORT: Why = (
     "the part was released while it was loaded: the force asked for was not reached",
     Ending(code="requested"),
 )
 TOUCHED = (Outcome.CONTACT, Outcome.OVERFORCE)
-"""Outcomes of a job whose arm something presses."""
+"""Outcomes of a job in which something presses on the arm."""
 
 
 class JobMonitor:

@@ -64,7 +64,7 @@ class Claims:
         self._name = f"claim {events.rig}"
         self._held: _Held | None = None
         self._ends_at = 0.0
-        """By the clock, which no step of the time of day moves."""
+        """End of the claim by a clock that never steps."""
         self._load()
 
     def _load(self) -> None:

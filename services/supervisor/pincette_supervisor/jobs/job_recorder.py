@@ -71,7 +71,7 @@ GOES_ON = "a part is held, and is still recorded"
 
 
 class JobRecorder:
-    """Has a job's samples recorded, and stores its result."""
+    """Lets the recorder record a job's samples, and stores its result."""
 
     def __init__(self, context: RigContext, job: LiveJob, planned: Planned, epoch: int) -> None:
         self._context, self._job, self._planned, self._epoch = context, job, planned, epoch
@@ -80,7 +80,7 @@ class JobRecorder:
         """As it was last read: a journal on a server may be out of reach at the end."""
         self._gathered: Gathered | None = None
         self._writes, self._turn = 0, threading.Lock()
-        """How often it was to be written: once more where a part was held beyond the end."""
+        """Number of the requested write: one more if a part was held beyond the end."""
 
     @property
     def run(self) -> Run | None:
@@ -277,7 +277,7 @@ COMPARED = 10
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """The jobs whose records an earlier supervisor has left open, and which are made meanwhile."""
+    """Jobs whose records an earlier supervisor has left open, and which are completed meanwhile."""
 
     stored: Mapping[str, Future[None]] = field(default_factory=dict[str, Future[None]])
 

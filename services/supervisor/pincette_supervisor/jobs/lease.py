@@ -28,7 +28,7 @@ STOPS: Mapping[OnStop, LeaseEnd] = {
     "release": LeaseEnd.LET_GO,
     "retract": LeaseEnd.RETRACT,
 }
-"""How the controller stops a program, by what a stop does with a part."""
+"""How the controller stops a program, by the effect of a stop on a part."""
 
 
 def lease_s(request: JobRequest, rig: RigFile) -> float:
@@ -71,7 +71,7 @@ def ended_text(controller: Status) -> str:
 
 
 class Renewal:
-    """Renews one lease until it is ended or the program has come to its end."""
+    """Renews one lease until it is ended or the program has ended."""
 
     def __init__(self, bus: Bus, lease: Lease, clock: Callable[[], float] = monotonic) -> None:
         self.lease = lease

@@ -31,14 +31,14 @@ class Readiness:
     faults: tuple[str, ...]
     """Reasons for which no job can start, whoever has the rig; a latch is among them."""
     unheard: str
-    """Why nothing can start by the state of the actuator, which is not known; empty where it is.
-    A request is admitted all the same: a latched actuator refuses its program."""
+    """Why nothing can start because the actuator's state is unknown; empty if it is known. A
+    request is still admitted: a latched actuator refuses its program."""
     occupant: Occupant
     taken: str
     """Why a job that needs an empty gripper cannot start; empty where it can."""
     motion: MotionState
     unsafe: str
-    """Why the stage may not move; empty where it may."""
+    """Why the stage must not move; empty if it may."""
 
     def may_start(self, *, begins_held: bool) -> bool:
         """Return True where a job can start; ``begins_held``: it begins with a held part."""

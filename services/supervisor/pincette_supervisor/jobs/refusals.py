@@ -1,4 +1,4 @@
-"""Why a job or an action is not taken, as problem documents."""
+"""Refusals of jobs and actions, as problem documents."""
 
 from pincette.api.requests import JobRequest
 from pincette.api.states import ActionType, allowed_actions

@@ -23,7 +23,7 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
 KEEP_S, LOOK_S = 2.0, 0.02
-"""How long a program may take to hand its part over."""
+"""Time within which a program hands its part over, and the interval of the checks."""
 
 
 def ending_code(error: BusError | StoreError) -> EndingCode:

@@ -1,4 +1,4 @@
-"""Follows the samples of a run: its progress, its end, and programs that have gone silent."""
+"""Follows the samples of a run: its progress, its end, and silent programs."""
 
 from collections import Counter
 from collections.abc import Iterable

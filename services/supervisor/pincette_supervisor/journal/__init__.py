@@ -1,4 +1,4 @@
-"""What is kept beyond a restart."""
+"""Data that outlives a restart."""
 
 import logging
 

@@ -64,7 +64,7 @@ class SessionRepository:
 
 @dataclass(frozen=True, slots=True)
 class AuditRow:
-    """A request, whose it was, and what came of it."""
+    """A request, its caller, and the result."""
 
     at: str
     who: str
@@ -76,7 +76,7 @@ class AuditRow:
     number: int | None = None
     """Rises by one with every entry; None until it is kept."""
     link: str = ""
-    """Of the chain: SHA-256 of the entry and of the link before it, in hex."""
+    """Link of the chain: SHA-256 of the entry and of the link before it, in hex."""
 
     def linked(self, number: int, before: str) -> "AuditRow":
         """Return the same entry, in its place behind a link."""
@@ -87,7 +87,7 @@ class AuditRow:
 
 @dataclass(frozen=True, slots=True)
 class AuditChain:
-    """What the chain of the audit log shows."""
+    """Result of checking the chain of the audit log."""
 
     entries: int
     first: int | None

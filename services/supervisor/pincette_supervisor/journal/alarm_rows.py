@@ -15,7 +15,7 @@ Clears = Literal["reset", "condition", "acknowledge"]
 KEPT = 10_000
 """Alarms that are kept at least; the oldest go first."""
 SWEEP = 100
-"""After how many alarms the oldest go."""
+"""Number of alarms after which the oldest are deleted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +29,12 @@ class AlarmRow:
     raised_at: str
     severity: Severity
     clears: Clears
-    """What ends it: the reset of the rig, the condition itself, or, of what is over at once, the
-    acknowledgement."""
+    """What ends the alarm: the reset of the rig, the condition itself, or, if it is over at once,
+    the acknowledgement."""
     job: str | None = None
     count: int = 1
     last_at: str = ""
-    """When it came last."""
+    """Time of the last occurrence."""
     acknowledged_at: str | None = None
     acknowledged_by: str | None = None
     cleared_at: str | None = None

@@ -64,7 +64,7 @@ class Database:
         self._let_go: Callable[[], None] | None = None
         self._closed = False
         self.troubles: dict[str, str] = {}
-        """What programs that work with the database cannot do at present, by cause of an alarm."""
+        """What programs that use the database cannot do at present, by cause of an alarm."""
         self.trouble = ""
         """Why the last write failed; empty if it succeeded."""
         # SQLite polls for its write lock; a lock of our own serves writers in order.

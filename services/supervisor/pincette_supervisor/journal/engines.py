@@ -28,7 +28,7 @@ from sqlalchemy.pool import ConnectionPoolEntry
 from pincette.core.files import make_folder
 
 BUSY_S = 10.0
-"""How long a statement waits for another program that has the file, or for the server."""
+"""Time that a statement waits for another program that has locked the file, or for the server."""
 POOL, OVERFLOW = 8, 64
 """Connections kept open, and allowed on top: together more than there are threads."""
 WRITES = "journal_writes"

@@ -1,4 +1,4 @@
-"""What is kept for later jobs: recipes, trajectories, and what programs have learned."""
+"""Data for later jobs: recipes, trajectories, and learned corrections."""
 
 import hashlib
 import json
@@ -202,7 +202,7 @@ class LearnedRow:
     """Identifier of the job that learned last."""
     learned_at: str
     motion: dict[str, Any]
-    """What the program does: shape, frequency, heights."""
+    """Motion of the program: shape, frequency, heights."""
     values_um: tuple[float, ...]
     errors_um: tuple[float, ...]
     best_um: tuple[float, ...] = ()
@@ -215,7 +215,7 @@ class LearnedRow:
 
 
 class LearnedRepository:
-    """What the programs of one rig have learned."""
+    """Learned corrections of the programs of one rig."""
 
     def __init__(self, store: Store, rig: str) -> None:
         self._store, self._rig = store, rig

@@ -41,10 +41,10 @@ PAGE = 250
 EVENTS_KEPT = 200_000
 """Events that are kept at least; some weeks of work."""
 EVENTS_SWEEP = 500
-"""After how many events the oldest go; at most twice as many at once."""
+"""Number of events after which the oldest are deleted; at most twice as many at once."""
 CHANGING = ("state", "cause", "ending", "plan", "result", "started_at", "ended_at", "epoch")
 EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priority", "place")
-"""What a person may say of a job, and where it waits."""
+"""Fields of a job that a person may change, and their columns."""
 
 TABLE_COLUMNS = (
     *(JOBS.c[name] for name in ("number", "id", "rig", "kind", "state")),

@@ -92,7 +92,7 @@ EVENTS = Table(
     Column("body", JSON, nullable=False),
     sqlite_autoincrement=True,
 )
-"""What a listener must not miss; its number is the SSE id."""
+"""Events that a listener must not miss; the number is the SSE id."""
 
 CREATIONS = Table(
     "creations",
@@ -136,7 +136,7 @@ LEARNED = Table(
     Column("quiet", Integer, nullable=False),
     PrimaryKeyConstraint("rig", "program"),
 )
-"""What programs have learned across their cycles, by the digest of the program."""
+"""Learned corrections of programs, by the digest of the program."""
 
 SESSIONS = Table(
     "sessions",
@@ -161,7 +161,7 @@ AUDIT = Table(
     Column("link", String, nullable=False),
     sqlite_autoincrement=True,
 )
-"""What was asked for and by whom; triggers of the file refuse to change a row, or to lose one."""
+"""Requests and their callers; triggers of the file refuse to change or delete a row."""
 
 ALARMS = Table(
     "alarms",
@@ -182,7 +182,7 @@ ALARMS = Table(
     Index("ix_alarms_rig_cause", "rig", "cause"),
     sqlite_autoincrement=True,
 )
-"""One row for as long as an alarm is open; ``count`` says how often it has come."""
+"""Alarms, one row for each; ``count`` is the number of its occurrences while it is open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +229,7 @@ class JobRow:
     labels: dict[str, str] = field(default_factory=dict[str, str])
     pinned: bool = False
     priority: int = 0
-    """Of queued jobs those with more come first."""
+    """Priority in the queue; higher numbers come first."""
     place: int | None = None
     """In the queue, from 1; None where it does not wait."""
 
@@ -240,7 +240,7 @@ class Creation:
 
     key: str
     fingerprint: str
-    """Of the request that came with the key."""
+    """Digest of the request with the key."""
     job: str
     created_at: str
 

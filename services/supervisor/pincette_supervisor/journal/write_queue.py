@@ -29,7 +29,7 @@ Write = Callable[[], None]
 class _Entry:
     write: Write
     waited_for: bool
-    """Whether a caller waits for it, and is told of an error of its own."""
+    """Whether a caller waits for it and gets its errors."""
     done: bool = False
     logged: bool = False
     error: Exception | None = None

@@ -77,7 +77,7 @@ GOAL: tuple[ResultField, ...] = (
     number("goal.force_error_mN", "largest error of the settled force", digits=3, optional=True),
     number("goal.force_tolerance_mN", "its tolerance", digits=3, optional=True),
 )
-"""How near a job came to its references."""
+"""Result values on the tolerances of a job."""
 ERROR_SOURCES = tuple(
     figure
     for member, quantity, unit in (
@@ -113,7 +113,7 @@ ERROR_SOURCES = tuple(
         ),
     )
 )
-"""Where the errors of a hold or a path come from."""
+"""Causes of the errors of a hold or a path."""
 SPEEDS = (
     FieldSpec(name="load_s", label="Load over", advanced=True),
     FieldSpec(name="approach_um_per_s", label="Approach at", advanced=True),
@@ -184,7 +184,7 @@ ZERO_RETURN: tuple[ResultField, ...] = (
         optional=True,
     ),
 )
-"""Closure of the force after the part was let go."""
+"""Closure error of the force after the part was released."""
 POSITION_STEP: tuple[ResultField, ...] = (
     ResultField(name="position_step.cause", label="cause of the step", optional=True),
     number("position_step.step_um", "step of the position", optional=True),
@@ -207,7 +207,7 @@ SECOND_ZERO_RETURN = tuple(
     )
     for figure in ZERO_RETURN
 )
-"""The same of the second arm."""
+"""The same for the second arm."""
 BRIEF_ZERO_RETURN: Mapping[str, str] = {
     "zero_return.force_mN": "zero return",
     "second_zero_return.force_mN": "zero return of arm 2",

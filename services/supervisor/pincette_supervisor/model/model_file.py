@@ -23,21 +23,21 @@ class StoredModel(BaseModel):
 
     version: int = Field(ge=1)
     digest: str
-    """Of the values."""
+    """Digest of the values."""
     rig: str
     rig_file_digest: str
-    """Of the rig file that the values were found over."""
+    """Digest of the rig file with which the values were found."""
     basis: dict[str, Any] = Field(default_factory=dict)
-    """What of that rig file they were measured with."""
+    """Parts of that rig file on which the measurement depends."""
     made_at: str
     values: dict[str, Any]
-    """By quantity; what is not here is as the rig file has it."""
+    """Values by quantity; missing ones are the rig file's."""
     sources: dict[str, str]
-    """By quantity, the calibration that each comes from."""
+    """Calibration that found each quantity."""
     uncertainties: dict[str, float | None]
     """By quantity, standard; null where there is none to state."""
     acceptances: dict[str, Acceptance] = Field(default_factory=dict)
-    """By quantity."""
+    """Acceptance of each quantity."""
     previous: str
     """Digest of the model that was in use; empty: that of the rig file."""
 

@@ -1,4 +1,4 @@
-"""Which model is in use: the rig file, and over it the version of a model that was accepted."""
+"""The model in use: the rig file, overridden by an accepted version of a model."""
 
 import json
 import threading
@@ -41,7 +41,7 @@ def overdue(accepted: Acceptance, now: datetime) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """Why a calibration should be made again."""
+    """Why a calibration should be repeated."""
 
     code: Literal["overdue", "instrument_changed"]
     text: str
@@ -171,7 +171,7 @@ class RigModel:
         self.file = rig_file
         self.trouble = ""
         self.changed: list[ModelChange] = []
-        """Why no model is in use."""
+        """Changes because of which no model is in use."""
         self.set_aside: list[ModelChange] = []
         """Values of the model that the rig file replaces, since a person has changed them there."""
         self._basis = basis(rig_file)

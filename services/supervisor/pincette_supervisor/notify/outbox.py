@@ -31,7 +31,7 @@ log = logging.getLogger("pincette")
 
 
 class Delivery:
-    """One receiver: how far it has come, and when it is tried again."""
+    """State of one receiver: the last delivered notice, and the time of the next attempt."""
 
     def __init__(
         self, store: Store, sender: Sender, clock: Callable[[], float] = monotonic

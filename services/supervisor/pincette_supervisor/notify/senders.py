@@ -33,15 +33,15 @@ from pincette_supervisor.journal.tables import JobRow
 
 ALARMS: Mapping[str, Told] = {"raised": "alarm.raised", "cleared": "alarm.cleared"}
 SAID = ("kind", "sample", "batch", "operator", "requested_by", "started_at", "ended_at")
-"""Members of a job that are told with its end."""
+"""Members of a job that a notice of its end contains."""
 
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """One thing that is told."""
+    """A notice to be sent."""
 
     number: int
-    """Of its event, which is never given twice: by it a receiver knows what came again."""
+    """Number of its event, which is unique: by it a receiver recognises repetitions."""
     type: Told
     at: str
     title: str
@@ -217,7 +217,7 @@ PREFIX = "whsec_"
 SECRET_BYTES = (24, 64)
 TIMEOUT_S = 15.0
 GONE = 410
-"""By this status a receiver says that it wants no more."""
+"""HTTP status by which a receiver refuses all further notices."""
 
 
 class SecretError(OSError):

@@ -20,9 +20,9 @@ from pincette_supervisor.plugin import Planned, Present, Run
 from pincette_supervisor.plugin.functions import functions_of
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
-"""Of a plan, that is played: whichever is shorter."""
+"""Limits of the part of a plan that is played, by time and by samples: the shorter one counts."""
 ENDLESS_S = 0.3
-"""How long a segment without end is played, as its plan draws it."""
+"""Duration for which a segment without an end is played, as its plan draws it."""
 
 
 @dataclass(frozen=True, slots=True)

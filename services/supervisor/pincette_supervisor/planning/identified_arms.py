@@ -35,7 +35,7 @@ from pincette_supervisor.plugin import Present
 
 SUBSTEP_S = 0.001
 SETTLED_S = 60.0
-"""For how long the arm is taken to have stood at its first voltage."""
+"""Time for which the arm is assumed to have stood at its first voltage."""
 STILL_V = 1e-9
 """Way of the voltage within a period below which it rests."""
 
@@ -43,26 +43,26 @@ STILL_V = 1e-9
 Stretch = tuple[float, list[float]]
 """Length of a substep in s, and where the free arm rests in each, in µm."""
 GROUND_MN = 1e6
-"""What the ground holds the part by; without end, as nothing is known of it."""
+"""Force with which the ground holds the part; unlimited, as nothing is known of it."""
 HOLD_MN, LIFT_S = 0.05, 0.1
 """Force of both arms that carries the part, and for how long until it is theirs alone; assumed."""
 SETTLE_S = 0.5
-"""For how long arms that stand at voltages at which they press have pressed."""
+"""Time for which arms are assumed to have pressed at their voltages."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """What lies between a sample and the voltage that answers it."""
+    """Delays and lags between a sample and the voltage that answers it."""
 
     delay_s: float
-    """From the sample to the arrival of the voltage; less than a period."""
+    """Time from the sample to the arrival of the voltage; less than a period."""
     lag_s: float
     """Time constant of the output."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedArm:
-    """Where the arm is; ``moved`` by a period at a time."""
+    """State of the arm; ``moved`` advances it by one period."""
 
     parameters: PlantParameters
     instruments: Instruments
@@ -72,7 +72,7 @@ class IdentifiedArm:
     target_V: float
     output_V: float
     missed_um: float = 0.0
-    """What the free response misses at this place of the program, by a residual table."""
+    """Error of the free response at this place of the program, by a residual table."""
     shaping_s: float | None = None
     """Time between two of the parts in which a step of the voltage is written; None: it has one."""
     hung_mN: float = 0.0
@@ -224,10 +224,10 @@ def identified_arm(
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedPair:
-    """Where both arms and the part are; ``moved`` by a period at a time."""
+    """State of both arms and the part; ``moved`` advances it by one period."""
 
     arms: tuple[IdentifiedArm, IdentifiedArm]
-    """Of each its response and its output; where the tips are is in ``state``."""
+    """Response and output of each arm; the positions of the tips are in ``state``."""
     parameters: PairParameters
     state: PairState
 

@@ -1,4 +1,4 @@
-"""From a request to a plan: what it leaves out is looked up once; values that a recipe may have."""
+"""From a request to a plan: missing members are looked up once, also in a recipe."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -111,7 +111,7 @@ class ResolvedRequest:
     model: ModelInUse
     """Model in use when the request was resolved."""
     expecting: ModelInUse
-    """That model with the part that the recipe expects."""
+    """The model with the part that the recipe expects."""
     present: Present | None = None
     """Position of the rig; None: unknown."""
     recipe: RecipeRow | None = None

@@ -1,4 +1,4 @@
-"""Where the last move has left the arm, so that steps by a distance do not add up the noise."""
+"""Position after the last move, so that relative steps do not add up the noise."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""What is predicted, sample by sample, and as JSON, CSV and Parquet; units go with it in each."""
+"""Predicted samples, also as JSON, CSV and Parquet with units."""
 
 import csv
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from pincette.core.messages import Applied, Command, Telemetry
 from pincette.records import parquet
 
 Answers = tuple[Command, Applied, Telemetry]
-"""To one sample."""
+"""Answers of the loop to one sample."""
 COLUMNS = (
     SampleColumn(name="t_s", unit="s", meaning="time since the begin"),
     SampleColumn(name="phase", unit="", meaning="phase of the program"),
@@ -33,7 +33,7 @@ SECOND_COLUMNS = (
 
 @dataclass(slots=True)
 class Samples:
-    """What is predicted, sample by sample; lists of one length, those of a second arm or empty."""
+    """Predicted samples as lists of equal length; those of a second arm may be empty."""
 
     arms: int = 1
     """Number of driven arms."""
@@ -41,11 +41,11 @@ class Samples:
     phase: list[str] = field(default_factory=list[str])
     x_um: list[float] = field(default_factory=list[float])
     force_mN: list[float] = field(default_factory=list[float])
-    """Of the contact, compressive and positive."""
+    """Contact force; compressive forces are positive."""
     asked_V: list[float] = field(default_factory=list[float])
-    """By the controller; the actuator's limits may keep the voltage from it."""
+    """Voltage that the controller requests, which the actuator may limit."""
     voltage_V: list[float] = field(default_factory=list[float])
-    """As it is applied."""
+    """Applied voltage."""
     x_r_um: list[float] = field(default_factory=list[float])
     force_r_mN: list[float] = field(default_factory=list[float])
     sliding_um: list[float] = field(default_factory=list[float])

@@ -1,4 +1,4 @@
-"""What playing a plan on the model in use predicts: curves, peaks, margins, limits broken."""
+"""Prediction of a plan on the model in use: curves, peaks, margins, violated limits."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -38,7 +38,7 @@ ARM = (
 )
 PART = ("part.contact_um", "part.stiffness_mN_per_um")
 ROUNDING = 1e-9
-"""What touches a limit is within it, rounding included."""
+"""Tolerance for rounding: a value on a limit is within it."""
 
 
 def played(planned: Planned) -> DryRun:

@@ -1,4 +1,4 @@
-"""Recorded jobs whose motion can be played again: found in the journal, read from their record."""
+"""Recorded jobs whose motion can be played again, from the journal and their records."""
 
 from collections.abc import Sequence
 from pathlib import Path

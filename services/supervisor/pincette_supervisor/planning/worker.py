@@ -42,7 +42,7 @@ class Worker:
 
     def __init__(self, *ahead: Callable[[Any], Any]) -> None:
         self._ahead = ahead
-        """Functions whose modules the process loads before it steps back."""
+        """Functions whose modules the process loads before it lowers its priority."""
         self._lock = threading.Lock()
         self._pool: ProcessPoolExecutor | None = None
         self._first: Future[int] | None = None

@@ -1,4 +1,4 @@
-"""What pictures of jobs have in common: size, colours, axes over time, phases, legends."""
+"""Common parts of pictures of jobs: size, colours, axes over time, phases, legends."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ DOT = {"linestyle": "none", "marker": "o", "markersize": 5.0}
 INK, FAINT = "#22282f", "#8a939c"
 MEASURED, REFERENCE, TRUE = "#1f5f8b", "#d1792b", "#3f8f5f"
 SECOND = "#8a4f9e"
-"""Of the second arm."""
+"""Style of the second arm."""
 SHADES: Mapping[str, str] = {
     "zero": "#eef1f4",
     "open": "#e4ebf2",
@@ -50,7 +50,7 @@ class Picture:
 
     png: bytes
     vector: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
-    """For print, by the end of the file's name."""
+    """Files for print, by the end of their names."""
 
 
 class Sheet:

@@ -1,4 +1,4 @@
-"""Where the errors of a hold or a path come from, by the columns of a job, in numbers and words."""
+"""Causes of the errors of a hold or a path, from the columns of a job, in numbers and words."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What the supervisor calls of a kind of job: plan, evaluate, draw."""
+"""Functions of a kind of job for the supervisor: plan, evaluate, draw."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from pincette_supervisor.plugin.quantities import assumed_for_force
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a job has gathered."""
+    """Data that a job has gathered."""
 
     rig: RigFile
     planned: Planned
@@ -53,27 +53,27 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """What came of a job."""
+    """Evaluation of a job."""
 
     result: JobResult
     fault: str = ""
-    """Why the samples do not give what the job was for, although it was played to its end."""
+    """Why the samples do not give the purpose of the job, although it was played to its end."""
     analysis: Any = None
-    """What the plot needs beside the result."""
+    """Further data of the plot, besides the result."""
     learned: Corrections | None = None
     """What the program has learned, to be kept for its next job."""
 
 
 Interruption = Literal["stall", "overtravel"]
-"""Why a job failed that may go on: a stall of the machine tripped it, or the arm went too far."""
+"""Failure of a job that may continue: a stall of the machine, or the arm went too far."""
 
 
 @dataclass(frozen=True, slots=True)
 class NextJob:
-    """How a job goes on after an interruption."""
+    """How a job continues after an interruption."""
 
     words: str
-    """Where it goes on, or why a person must start it."""
+    """Where it continues, or why a person must start it."""
     request: JobRequest | None = None
     """Request of the job that follows; None: a person must start it."""
 

@@ -15,7 +15,7 @@ from pincette_supervisor.plugin.figures import Series, within
 from pincette_supervisor.plugin.result import force_error, position_error
 
 SETTLING_S = 0.5
-"""Where a request names no time."""
+"""Settling time if a request states none."""
 NOISE_DEVIATIONS = 3.0
 """Standard deviations of its noise that a sample exceeds once in some hundred."""
 TOLERANCES = ("position_tolerance_um", "force_tolerance_mN")

@@ -1,4 +1,4 @@
-"""Which law a job runs with: scheme, parameter set and gains, and whether it may run at all."""
+"""Law of a job: scheme, parameter set and gains, and whether it may run."""
 
 from dataclasses import replace
 from math import inf

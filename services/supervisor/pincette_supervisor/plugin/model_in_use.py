@@ -14,7 +14,7 @@ FROZEN = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=Fals
 
 
 class Acceptance(BaseModel):
-    """How a value came into use, and how long it is to be trusted."""
+    """How a value came into use, and how long it is valid."""
 
     model_config = FROZEN
 

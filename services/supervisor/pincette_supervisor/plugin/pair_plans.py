@@ -1,4 +1,4 @@
-"""What plans of two arms have in common: values of the contact, law and its judgement, curves."""
+"""Common parts of plans of two arms: values of the contact, law and its assessment, curves."""
 
 from collections.abc import Sequence
 from functools import lru_cache

@@ -19,7 +19,7 @@ CURVE_POINTS = 400
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """What a person is asked for before the program goes on."""
+    """What a person is asked for before the program continues."""
 
     instruction: str
     weight_mN: float | None = None
@@ -32,15 +32,15 @@ class Planned:
     plan: JobPlan
     program: Program
     values: dict[str, Any]
-    """As they are stored and sent."""
+    """Values as they are stored and sent."""
     model: ModelInUse
     """The model in use when it was planned."""
     waits: Mapping[int, Wait] = field(default_factory=dict[int, Wait])
-    """By the number of the segment that waits."""
+    """Waits by the number of their segment."""
     meets_part: bool = True
     """Whether a part is expected in the gripper."""
     present: Present | None = None
-    """Where the rig stood as it was planned; None: nobody had told."""
+    """State of the rig at the time of planning; None: unknown."""
     pointers: Mapping[str, str] = field(default_factory=dict[str, str])
     """Member of the request that leads beyond a limit, by phase; empty: ``JobFunctions.pointer``
     says it."""

@@ -1,4 +1,4 @@
-"""What plans of one arm have in common: at a part, and in free air."""
+"""Common parts of plans of one arm: at a part, and in free air."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -269,8 +269,8 @@ def planned_phase(phase: CoursePhase) -> PlannedPhase:
 
 
 GAIN_GROWTH = 1.3
-"""By which the gain over a wide stroke may exceed d_p, that at 2 V peak to peak; assumed, and that
-of a loop of 18.5 % of the stroke."""
+"""Factor by which the gain over a wide stroke may exceed d_p, that at 2 V peak to peak; assumed,
+and that of a loop of 18.5 % of the stroke."""
 SPEED_FACTOR = 3.0
 """Fastest part of a free motion against the approach."""
 

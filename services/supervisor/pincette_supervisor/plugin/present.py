@@ -1,4 +1,4 @@
-"""Where a rig stands as a job is planned."""
+"""State of a rig when a job is planned."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ RESTS_V = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """Voltage applied, position measured, whether a part is held; None: nobody has told."""
+    """Voltage applied, position measured, and whether a part is held; None: unknown."""
 
     voltage_V: float | None = None
     x_um: float | None = None

@@ -16,7 +16,7 @@ FORCE_DRIFTS = (
     "model.forgotten_mN",
     "model.forgotten_scale_V",
 )
-"""What the uncertainty of the force grows by after a zero."""
+"""Quantities by which the uncertainty of the force grows after a zero."""
 OF_ONE_ARM: Mapping[str, str] = {
     "model.natural_frequency_rad_per_s": "rad/s",
     "model.damping_ratio": "1",

@@ -14,7 +14,7 @@ from pincette_supervisor.plugin.model_in_use import ModelInUse
 
 RESIDUALS = "model.residuals"
 MOST_TABLES = 16
-"""Kept in a model; the oldest goes."""
+"""Largest number of tables in a model; the oldest is dropped."""
 
 
 def program_digest(program: Program) -> str:

@@ -1,4 +1,4 @@
-"""What a job came to, from its columns; pure.
+"""Result of a job, from its columns; pure.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """

@@ -1,4 +1,4 @@
-"""What routes depend on: the rigs, who calls and with which scope, and the request's headers.
+"""Dependencies of routes: the rigs, the caller and its scope, and the request's headers.
 
 All are coroutines, so that an emergency stop waits for no thread of the pool.
 """
@@ -81,7 +81,7 @@ SHARE, HELD = "pincette.share", "pincette.held"
 """Keys of an ASGI scope: the caller, the note for the audit log, the limits of a request that is
 exempt from them only where it stops a job, and whether its refusal is being held back."""
 DISCONNECT_S = 10.0
-"""For how long the event loop may take to say whether a caller has hung up."""
+"""Time within which the event loop must report whether a caller has hung up."""
 OPERATOR_LENGTH, KEY_LENGTH = 960, 255
 PRINTABLE = r"^[ -~]+$"
 NOT_BLANK = r"[^\s]"
@@ -164,7 +164,7 @@ Journal = Annotated[Store, Depends(_store)]
 Manager = Annotated[JobManager, Depends(_manager)]
 """The job manager of the rig that the path names."""
 AnyCaller = Annotated[Caller, Depends(_caller)]
-"""Who calls, whether or not they may do anything."""
+"""The caller, whether or not they have any right."""
 
 
 def authorize(request: Request, needed: Collection[str]) -> None:
@@ -276,7 +276,7 @@ ClaimToken = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Asker:
-    """Who asks for something to be begun, and whether they are still there."""
+    """The caller who requests a job, and whether they are still connected."""
 
     by: str
     claim: str | None

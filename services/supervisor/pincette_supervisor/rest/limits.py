@@ -25,7 +25,8 @@ Kind = Literal["short", "long"]
 AT_ONCE: Mapping[Kind, int] = {"short": 512, "long": 256}
 """Requests under way, of all clients; beyond, 503."""
 OF_ONE: Mapping[Kind, int] = {"short": 128, "long": 64}
-"""Requests under way, of one client; beyond, 429. A request whose body comes slowly is one."""
+"""Largest number of requests under way of one client; beyond, 429. A request whose body arrives
+slowly counts."""
 STREAMED = ("/events", "/live")
 LONG_POLL = b"wait="
 LONG_PER_S, LONG_BURST = 40.0, 100.0
@@ -40,7 +41,7 @@ the server busy with refusals."""
 SPREAD = (0.75, 1.25)
 """Range of factors of that time, so that clients refused together do not come back together."""
 SEND_S = 30.0
-"""How long a client may take for one block of an answer."""
+"""Longest time that a client may take for one block of an answer."""
 ESTOP = "/estop"
 SMALL_BYTES, LARGE_BYTES = 16_384, 262_144
 """Largest body of a route; large where a request has points, labels or notes: a path of 200 points

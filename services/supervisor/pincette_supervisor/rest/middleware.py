@@ -21,7 +21,7 @@ from pincette_supervisor.rest.dependencies import NOTE, caller_of, label_of
 from pincette_supervisor.rest.limits import ESTOP
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-"""That change nothing (RFC 9110, 9.2.1)."""
+"""HTTP methods that change nothing (RFC 9110, 9.2.1)."""
 HEADERS: Mapping[str, str] = {
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",

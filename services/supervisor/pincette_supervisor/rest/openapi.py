@@ -1,4 +1,4 @@
-"""What the OpenAPI document says beyond what FastAPI derives from the routes."""
+"""Additions to the OpenAPI document that FastAPI cannot derive from the routes."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -31,9 +31,9 @@ from pincette_supervisor.rest.strict_route import StrictRoute
 MOST = 500
 LARGEST = 2**63 - 1
 HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-"""Nothing on the way may keep events back."""
+"""Headers by which no proxy holds events back."""
 POLL_S = 0.5
-"""How often a stream of one job looks whether the job is over."""
+"""Interval in which a stream of one job checks whether the job is over."""
 GREETING, KEEP_ALIVE = b": listening\n", b": alive\n"
 """Comments; without an empty line, which some clients take for an event without data."""
 STREAM: dict[int | str, dict[str, Any]] = {

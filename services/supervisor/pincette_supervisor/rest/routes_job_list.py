@@ -99,7 +99,7 @@ async def _filter(
 
 
 Wanted = Annotated[JobFilter, Depends(_filter)]
-"""Which jobs are asked for."""
+"""Filter of a list of jobs."""
 
 TABLE = "a row for each job: what was said and asked, and every figure; units are in the names"
 NUMBERS = "a row for each job, in numbers: 1 yes, 0 no, nan none, times in seconds since 1970"

@@ -26,7 +26,7 @@ HEADERS = {
     "frame-ancestors 'none'",
     "Cache-Control": "no-cache",
 }
-"""Beside those of every answer: the page and its files come from here, and nothing else does."""
+"""Further headers: the page and its files come from here, and nothing else does."""
 POLICY, PICTURES = "Content-Security-Policy", "img-src 'self'"
 SCRIPTS = "script-src 'self'"
 PLACE_OF_RIG, PLACE_OF_CAMERA, PLACE_OF_STOP = "{{rig}}", "{{camera}}", "{{stop}}"

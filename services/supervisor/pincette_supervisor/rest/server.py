@@ -23,9 +23,9 @@ from pincette_supervisor.rest.work_queue import WorkQueue, has_data, new_loop
 MOST = 600
 """Connections; each is an open file, of which the program has 4096 where the system allows it."""
 HEAD_S = 10.0
-"""From the first sign of a request to the end of its head."""
+"""Time from the first byte of a request to the end of its head."""
 HEAD_BYTES = 16_384
-"""Of a head; a longer one is refused with 400."""
+"""Largest size of a head; a longer one is refused with 400."""
 HEADERS_MAX = 100
 """Headers of a request; more are refused with 431."""
 SLICE_BYTES, CHUNKED_BYTES = 2048, 256

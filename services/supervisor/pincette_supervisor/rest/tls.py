@@ -17,13 +17,13 @@ from pincette.security.identity import Credentials
 from pincette_supervisor.rest.work_queue import WorkQueue, has_data
 
 HANDSHAKE_S = 3
-"""For the first message of a handshake, and for all that follows."""
+"""Time limits of the first message of a handshake, and of all that follows."""
 MOST_PENDING = 600
-"""Connections whose handshake is not done."""
+"""Largest number of connections whose handshake is not complete."""
 HANDSHAKE = b"\x16\x03"
-"""How it begins: a record of that type, of version 3."""
+"""First bytes of TLS: a record of that type, of version 3."""
 HEAD_BYTES = 5
-"""Of a record; its last two bytes are the length of what follows."""
+"""Size of a record's head; its last two bytes are the length of what follows."""
 PLAIN = b"this supervisor speaks TLS: ask for https://\n"
 BAD_REQUEST = b"HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\n\r\n"
 

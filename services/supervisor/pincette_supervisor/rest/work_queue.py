@@ -21,7 +21,7 @@ which are short then."""
 FRESH = 128
 """Newest silent connections that are not ended to make room: their data may be on the way."""
 LOOKED_AT = 32
-"""Silent connections of which one is looked for whose data have not arrived."""
+"""Number of silent connections among which one without data is looked for."""
 
 
 class Peer(Protocol):

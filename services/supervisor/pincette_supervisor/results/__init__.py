@@ -1,1 +1,1 @@
-"""What the samples of a job say: its result, figures, pictures, and the files that keep them."""
+"""Results from the samples of a job: values, figures, pictures, and their files."""

@@ -124,7 +124,7 @@ class Take:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a picture shows."""
+    """Content of a picture."""
 
     run: Run
     evaluation: Evaluation

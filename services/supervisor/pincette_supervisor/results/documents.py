@@ -1,4 +1,4 @@
-"""What the supervisor adds to a record: picture, request, result, report, and last the manifest."""
+"""Documents that the supervisor adds to a record: picture, request, result, report, manifest."""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,9 +38,10 @@ WORDS = {
 }
 """Explanations of figures whose names are not clear alone."""
 SHARES = frozenset({"sliding_in_band"})
-"""Figures from 0 to 1, told in percent."""
+"""Values from 0 to 1 that are shown in percent."""
 DECIMALS = {"µm": 3, "mN": 2, "V": 4, "s": 2, "%": 2, "mN/µm": 2}
-"""Of results, by unit: a tenth of what the instruments resolve. Other figures have four digits."""
+"""Number of decimals by unit: a tenth of what the instruments resolve. Other values have four
+digits."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #22282f; background: #fff;
        max-width: 64rem; margin: 2rem auto; padding: 0 1.5rem; }

@@ -35,7 +35,7 @@ STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
 """Stretches to which a record is reduced, beyond which its grid is wider, and those of all records
 that are kept."""
 LONGEST_JOB_S = 35 * 86400.0
-"""How long before the time asked for a job that reaches into it may have been taken."""
+"""Longest time before the requested one at which a job that reaches into it may have begun."""
 Reduced = tuple[Series, Series, Series]
 """Middle of each second, and rows of smallest and largest values by ``NAMES``."""
 NOTHING: Reduced = (np.empty(0), np.empty((len(NAMES), 0)), np.empty((len(NAMES), 0)))

@@ -15,7 +15,7 @@ BROKEN, LIMIT = "#b3261e", "#a1383d"
 NEAR = 1.0
 """A limit is drawn where it lies within this share of the course's span from it."""
 TOLD = 3
-"""Violations that are told in words below the title; all are marked."""
+"""Number of violations that are written below the title; all are marked."""
 BELOW = 0.1
 """Room below the lowest line, for the words of a limit, as a share of the height."""
 LATE = 0.7

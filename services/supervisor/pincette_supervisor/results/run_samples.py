@@ -66,7 +66,7 @@ class Sums(NamedTuple):
 
 @dataclass(slots=True)
 class LeftOut:
-    """What is known of the rows that are not in a table."""
+    """Summary of the rows that are not in a table."""
 
     rows: int = 0
     unanswered: int = 0
@@ -167,9 +167,9 @@ class RunTables:
     even: Columns
     """All rows, but of a long hold evenly spaced ones: means over these are means over all."""
     extreme: Columns
-    """The same with the extremes of what was left out, and all of the newest rows."""
+    """The same with the extremes of the rows left out, and all of the newest rows."""
     left_out: LeftOut
-    """What ``even`` lacks."""
+    """Summary of the rows that ``even`` lacks."""
     bursts: Sequence[Message]
     """Acquisitions of the sensor's buffer."""
 

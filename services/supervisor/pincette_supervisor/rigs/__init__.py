@@ -1,1 +1,1 @@
-"""What is known of a rig, and what stops it."""
+"""State of a rig, and what stops it."""

@@ -29,13 +29,13 @@ from pincette_supervisor.rigs.observer import Observer
 
 ASK_S = 0.7
 FRESH_S = 0.5
-"""For how long an answer counts before the programs are asked again."""
+"""Age up to which a status is used before the programs are asked again."""
 SENSOR_PERIODS, SENSOR_S = 10.0, 0.2
 """The sensor may be silent, or read no position, this long, whichever is longer."""
 IDLE_SENSOR_S = 5.0 * SAMPLE_S
-"""The same while the sensor of an idle rig samples seldom."""
+"""The same while the sensor of an idle rig samples rarely."""
 PROGRAMS = (*LOOP, "recorder")
-"""Those that a job needs."""
+"""Programs that a job needs."""
 SIMULATION = "rig"
 """Program of a simulated rig in real time; a job does not wait for its status."""
 SHOWN: dict[Mode, RigState] = {
@@ -83,7 +83,7 @@ class Health:
         self._digest = rig.digest()
         self.clock = clock
         self._write_queue = WriteQueue()
-        """Of notes, so that no reset waits for a disk."""
+        """Queue of notes, so that no reset waits for a disk."""
         self._met, self._cleared, self._holder = (
             f"{note}: {rig.rig.name}" for note in (MET, CLEARED, HOLDER)
         )
@@ -92,10 +92,10 @@ class Health:
         known to be empty. In memory, as ``_cleared_instance``."""
         self._budget = _budget(rig)
         self.lets_go_s = lets_go_s(rig)
-        """After so long without its host the output may have let a part go."""
+        """Time without its host after which the output may have released a part."""
         self._asked_at = float("-inf")
         self._asked_of = -1
-        """Of the programs that were there then; see ``Observer.tokens_changed``."""
+        """Programs that were present then; see ``Observer.tokens_changed``."""
         self._rounds, self._round = count(1), 0
         self._turn = threading.Lock()
         self._pool = ThreadPoolExecutor(len(PROGRAMS) + 1, thread_name_prefix="status")

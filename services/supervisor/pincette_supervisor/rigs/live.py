@@ -19,7 +19,7 @@ from pincette.core.topics import Topic
 from pincette_supervisor.journal.events import TooManyListenersError
 
 KEPT_S, KEPT_PER_S = 60.0, 60.0
-"""How much is kept: this long, and of a faster rig every second, third … sample."""
+"""Length and density of the stored samples: of a faster rig every second, third … one is stored."""
 KEPT = int(KEPT_S * KEPT_PER_S)
 EVENT_POINTS, HISTORY_POINTS = 60, 1200
 """Most points of one reading: of later ones, and of the first, which brings the past."""
@@ -66,7 +66,7 @@ class Row:
 
 @dataclass(slots=True)
 class SecondRow:
-    """What a row has of the second arm, and of the part that both hold."""
+    """Values of the second arm in a row, and of the part between both arms."""
 
     x_um: float | None = None
     force_mN: float | None = None

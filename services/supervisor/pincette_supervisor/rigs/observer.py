@@ -80,16 +80,17 @@ class Observer:
         self.clock = clock
         self.awake_clock = awake_clock or (lambda: self.clock())
         self._newest: dict[type[Message], tuple[Message, tuple[float, float] | None]] = {}
-        """With the time of arrival by both clocks; None if it was fetched."""
+        """Newest messages with their arrival by both clocks; None if they were fetched."""
         self._position_read_at: float | None = None
         self._confirmed_at: float | None = None
         self._stepped: tuple[int, int] | None = None
         """Epoch and tick of the last step of the voltage, and"""
         self._position_before: Position | None = None
-        """the newest position as it was told."""
+        """The newest position as it was received."""
         self._alive: dict[str, bool] = {}
         self.tokens_changed = 0
-        """How often a program has come or gone; what it said before counts no more."""
+        """Number of times that a program has appeared or disappeared, after which earlier statuses
+        are invalid."""
         self._buffer: MessageBuffer | None = None
         self._sinks: tuple[Sink, ...] = ()
         applied = next(iter(self.fetch_latest(APPLIED)), None)

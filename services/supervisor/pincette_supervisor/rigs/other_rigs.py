@@ -47,7 +47,7 @@ class StopOfOthers:
     missed: dict[str, str]
     """Reasons why rigs are not confirmed, by name."""
     absent: Collection[str] = ()
-    """Those of ``missed`` that have a liveliness token and no actuator; see ``AbsentError``."""
+    """Rigs of ``missed`` with a liveliness token but no actuator; see ``AbsentError``."""
 
 
 class OtherRigs:
@@ -63,7 +63,7 @@ class OtherRigs:
         self._bus: AnyRigBus | None = None
         self._closed = False
         self._trouble, self._again_s = "", -inf
-        """Why the session could not be opened, and until when that is not tried again."""
+        """Why the session could not be opened, and until when no other attempt is made."""
 
     def rig_file(self, rig: str, program: str) -> RigFileReply:
         """Return the rig file that a program of the loop runs with; raises BusError."""

@@ -1,4 +1,4 @@
-"""Where jobs run: the rig with the model in use, its bus, and what is kept of both."""
+"""Context of jobs: the rig with the model in use, its bus, and their stored data."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -54,7 +54,7 @@ class ZeroDoubt:
 
 @dataclass(frozen=True)
 class RigContext:
-    """Where jobs run."""
+    """Context of jobs."""
 
     model: RigModel
     bus: WatchedBus
@@ -64,13 +64,13 @@ class RigContext:
     events: EventLog
     records: Path
     archivist: Executor
-    """Where records are made; see ``archive.archivist``."""
+    """Executor that makes records; see ``archive.archivist``."""
     draw: Runner = run_here
     """Calls functions that draw pictures, in a process of their own where there is one."""
     guard_s: float = 20.0
     """Lockstep: how long the loop may stand still by the clock on the wall, as a link of it may."""
     clock: Callable[[], float] = monotonic
-    """What deadlines are held to."""
+    """Clock of deadlines."""
     trip_directly: Callable[[Trip], object] | None = None
     """Trips the actuator over a link of its own, past the router; None: there is no such link."""
 

@@ -1,4 +1,4 @@
-"""How the actuator and the part stand, and how far that can be trusted: by when it was last heard.
+"""State of the actuator and the part, and its certainty by the time of the last message.
 
 What was heard within ``Health.sensor_limit_s`` is known. What is older is believed, until the
 output may have let the part go by its own watchdog; from then on nothing is known of a held part. A

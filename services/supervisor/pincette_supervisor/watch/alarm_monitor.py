@@ -17,7 +17,7 @@ IDLE_S = 10.0
 """Time without a job at rest after which the sensor is asked to sample seldom."""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
-"""So many commands refused within so long are no accident of an arming."""
+"""Number of refused commands, and the time, beyond which they are no accident of an arming."""
 MISSED_SHARE, MISSED_S = 0.01, 10.0
 """Share of the ticks that may be missed within a while."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})

@@ -51,7 +51,7 @@ class SimulatedI7024:
     channel: int = 0
     checksum: bool = False
     configuration: bytes = b"330A00"
-    """What ``$AA2`` answers: type code of the output range, line speed, data format."""
+    """Answer to ``$AA2``: type code of the output range, line speed, data format."""
     _channels: list[_Channel] = field(
         default_factory=lambda: [_Channel() for _ in range(CHANNELS)], init=False
     )

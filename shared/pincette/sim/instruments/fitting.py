@@ -14,13 +14,13 @@ from pincette.sim.rig.rig import SimulatedRig
 from pincette.sim.rig.wave import PutOutWave
 
 TABLES = ("sensor", "output")
-"""Of the rig file, that name a driver."""
+"""Tables of the rig file that name a driver."""
 BAUD = 115200
-"""As the drivers' own default."""
+"""Default baud rate, that of the drivers."""
 
 
 class OutputTraits(NamedTuple):
-    """What a voltage output does to the voltage: its step and first-order lag."""
+    """Properties of a voltage output: its step and first-order lag."""
 
     step_V: float
     lag_s: float
@@ -44,7 +44,7 @@ class Fitted:
 
     instrument: Instrument
     url: str
-    """Of the driver."""
+    """Address for the driver."""
     terminator: bytes | None
     """Ends each line; None where an answer is taken whole."""
     baud: int | None = None
@@ -59,10 +59,10 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What a simulated instrument is connected to."""
+    """Environment of a simulated instrument."""
 
     rig_file: RigFile
-    """Of one arm; see ``RigFile.arms``."""
+    """Rig file of one arm; see ``RigFile.arms``."""
     simulation: Simulation
     rig: SimulatedRig | ArmOfPair
     measure_um: Callable[[], float]
@@ -70,7 +70,7 @@ class Setting:
     line: Callable[[str, Instrument], Instrument]
     """Puts what a script does to a line before the instrument of a table."""
     beside: Mapping[str, Fitted]
-    """What the first arm has, as the second is fitted; empty for the first."""
+    """Instruments of the first arm while the second one's are made; empty for the first."""
     put_out_wave: PutOutWave | None = None
     """Puts out a wave through a script; None: the rig does."""
 
@@ -87,7 +87,7 @@ class SimulatedDriver:
     """The simulated instruments that a driver meets."""
 
     tables: frozenset[str]
-    """Of the rig file, in which the driver can stand."""
+    """Tables of the rig file in which the driver can stand."""
     fit: Callable[[Setting, frozenset[str]], dict[str, Fitted]]
     """Makes the instruments of the tables that name the driver.
 

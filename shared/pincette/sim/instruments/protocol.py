@@ -1,4 +1,4 @@
-"""What a simulated instrument is to the wire: a table of commands, free of I/O."""
+"""Interface of a simulated instrument to the wire: a table of commands, without I/O."""
 
 from typing import Protocol
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class AmplifierParameters:
-    """What the amplifier does to a voltage at its input."""
+    """Parameters of the amplifier."""
 
     gain_ratio: float = 1.0
     saturation_V: float = math.inf

@@ -37,7 +37,7 @@ class Arms:
     """m_p; 0 without mass."""
     passive_stiffness_mN_per_um: float
     compliance_um_per_mN: float
-    """Of both arms in series."""
+    """Compliance of both arms in series."""
     slowest_decay_per_s: float
     finest_s: float
     """A fortieth of the fastest mode's period."""
@@ -49,7 +49,7 @@ class Arms:
 
 
 class ArmNumbers(NamedTuple):
-    """What of ``PlantParameters`` the arms' modes depend on."""
+    """Those of ``PlantParameters`` on which the arms' modes depend."""
 
     natural_frequency_rad_per_s: float
     damping_ratio: float

@@ -27,7 +27,7 @@ NO_BOUC_WEN = BoucWen(0.0, 0.0, 0.0)
 
 
 class DriveConstants(NamedTuple):
-    """What a substep of one length works with."""
+    """Constants of a substep of one length."""
 
     dt_s: float
     lag: float
@@ -38,7 +38,7 @@ class DriveConstants(NamedTuple):
     """Whether the amplifier's output is anything but its input."""
     amplifier: AmplifierParameters
     hysteresis: BoucWen
-    """Without effect where there are relays."""
+    """Bouc-Wen hysteresis; without effect if there are relays."""
     d: float
     kappa: float
     scale: float
@@ -48,7 +48,7 @@ class DriveConstants(NamedTuple):
 
 
 class Electrical(NamedTuple):
-    """What of the plant's state lies before the arms."""
+    """Part of the plant's state before the arms."""
 
     voltage_V: float
     slewed_V: float

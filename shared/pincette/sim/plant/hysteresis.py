@@ -5,11 +5,11 @@ from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
 
 SERIES_UP_TO = 1.0 / 8.0
-"""Of the series for (1 - e^(-z))/z: the first term that is left out, z¹⁰/11!, is 2e-17 there."""
+"""Limit of z for the series of (1 - e^(-z))/z: the first omitted term, z¹⁰/11!, is 2e-17 there."""
 AHEAD = 64
-"""Ways whose shares are worked out before it is known how far they hold."""
+"""Number of ways whose shares are computed before it is known how far they are valid."""
 NOT_SHORT = -1.0
-"""In the place of a share, which is never negative."""
+"""Mark in place of a share, which is never negative."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ PRESS_S = 0.005
 
 
 class MotionConstants(NamedTuple):
-    """What substeps of one length work with."""
+    """Constants of substeps of one length."""
 
     dt_s: float
     apart: Way
@@ -39,7 +39,7 @@ class MotionConstants(NamedTuple):
     """e^(-dt/PRESS_S) - 1."""
     contact_um: float
     tip_compliance_um_per_mN: float
-    """Of the driven arm, and"""
+    """Compliance of the driven arm, and"""
     compliance_um_per_mN: float
     """of both in series."""
     inverse_masses: tuple[float, float, float]

@@ -24,7 +24,7 @@ Row = tuple[float, float, float, float]
 
 
 class Ground(IntEnum):
-    """What the ground does to the part."""
+    """Effect of the ground on the part."""
 
     HOLDS = 0
     SLIPS_UP = 1
@@ -42,7 +42,7 @@ class Contact(NamedTuple):
 
 
 class PairNumbers(NamedTuple):
-    """What the motion depends on, each pair by arm."""
+    """Numbers on which the motion depends, each pair by arm."""
 
     masses: Pair
     """mN·s²/µm."""
@@ -60,7 +60,7 @@ class PairModes:
 
     contact: Contact
     transition: tuple[Row, Row, Row, Row]
-    """Of (x_1, x_2, ẋ_1, ẋ_2) less their rest."""
+    """Transition of (x_1, x_2, ẋ_1, ẋ_2) less their rest."""
     stiffness: tuple[float, float, float]
     """K_11, K_12, K_22 of tips, faces and ground."""
     flexibility: tuple[float, float, float]
@@ -68,7 +68,7 @@ class PairModes:
     place_by_x: Pair
     """∂z/∂x."""
     joint_mN_per_um: float
-    """What z is divided by: faces that touch, and the ground where it holds; 0 where z is free."""
+    """Divisor of z: faces that touch, and the ground where it holds; 0 if z is free."""
 
 
 @lru_cache(maxsize=256)

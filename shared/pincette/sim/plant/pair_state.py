@@ -42,9 +42,9 @@ class PairParameters:
     part: PartParameters = RIGID
     """Weight, lift and break; the faces' own numbers are those here."""
     pull_off_mN: Pair = (0.0, 0.0)
-    """Of the face at each arm."""
+    """Pull-off force of the face at each arm."""
     lands: bool = False
-    """Whether a lifted part that is let go lies on the ground again, where it was."""
+    """Whether a lifted part that is released lies on the ground again at its old place."""
 
     def __post_init__(self) -> None:
         for arm in (self.first, self.second):
@@ -61,7 +61,7 @@ class PairParameters:
 
 
 class PairState(FrozenRecord, frozen=True):
-    """Where both arms and the part are."""
+    """State of both arms and the part."""
 
     first: PlantState
     second: PlantState
@@ -72,7 +72,7 @@ class PairState(FrozenRecord, frozen=True):
     contact: Contact = APART
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
-    """For how long the weaker of both forces has carried the part."""
+    """Time for which the weaker of both forces has carried the part."""
     events: tuple[Event, ...] = ()
 
     @property

@@ -1,4 +1,4 @@
-"""What the plant is: its parameters, from the simulation's table of a rig file; pure."""
+"""Parameters of the plant, from the simulation's table of a rig file; pure."""
 
 import math
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from pincette.sim.plant.hysteresis import BoucWen
 from pincette.sim.plant.relays import Relays, loop_of_relays
 
 FACES = 2
-"""Of a part between two arms; both are pressed in alike."""
+"""Number of faces of a part between two arms; both are compressed equally."""
 
 
 class PartParameters(FrozenRecord, frozen=True):
-    """What the part between the arms does beyond being rigid."""
+    """Properties of the part between the arms besides being rigid."""
 
     hertz_um_per_mN23: float = 0.0
     """B of δ = B·F^(2/3), all faces together."""
@@ -48,7 +48,10 @@ RIGID = PartParameters()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantParameters:
-    """What the plant is; equal only to itself, so that caches by identity hold its constants."""
+    """Parameters of the plant.
+
+    Equal only to themselves, so that caches by identity hold their constants.
+    """
 
     natural_frequency_rad_per_s: float
     damping_ratio: float

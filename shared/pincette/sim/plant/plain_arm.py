@@ -37,7 +37,7 @@ class PlainMode:
 
 
 class PlainConstants(NamedTuple):
-    """What a substep of one length works with."""
+    """Constants of a substep of one length."""
 
     free: PlainMode
     touching: PlainMode

@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 SETTLED_DECAYS = 30.0
-"""After this many time constants at constant voltage only creep is left (e⁻³⁰ = 1e-13)."""
+"""Number of time constants at constant voltage after which only creep is left (e⁻³⁰ = 1e-13)."""
 
 
 def start() -> PlantState:

@@ -1,4 +1,4 @@
-"""Where the plant is, and what has befallen its part."""
+"""State of the plant, and the events of its part."""
 
 from typing import Literal, NamedTuple
 
@@ -20,7 +20,7 @@ class Event(NamedTuple):
     what: str
     """lost, landed, broken, slipped, placed, removed, hung, stiffness, hysteresis."""
     text: str
-    """The same with its numbers, for a person."""
+    """Text with the numbers, for people."""
 
 
 def newest_events(events: tuple[Event, ...], event: Event) -> tuple[Event, ...]:
@@ -29,11 +29,11 @@ def newest_events(events: tuple[Event, ...], event: Event) -> tuple[Event, ...]:
 
 
 class PlantState(FrozenRecord, frozen=True):
-    """Where the plant is. ``x_um`` is the driven tip, all its modes together."""
+    """State of the plant. ``x_um`` is the driven tip, all its modes together."""
 
     target_V: float
     voltage_V: float
-    """At the amplifier's input."""
+    """Voltage at the amplifier's input."""
     hysteresis_um: float
     creep_um: CreepStates
     x_um: float
@@ -50,13 +50,13 @@ class PlantState(FrozenRecord, frozen=True):
     joined: bool = False
     """Whether part and both arms touch; of elaborate arms only."""
     dent_um: float = 0.0
-    """By how much the faces of the part are pressed in."""
+    """Compression of the part's faces."""
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
-    """For how long the force has carried the part."""
+    """Time for which the force has carried the part."""
     elapsed_s: float = 0.0
     events: tuple[Event, ...] = ()
-    """What has befallen the part; kept until it is taken out."""
+    """Events of the part, kept until it is taken out."""
     turns: Turns = ()
     """Turning points of the voltage that relays remember."""
 

@@ -3,7 +3,7 @@
 from pincette.sim.rig.wave import Grid
 
 LONGEST_S = 60.0
-"""What the buffer holds."""
+"""Length of the buffer."""
 
 
 class CaptureOverflowError(ValueError):

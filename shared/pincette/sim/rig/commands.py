@@ -1,4 +1,4 @@
-"""What a person may do to a simulated rig: parts, weights, ageing."""
+"""Actions of a person on a simulated rig: parts, weights, ageing."""
 
 import math
 from contextlib import AbstractContextManager

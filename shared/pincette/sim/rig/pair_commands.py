@@ -1,4 +1,4 @@
-"""What a person may do to a simulated rig of two arms."""
+"""Actions of a person on a simulated rig of two arms."""
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from pincette.sim.rig.commands import Orders, finite, positive
 
 @dataclass(slots=True)
 class PairTimeline:
-    """Where both arms and the part are, and since when."""
+    """State of both arms and the part, and since when it holds."""
 
     parameters: PairParameters
     state: PairState

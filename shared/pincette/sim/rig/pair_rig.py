@@ -31,18 +31,18 @@ from pincette.sim.rig.wave import NANOSECONDS
 
 NO_WAVES = ValueError("a simulated rig of two arms plays no waves and acquires none")
 NOISE_STREAMS = (0, 2)
-"""Of the readings of each arm; 1 is that of captured samples."""
+"""Random streams of the readings of each arm; 1 is that of captured samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairSnapshot:
-    """What is true at a time."""
+    """True values at a time."""
 
     time_s: float
     tips_um: Pair
     forces_mN: Pair
     voltages_V: Pair
-    """At the amplifiers' inputs."""
+    """Voltages at the amplifiers' inputs."""
     part_um: float
     part_present: bool
     events: tuple[Event, ...]
@@ -80,7 +80,7 @@ class SimulatedPair(PairOrders):
         self._ticks = 0
         self._sample: PairState | None = None
         self._written_V: dict[int, float] = {}
-        """By arm, of the tick under way; in lockstep."""
+        """Voltages of the tick under way, by arm; in lockstep."""
         self._due_V: Pair | None = None
         """What has ended a tick that the plant has yet to pass through; in lockstep."""
         self._lock = threading.Lock()

@@ -24,13 +24,13 @@ and the voltage that the output aims at."""
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What is true at a time."""
+    """True values at a time."""
 
     time_s: float
     x_um: float
     force_mN: float
     voltage_V: float
-    """At the amplifier's input."""
+    """Voltage at the amplifier's input."""
     part_present: bool
     events: tuple[Event, ...]
 

@@ -1,4 +1,4 @@
-"""What a position sensor makes of a position: averaging, drift, noise and steps."""
+"""Reading of a position sensor: averaging, drift, noise and steps."""
 
 import math
 from bisect import bisect_right
@@ -11,7 +11,7 @@ KEPT = 4096
 
 
 class Average:
-    """Mean position over a window of time, from straight lines between the places told."""
+    """Mean position over a window of time, from straight lines between the given places."""
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s

@@ -37,7 +37,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """Those that hold on one target at one time; the newest of a kind counts."""
+    """Faults on one target at one time; the newest of a kind counts."""
 
     held: tuple[Fault, ...] = ()
 

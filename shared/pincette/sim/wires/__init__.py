@@ -1,1 +1,1 @@
-"""Where a simulated instrument can be reached."""
+"""Places at which a simulated instrument can be reached."""

@@ -1,4 +1,4 @@
-"""Where a simulated instrument can be reached: a TCP port, or a pseudo-terminal."""
+"""Places at which a simulated instrument can be reached: a TCP port, or a pseudo-terminal."""
 
 import os
 import pty
@@ -57,7 +57,7 @@ class Port(Protocol):
 
 
 class TcpPort:
-    """A listening socket; a second client waits until the first has gone."""
+    """A listening socket; a second client waits until the first has left."""
 
     def __init__(self, host: str, port: int) -> None:
         try:

@@ -1,4 +1,4 @@
-"""What the job ``calibrate`` calls of a calibration, and what its analysis is made of."""
+"""Interface of calibrations to the job ``calibrate``, and the data of their analysis."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Analysis:
     residuals: Residuals
     statement: str
     drawn: Any
-    """What its plot shows."""
+    """Data of the plot."""
     warnings: tuple[str, ...] = ()
 
 
@@ -69,7 +69,7 @@ class CalibrationFunctions:
     finds: tuple[str, ...] = ()
     """Quantities of the model that it proposes; what assumes one of them comes after it."""
     needs: tuple[NeedCode, ...] = ("part_removed",)
-    """What a person does at the bench."""
+    """What a person does at the rig."""
     needed: Callable[[RigFile], bool] = _needed
     """Whether a rig cannot do without it."""
     of_bring_up: bool = True
@@ -166,7 +166,7 @@ class Samples:
     x_um: Series
     voltage_V: Series
     force_mN: Series
-    """As estimated, unfiltered."""
+    """Estimated force, unfiltered."""
 
     def of(self, phase: str) -> slice:
         """Return the samples of a phase, from its first to its last.
@@ -230,7 +230,7 @@ def samples(table: Columns, period_s: float) -> Samples:
 
 @dataclass(frozen=True, slots=True)
 class Acquisition:
-    """What the sensor acquired from its buffer, one sample each 1/``rate_hz``."""
+    """Samples that the sensor acquired from its buffer, one each 1/``rate_hz``."""
 
     rate_hz: float
     x_um: Series

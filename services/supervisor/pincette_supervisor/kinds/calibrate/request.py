@@ -1,4 +1,4 @@
-"""What all calibrations may say."""
+"""Members of every request for a calibration."""
 
 from typing import Annotated, Literal
 
@@ -11,11 +11,11 @@ TRIES = 3
 
 
 class CalibrationRequest(ZeroingRequest, frozen=True):
-    """What every calibration may say."""
+    """Members of every request for a calibration."""
 
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
     arm: Literal[1, 2] = 1
-    """Of a rig of two driven arms, the one that is calibrated; the other rests."""
+    """Arm that is calibrated, on a rig of two driven arms; the other rests."""
     tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
-    """How often it begins in all where a stall trips it; that trip is acknowledged beforehand."""
+    """Number of attempts in all if a stall trips it; that trip is acknowledged beforehand."""

@@ -30,7 +30,7 @@ class HoldJobRequest(PolicyRequest, frozen=True):
     hold_s: Duration | None = None
     """Left out: until the action ``release``."""
     until_released: bool = False
-    """The same as no ``hold_s``; excludes it."""
+    """Whether to hold without an end, as without ``hold_s``, which it excludes."""
     release_s: Duration | None = None
     """How long the way to the safe voltage takes; left out, as in a release."""
 

@@ -39,7 +39,7 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
     """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
-    """How long the arm is cycled before that."""
+    """Time for which the arm is cycled before that."""
     low_V: float | None = None
     """Lowest voltage of the cycles, or of a grip."""
     high_V: float | None = None

@@ -1,4 +1,4 @@
-"""``release``: let go of what is in the gripper."""
+"""``release``: release the part in the gripper."""
 
 from typing import Literal
 

@@ -22,7 +22,7 @@ MEMBERS = {
     "step": ("levels_mN", "dwell_s"),
     "waypoints": ("points",),
 }
-"""What a shape is made of; ``x_pp_um`` may take the place of ``force_pp_mN``."""
+"""Members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
 PATH = frozenset(("shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)))
 
 
@@ -164,7 +164,7 @@ class CycleErrors(Model):
 
 
 class Learned(Model):
-    """What a job has learned across its cycles, with what was known of the program before it."""
+    """Corrections that a job has learned across its cycles, including those known before."""
 
     model_config = example(
         program="5f0c1e2a9b7d4c3e",
@@ -178,9 +178,9 @@ class Learned(Model):
     )
 
     program: str
-    """What it is kept under; see ``/rigs/{rig}/learning``."""
+    """Name under which they are stored; see ``/rigs/{rig}/learning``."""
     cycles: int
-    """That were learned from."""
+    """Number of cycles that were used."""
     largest_um: float
     """Largest correction of x_r."""
     over: bool
@@ -218,7 +218,7 @@ class TrackResult(ClosedLoopResult):
     force_pp_mN: float | None
     """Of F_r, peak to peak."""
     tracked_samples: int
-    """At full amplitude."""
+    """Number of samples at full amplitude."""
     position_um: Tracking | None
     """x less x_r."""
     force_mN: Tracking | None

@@ -70,8 +70,8 @@ from pincette_supervisor.plugin.result import (
 
 PAIR_POINTERS = {"load": "/force", "settle": "/place", "track": "", "unload": "/force"}
 LEARNED_CYCLES = 3
-"""The last ones of a path that is learned, which its errors are told apart by: until then what it
-learns changes from cycle to cycle, and would pass for noise."""
+"""Number of last cycles of a learned path by which its errors are divided: before, learning changes
+them from cycle to cycle, which would count as noise."""
 NOISE_IN_ERROR = 1.15
 """Noise of x - x_r over that of a reading: the loop follows some of it."""
 

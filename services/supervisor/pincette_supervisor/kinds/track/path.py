@@ -1,4 +1,4 @@
-"""From the members of a track request to its path, or to the paths of two arms."""
+"""The path of a track request, or the paths of two arms, from its members."""
 
 from collections.abc import Mapping
 from typing import Any, Literal

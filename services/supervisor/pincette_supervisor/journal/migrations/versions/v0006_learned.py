@@ -1,4 +1,4 @@
-"""What programs have learned has a table of its own instead of a note for each rig."""
+"""Learned corrections get a table of their own instead of a note for each rig."""
 
 import json
 from typing import Any

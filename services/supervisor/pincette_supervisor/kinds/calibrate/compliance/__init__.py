@@ -14,7 +14,7 @@ WEIGHTS_MAX = 20
 
 
 class WeighedStep(Model):
-    """What was read under one weight."""
+    """Readings under one weight."""
 
     model_config = example(x_um=-2.31, scatter_um=0.004, at_s=-41.5)
 
@@ -37,7 +37,7 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
     """Ascending from 0; they pull as a part presses, against the closing of the gripper. Left out,
     three round weights that the limits of the rig bear."""
     weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
-    """Of the weights, standard, as a share that is common to all of them."""
+    """Standard uncertainty of the weights, as a share common to all of them."""
     taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
     """The first steps, as a job has read them that a stall has tripped; this one goes on."""
 

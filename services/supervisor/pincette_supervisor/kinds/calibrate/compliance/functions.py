@@ -25,11 +25,11 @@ from pincette_supervisor.plugin import ModelInUse, Present, Run, Wait, drawing
 from pincette_supervisor.plugin.drawing import DOT, MEASURED, REFERENCE, Sheet
 
 ROOM_SHARE = 0.5
-"""Of the limits of force and position, for weights that the request leaves out."""
+"""Share of the limits of force and position for weights that the request leaves out."""
 ROUND_DIGITS = (1.0, 2.0, 5.0)
 WEIGHT_SHARES = (0.25, 0.5, 1.0)
 SEGMENTS = 3
-"""Of a weight: hang, settle, measure."""
+"""Segments of a weight: hang, settle, measure."""
 SAME_V = 1e-3
 """Voltages that are equal."""
 SURE = 10.0

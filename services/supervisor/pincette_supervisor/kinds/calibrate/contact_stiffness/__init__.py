@@ -24,7 +24,7 @@ class ContactStiffnessRequest(CalibrationRequest, frozen=True):
     levels_V: list[Positive] | None = Field(default=None, min_length=3, max_length=LEVELS_MAX)
     """Peak to peak; left out, the paper's, scaled down to what the limits of the rig allow."""
     load_s: Duration | None = None
-    """To press to the mean, and to let go again."""
+    """Duration of the press to the mean, and of the unload."""
     approach_um_per_s: Speed | None = None
     """Speed of the free arm on its way to the part."""
     seek_um_per_s: Speed | None = None

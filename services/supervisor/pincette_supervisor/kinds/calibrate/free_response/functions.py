@@ -37,12 +37,12 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.plans import GAIN_GROWTH, SPEED_FACTOR
 
 BELOW_REST = 0.1
-"""How far the free motion goes below rest, as a share of its height above."""
+"""Distance that the free motion goes below rest, as a share of its height above."""
 LARGEST_GAIN = 1.6
 """Gain of an arm that no model knows, as a share of the assumed one. The course goes no lower than
 the limit of position allows for it: conditioning strokes need depth, but no certain one."""
 LESS = 0.8
-"""Of the voltage from rest at which the arm came beyond a limit of position."""
+"""Reduction of the voltage from rest at which the arm exceeded a limit of position."""
 QUICKEST = 0.9
 """Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01

@@ -32,7 +32,7 @@ from pincette_supervisor.plugin import (
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 
 SWING_SHARE = 0.5
-"""Of the room to the nearest limit of position that the resonance may use up."""
+"""Share of the distance to the nearest position limit that the resonance may use."""
 
 
 def program(

@@ -90,7 +90,7 @@ def _taught(rig: RigFile) -> IdentifiedFreeResponse:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What the plot shows."""
+    """Data of the plot."""
 
     t_s: Series
     left_um: Series

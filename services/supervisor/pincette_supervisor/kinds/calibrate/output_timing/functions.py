@@ -31,9 +31,10 @@ from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, Sheet
 from pincette_supervisor.plugin.figures import Series
 
 SLEW_SHARE = 0.45
-"""Of the slew limit that a step from one side to the other asks for is twice this."""
+"""Share of the slew limit; a step from one side to the other uses twice this."""
 LEAST_EXPLAINED = 0.9
-"""Of the bursts' motion, by variance: what touches the arm makes it less."""
+"""Smallest share of the bursts' variance that must be explained: something touching the arm lowers
+it."""
 
 
 def program(
@@ -61,7 +62,7 @@ def program(
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What the plot shows."""
+    """Data of the plot."""
 
     period_s: float
     found: IdentifiedTiming

@@ -27,9 +27,9 @@ class ResidualRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["residual"]
     of_job: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,60}$")] | None = None
-    """Job whose voltages are played, a grip or a track; left out, the newest that succeeded."""
+    """Job whose voltages are played, a grip or a track; default: the newest that succeeded."""
     runs: Annotated[int, Field(ge=2, le=10), WHOLE] = RUNS
-    """How often it is played; what the runs differ by is the error of what is kept."""
+    """Number of runs; their difference is the error of the stored values."""
     confirm: bool = True
     """Wait for a person before the first run, until the part is away, and after the last."""
 

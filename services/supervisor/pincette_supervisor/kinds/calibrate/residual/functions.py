@@ -78,13 +78,13 @@ def program(request: ResidualRequest, model: ModelInUse, present: Present) -> Ca
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """What the plot shows."""
+    """Data of the plot."""
 
     t_s: Series
     runs_um: list[Series]
     residual_um: Series
     begins_s: list[float]
-    """Of the segments."""
+    """Begin of each segment."""
 
 
 def analyse(run: Run) -> Analysis:
