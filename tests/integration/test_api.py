@@ -4,6 +4,7 @@
 # pyright: reportUnknownVariableType=false
 
 from collections.abc import Generator
+from contextlib import closing
 from typing import Any, cast
 
 import pytest
@@ -18,7 +19,7 @@ from schemathesis.specs.openapi.checks import (
     positive_data_acceptance,
 )
 
-from pincette_supervisor.access.access import Access
+from pincette_supervisor.access.access import Access, KeySync
 from tests.support.api_document import openapi
 from tests.support.apps import create_app
 from tests.support.keys import ScopeKeys, key_of_each_scope
@@ -72,8 +73,9 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Any, Sc
     access = Access(names=NAMES)
     desk.app = create_app(desk.rigs, access)
     ring = key_of_each_scope(desk.store, access.authenticator)
-    yield schemathesis.openapi.from_asgi("/openapi.json", desk.app), ring
-    desk.close()
+    # Keys that were not read for 15 s are in force no more.
+    with closing(desk), closing(KeySync(desk.store, access)):
+        yield schemathesis.openapi.from_asgi("/openapi.json", desk.app), ring
 
 
 @pytest.fixture(scope="module")
