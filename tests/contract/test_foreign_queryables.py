@@ -475,8 +475,8 @@ def test_a_valid_sample_of_another_program_is_refused_until_the_producer_is_sile
         assert "not of the actuator" in bus.refused.reason
         assert bus.refused.finding() is not None
         until(lambda: published(replace(NEWEST, seq=due)))
-        heard.clear()
         sleep(1.2 * SILENT_S)
+        heard.clear()
         foreign()  # of the same program, started again, as far as anybody can know
         until(lambda: bool(heard) if states else bus.refused.count > 1)
         assert bool(heard) is states

@@ -65,7 +65,7 @@ def test_each_sample_has_a_sound_estimate_and_an_answer(ended: VirtualLoop, seed
 def test_the_memories_of_the_arm_go_on_by_the_clock(ended: VirtualLoop) -> None:
     seldom, often = idle(ended, 1), ended.fork(1)
     often.run(seldom.now_s)
-    one, other = seldom.runner("estimator").state, often.runner("estimator").state
+    (one,), (other,) = (loop.runner("estimator").state.arms for loop in (seldom, often))
     assert other.followed_seq - one.followed_seq in range(PERIODS + 1)
     assert one.response.position_um() == pytest.approx(other.response.position_um(), abs=1e-3)
     assert one.unknown == other.unknown or one.unknown.known == other.unknown.known

@@ -4,9 +4,9 @@ from math import hypot, inf, log10, sqrt
 
 from pincette.control.force.estimation import COVERAGE, late_creep_um, uncertainty
 from pincette.control.response.conditioned_branch import FRESH_V, past_creep_mN
+from pincette.control.response.error_growth import TURN_V
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
-from pincette.control.response.model_errors import TURN_V
 from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um

@@ -28,7 +28,9 @@ def a_known_arm() -> VirtualLoop:
     loop = begun()
     ends(loop)
     task = loop.runner("estimator")
-    task.state = replace(task.state, unknown=replace(task.state.unknown, known=True))
+    (arm,) = task.state.arms
+    known = replace(arm, unknown=replace(arm.unknown, known=True))
+    task.state = replace(task.state, arms=(known,))
     loop.arm(PROGRAM, EPOCH + 1)
     return loop
 

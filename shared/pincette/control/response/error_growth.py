@@ -14,6 +14,11 @@ from typing import NamedTuple
 
 from pincette.control.checks import require_as_many
 
+TURN_V = 0.2
+"""Fall of the voltage, in V, over which the slope after a turn is measured: twice what creep makes
+of the voltage of a hold of some seconds.
+"""
+
 
 class ErrorGrowth(NamedTuple):
     """E(w) at some ways; straight lines between, from 0 at 0, level beyond the last."""

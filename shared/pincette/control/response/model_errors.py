@@ -15,7 +15,7 @@ import numpy as np
 
 from pincette.control.calibration.free_motion import SecantGain
 from pincette.control.checks import require_positive
-from pincette.control.response.error_growth import ErrorGrowth
+from pincette.control.response.error_growth import TURN_V, ErrorGrowth
 from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.reversal_memory import ReversalMemory
 
@@ -23,9 +23,6 @@ REST_S = 0.2
 """End of a rest over which its place is taken."""
 BLOCK_S = 0.4
 """Before small swings, over which noise is averaged."""
-TURN_V = 0.2
-"""Fall over which the slope after a turn is taken: twice what creep makes of the voltage of a hold
-of some seconds."""
 PASSING = 3
 """Samples before and after a place, over which the position there is taken in passing."""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
