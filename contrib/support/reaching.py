@@ -102,6 +102,7 @@ def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
             except NotReachedError:
                 pass
         until(lambda: rig.view()["newest"]["phase"] != phase, "it still lets go")
+        until(lambda: rig.job(str(job))["state"] != "stopping", "the stop is not confirmed")
         if rig.view()["part"] == "none":
             return
     else:

@@ -53,6 +53,7 @@ job_in("approach")
 call("post", "/jobs/{job}/actions", job.id, body=models.ActionRequest.from_dict({"type": "stop"}))
 # The name of the enumeration is that of the operation, so it is not written here.
 sums: dict[str, str] = {}
+ended = job
 deadline = monotonic() + WAIT_S
 while LAST not in sums and monotonic() < deadline:
     ended = call("get", "/jobs/{job}", job.id, wait=SimpleNamespace(value="recorded"))
