@@ -514,7 +514,7 @@ def test_foreign_declarations_are_listed_and_those_of_programs_are_not(plain: Si
 def test_doctor_names_the_session_and_the_key_of_a_foreign_store(plain: Site) -> None:
     place = f"tcp/{plain.rig.bus.host}:{plain.rig.bus.port}"
     plain.supervisor.announce("supervisor")
-    until(lambda: [one.mark for one in foreign_sessions(plain.rig)] == ["well"])
+    until(lambda: [one.mark for one in foreign_sessions(plain.rig)] == ["ok"])
     with outsider("client", place) as session, declared(session, "store"):
         settle()
         until(lambda: {one.mark for one in foreign_sessions(plain.rig)} == {"note"})
@@ -568,10 +568,10 @@ def test_doctor_does_not_ask_the_router_that_another_rig_at_work_shares(
         return []
 
     monkeypatch.setattr(ZenohBus, "foreign_declarations", none)
-    assert [one.mark for one in foreign_sessions(plain.rig)] == ["well"]
+    assert [one.mark for one in foreign_sessions(plain.rig)] == ["ok"]
     other.close()
 
 
 def test_doctor_says_nothing_of_a_bus_that_is_down_and_trusts_access_lists(secure: Site) -> None:
     assert [*foreign_sessions(demo_rig())] == []
-    assert [one.mark for one in foreign_sessions(secure.rig)] == ["well"]
+    assert [one.mark for one in foreign_sessions(secure.rig)] == ["ok"]

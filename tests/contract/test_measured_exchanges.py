@@ -57,7 +57,7 @@ def test_doctor_compares_the_period_with_what_it_measures(
     with bench(reading_s, exchange_s) as rig:
         found = list(instruments(rig))
     timing = found[-1]
-    assert timing.well == fits, timing.what
+    assert timing.ok == fits, timing.what
     slow_s = max(reading_s, exchange_s)
     part = "sensor" if reading_s else "output"
     (margin,) = (one for one in found if one.what.startswith(part) and "median" in one.what)

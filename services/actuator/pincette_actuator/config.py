@@ -1,6 +1,5 @@
 """Configuration of the actuator from the rig file: the limits of the safety module."""
 
-from importlib import import_module
 from math import floor, pi
 
 from pincette.config import ConfigError, RigFile
@@ -21,8 +20,6 @@ commands."""
 
 def configure(rig: RigFile) -> SafetyLimits:
     """Take the actuator's part of a rig file; raises ConfigError."""
-    # A sweep is begun within a tick, which is too short for loading what reckons with arrays.
-    import_module("pincette.control.planning.swept_voltages")
     safety, period_s = rig.safety, rig.rig.period_s
     for arm, where in zip(rig.arms, ("", " of [second.limits]"), strict=False):
         limits = arm.limits

@@ -91,7 +91,7 @@ def order_of(state: State, before: State) -> DeviceCommand:
         return SetVoltage(voltages_of(state))
     if state.sweep == before.sweep:
         return CheckWave()
-    # It reckons with arrays, as no other program of the loop does; ``configure`` has loaded it.
+    # Arrays, which no other program of the loop needs. ``start`` has loaded the module.
     from pincette.control.planning.swept_voltages import SweptVoltages
 
     return Wave(SweptVoltages(state.sweep, state.arms[0].voltage_V), state.sweep.rate_hz)

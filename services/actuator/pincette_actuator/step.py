@@ -1,6 +1,7 @@
 """The actuator as a service: commands and positions in, the instrument's voltage and what became
 of the tick out."""
 
+from importlib import import_module
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -62,6 +63,8 @@ class Inputs(NamedTuple):
 
 def start(limits: SafetyLimits) -> State:
     """Boot latched, with each arm at the safe voltage."""
+    # A sweep begins within a tick, which is too short to load NumPy.
+    import_module("pincette.control.planning.swept_voltages")
     return State(arms=tuple(ArmOutput(limits.safe_V) for _ in limits.arms))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pincette.diagnostics import Finding
 
 
-COLOURS: dict[Mark, str] = {"well": "green", "missing": "red", "note": "yellow"}
+COLOURS: dict[Mark, str] = {"ok": "green", "missing": "red", "note": "yellow"}
 Consent = Callable[[str], bool]
 
 
@@ -88,7 +88,7 @@ def _show(finding: "Finding", console: "Console") -> None:
 
     mark = finding.mark
     console.print(Text.assemble((f"{mark:<7} ", COLOURS[mark]), finding.what))
-    if finding.remedy and mark != "well":
+    if finding.remedy and mark != "ok":
         console.print(f"        what to do: {finding.remedy}", markup=False)
 
 
@@ -138,7 +138,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
     elif ports is PORTS_FREE:
         opened_instruments = list(instruments(rig))
         yield from opened_instruments
-        if consent is not None and all(finding.well for finding in opened_instruments):
+        if consent is not None and all(finding.ok for finding in opened_instruments):
             yield moved(rig, consent)
     else:
         yield Finding(True, "instruments: not asked, since a rig is up")

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Mark = Literal["well", "missing", "note"]
+Mark = Literal["ok", "missing", "note"]
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One check: whether it passed, and the remedy if it did not."""
 
-    well: bool
+    ok: bool
     what: str
     remedy: str = ""
     note: bool = False
@@ -19,7 +19,7 @@ class Finding:
     @property
     def mark(self) -> Mark:
         """Return the mark with which it is shown."""
-        return "note" if self.note else "well" if self.well else "missing"
+        return "note" if self.note else "ok" if self.ok else "missing"
 
 
 def noted(what: str, remedy: str = "") -> Finding:

@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pincette.config import RigFile
 from pincette.diagnostics import Finding, noted
-from pincette.security.certificates import Facts
-from pincette.security.folder import SOON, Folder, checked
 from pincette.security.identity import (
     ROUTER,
     SUPERVISOR,
@@ -17,6 +16,10 @@ from pincette.security.identity import (
     program,
 )
 from pincette.security.revocation import read_revoked
+
+if TYPE_CHECKING:
+    from pincette.security.certificates import Facts
+    from pincette.security.folder import Folder
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
@@ -33,6 +36,9 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
                 "`pincette security init FOLDER`, then [bus] pki; docs/how-to/secure.md",
             )
         return
+    # Loaded only for a rig with certificates.
+    from pincette.security.folder import SOON, Folder
+
     folder, now = Folder(Path(rig.bus.pki)), now or datetime.now(UTC)
     found: list[Facts] = []
     well = True
@@ -74,8 +80,10 @@ def _host(rig: RigFile, who: Identity) -> str:
     return rig.bus.host if who.serves else ""
 
 
-def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
+def _seen(folder: "Folder", who: Identity, now: datetime, host: str) -> "Facts":
     """Return the content of a certificate if it is valid; raises SecurityError."""
+    from pincette.security.folder import checked
+
     files = folder.credentials(who)
     here = files.private_key.exists()
     facts = checked(files, now) if here or not files.certificate.exists() else folder.facts(who)
@@ -87,7 +95,7 @@ def _seen(folder: Folder, who: Identity, now: datetime, host: str) -> Facts:
     return facts
 
 
-def _ending(soon: Iterable[Facts], folder: Folder, now: datetime) -> Finding:
+def _ending(soon: "Iterable[Facts]", folder: "Folder", now: datetime) -> Finding:
     listed = sorted(soon, key=lambda facts: facts.ends)
     left = (listed[0].ends - now).days
     names = ", ".join(facts.identity.name for facts in listed)

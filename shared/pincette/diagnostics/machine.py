@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any, cast
 from urllib.parse import urlsplit
 
-import httpx
-
 from pincette.config import RigFile
 from pincette.core.service import member_services
 from pincette.core.topics import LOOP
@@ -161,6 +159,9 @@ def port_finding(rig: RigFile) -> Finding:
 
 def _version(url: str) -> dict[str, Any]:
     """Return the version document of a supervisor; empty if none answers."""
+    # Loaded only where a port is in use.
+    import httpx
+
     try:
         # Whoever it is: nothing is sent, and what is told is only shown.
         answer: Any = httpx.get(

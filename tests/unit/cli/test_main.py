@@ -30,8 +30,8 @@ from pincette.config import read_rig
 from pincette.core.topics import LOOP
 rig = read_rig(Path({str(DEMO)!r}))
 services = {{name: plugins.load(plugins.SERVICES, name) for name in LOOP}}
-for name in ("sensor", "estimator", "controller"):
-    services[name].configure(rig)
+for service in services.values():
+    service.configure(rig)
 plugins.load(plugins.POSITION_SENSORS, rig.sensor.driver)
 plugins.load(plugins.VOLTAGE_OUTPUTS, rig.output.driver)
 """
@@ -90,8 +90,12 @@ def test_run_without_a_rig_file_ends_as_every_word_does(
             (*DRAWN, "numpy", "sqlalchemy", "fastapi", "httpx", "rich", "pincette.config"),
         ),
         ("import pincette.cli.job", (*DRAWN, "numpy", "sqlalchemy", "fastapi")),
+        (
+            "from pincette.diagnostics import bus, certificates, instruments, machine, rig_file",
+            (*DRAWN, "numpy", "httpx", "cryptography"),
+        ),
     ],
-    ids=["the loop", "the supervisor", "the help", "a command"],
+    ids=["the loop", "the supervisor", "the help", "a command", "doctor"],
 )
 def test_a_start_does_not_wait_for_what_is_needed_later(
     script: str, never: tuple[str, ...]
@@ -104,7 +108,8 @@ def test_a_start_does_not_wait_for_what_is_needed_later(
 
 def test_the_actuator_loads_before_its_ticks_what_a_sweep_needs_within_one() -> None:
     script = (
-        f"import sys\n{A_LOOP}\nservices['actuator'].configure(rig)\nprint('numpy' in sys.modules)"
+        f"import sys\n{A_LOOP}\nactuator = services['actuator']\n"
+        "actuator.start(actuator.configure(rig))\nprint('numpy' in sys.modules)"
     )
     line = [sys.executable, "-c", script]
     assert subprocess.check_output(line, text=True, timeout=60.0).split() == ["True"]

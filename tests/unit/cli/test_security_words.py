@@ -172,7 +172,7 @@ class TestDoctor:
     def test_that_all_is_well(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         ((mark, what),) = self.says(self.rig(folder))
-        assert mark == "well"
+        assert mark == "ok"
         assert f"{NOW + timedelta(days=90):%Y-%m-%d}" in what
 
     def test_what_ends_soon(self, tmp_path: Path) -> None:
@@ -204,4 +204,4 @@ class TestDoctor:
     def test_a_program_that_runs_elsewhere_has_its_key_there(self, tmp_path: Path) -> None:
         folder = folder_for(tmp_path / "pki", "demo", days=90.0)
         folder.credentials(program("sensor", "demo")).private_key.unlink()
-        assert [mark for mark, _ in self.says(self.rig(folder))] == ["well"]
+        assert [mark for mark, _ in self.says(self.rig(folder))] == ["ok"]

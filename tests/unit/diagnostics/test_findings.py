@@ -113,11 +113,11 @@ def test_a_port_that_two_want_is_named_with_both() -> None:
 def test_lines_that_are_too_slow_together_are_refused_with_their_sum() -> None:
     slow = changed(sensor={"options": {"baud": 38400}}, output={"options": {"baud": 38400}})
     finding = timing(slow)
-    assert not finding.well
+    assert not finding.ok
     assert "above the control period of 20 ms" in finding.what
     assert "sensor exchange 5.5" in finding.what
     assert "baud" in finding.remedy
-    assert timing(RIG).well
+    assert timing(RIG).ok
 
 
 def test_what_the_output_does_alone_must_be_known() -> None:
@@ -212,13 +212,13 @@ def test_a_wrong_unit_a_coarse_display_and_noise_are_found() -> None:
     assert finding.mark == "note"
 
 
-@pytest.mark.parametrize(("held_ms", "well"), [(1, True), (16, False)])
-def test_the_latency_of_a_usb_adapter_is_read(tmp_path: Path, held_ms: int, well: bool) -> None:
+@pytest.mark.parametrize(("held_ms", "ok"), [(1, True), (16, False)])
+def test_the_latency_of_a_usb_adapter_is_read(tmp_path: Path, held_ms: int, ok: bool) -> None:
     folder = tmp_path / "ttyUSB9"
     folder.mkdir()
     (folder / "latency_timer").write_text(f"{held_ms}\n", encoding="ascii")
     (finding,) = latency("/dev/ttyUSB9", tmp_path)
-    assert finding.well == well
+    assert finding.ok == ok
     assert f"{held_ms} ms, limit 1 ms" in finding.what
     assert "latency_timer" in finding.remedy
     assert list(latency("/dev/ttyS0", tmp_path)) == []
@@ -228,7 +228,7 @@ def test_the_latency_of_a_usb_adapter_is_read(tmp_path: Path, held_ms: int, well
 def test_the_direction_is_found_and_the_voltage_comes_back() -> None:
     bench = Bench()
     finding = direction(RIG, bench.sensor, bench.output, bench.sleep)
-    assert finding.well
+    assert finding.ok
     assert "about +3.80 µm" in finding.what
     assert bench.output.read_V() == 0.0
 
@@ -239,7 +239,7 @@ def test_a_reading_that_falls_is_answered_by_the_other_direction() -> None:
     assert finding.mark == "missing"
     assert "write direction = -1 into [sensor]" in finding.remedy
     turned = changed(sensor={"direction": -1})
-    assert direction(turned, bench.sensor, bench.output, bench.sleep).well
+    assert direction(turned, bench.sensor, bench.output, bench.sleep).ok
 
 
 def test_a_sensor_whose_readings_are_one_exchange_old_is_found_by_a_move() -> None:
@@ -255,7 +255,7 @@ def test_a_sensor_whose_readings_are_one_exchange_old_is_found_by_a_move() -> No
 
     bench = Bench()
     finding = direction(RIG, Previous(bench.sensor), bench.output, bench.sleep)
-    assert not finding.well
+    assert not finding.ok
     assert "one exchange old" in finding.what
     assert "passes bytes on" in finding.remedy
     assert bench.output.read_V() == 0.0
@@ -263,7 +263,7 @@ def test_a_sensor_whose_readings_are_one_exchange_old_is_found_by_a_move() -> No
 
 def test_an_arm_that_does_not_move_is_found() -> None:
     finding = direction(RIG, Constant(5.0, 5.02), Bench().output, Bench().sleep)
-    assert not finding.well
+    assert not finding.ok
     assert "amplifier is on" in finding.remedy
 
 
@@ -284,7 +284,7 @@ def test_no_room_below_the_limit_moves_nothing() -> None:
     bench = Bench()
     tight = changed(limits={"voltage_max_V": 0.1})
     finding = direction(tight, bench.sensor, bench.output, bench.sleep)
-    assert not finding.well
+    assert not finding.ok
     assert bench.written_V == []
 
 
@@ -307,7 +307,7 @@ def test_a_driver_of_another_package_without_options_has_no_watchdog() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slowest_s", "mark"), [(0.002, "well"), (0.0079, "well"), (0.0081, "note"), (0.05, "note")]
+    ("slowest_s", "mark"), [(0.002, "ok"), (0.0079, "ok"), (0.0081, "note"), (0.05, "note")]
 )
 def test_readings_that_leave_a_thin_margin_below_their_timeout_are_noted(
     slowest_s: float, mark: str

@@ -24,7 +24,7 @@ def take(*_wish: object) -> None:
 def test_a_fixed_priority_that_is_permitted_is_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", take)
     finding = priority()
-    assert finding.mark == "well"
+    assert finding.mark == "ok"
     assert finding.what == "priority: fixed priority (SCHED_FIFO 10) permitted: yes"
 
 

@@ -79,7 +79,7 @@ def test_doctor_recommends_parts_where_the_output_can_time_them() -> None:
     (found,) = ring(fast_rig("one write", fast))
     assert (found.mark, "shaping = true" in found.remedy) == ("note", True)
     for kind in ("three writes", "RC"):
-        assert [one.mark for one in ring(fast_rig(kind, fast))] == ["well"]
+        assert [one.mark for one in ring(fast_rig(kind, fast))] == ["ok"]
 
 
 def test_doctor_points_out_that_u_does_not_count_a_ring_that_nobody_has_stated() -> None:
