@@ -213,6 +213,10 @@ def test_a_dry_run_foretells_unless_told_not_to(harness: Harness) -> None:
     without = harness.post("/jobs", body, dry_run=True, predict=False).json()
     assert without["prediction"] is None
     assert with_it | {"prediction": None} == without
+    flat = harness.post("/jobs", body, dry_run=True, curves=False).json()
+    assert {*flat["curves"], *flat["prediction"]["curves"]} > {"voltage_V", "phase"}
+    assert not any([*flat["curves"].values(), *flat["prediction"]["curves"].values()])
+    assert flat["prediction"]["peaks"] == with_it["prediction"]["peaks"]
 
 
 def test_the_digest_is_of_request_rig_file_and_model() -> None:

@@ -9,10 +9,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
+from pydantic import BaseModel
 
 from pincette.api.jobs import ActionRequest, Job, StoppedRequest, StopRequest
 from pincette.api.plans import JobPlan
@@ -40,6 +41,7 @@ from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.strict_route import StrictRoute
 
+M = TypeVar("M", bound=BaseModel)
 WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
 """Threads for stops of jobs, which no limit of rate or number refuses and no other request delays.
@@ -56,6 +58,10 @@ Predict = Annotated[
         description="play the plan on the model in use: a dry run says what it predicts, a job is "
         "refused for a limit that it breaks"
     ),
+]
+Curves = Annotated[
+    bool,
+    Query(description="with a dry run: false leaves the lists of `curves` and `prediction` empty"),
 ]
 TAGGED: dict[str, Any] = {
     "ETag": {"description": "of the job's revision", "schema": {"type": "string"}}
@@ -80,6 +86,7 @@ def take(
     dry_run: bool,
     asker: Asker,
     predict: bool = True,
+    curves: bool = True,
     key: str | None = None,
     jobs: str = "jobs",
 ) -> Job | JobPlan:
@@ -92,7 +99,8 @@ def take(
     if dry_run or body.dry_run:
         response.status_code = 200
         planned = manager.plan(body)
-        return (manager.predictions.predicted(planned) if predict else planned).plan
+        plan = (manager.predictions.predicted(planned) if predict else planned).plan
+        return plan if curves else _without_curves(plan)
     try:
         job, replayed = manager.create(
             body, key, predict=predict, by=asker.by, gone=asker.gone, claim=asker.claim
@@ -107,6 +115,18 @@ def take(
         response.status_code = 200
         response.headers[REPLAYED] = "true"
     return job
+
+
+def _without_curves(plan: M) -> M:
+    """Return a plan, or its prediction, with empty curves."""
+    empty: dict[str, Any] = {}
+    curves: BaseModel | None = getattr(plan, "curves", None)
+    if curves is not None:
+        empty["curves"] = curves.model_copy(update={name: [] for name in type(curves).model_fields})
+    prediction: BaseModel | None = getattr(plan, "prediction", None)
+    if prediction is not None:
+        empty["prediction"] = _without_curves(prediction)
+    return plan.model_copy(update=empty)
 
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
@@ -128,6 +148,7 @@ async def create(
     dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
+    curves: Curves = True,
 ) -> object:
     """Take a job, or with ``dry_run`` plan it only.
 
@@ -142,6 +163,7 @@ async def create(
             dry_run=dry_run,
             asker=asker,
             predict=predict,
+            curves=curves,
             key=idempotency_key,
         )
 
