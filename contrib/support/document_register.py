@@ -6,15 +6,15 @@ from tests.support.documents import Sitting, Typed
 SITTINGS: dict[str, Sitting] = {
     "docs/how-to/sila.md": Sitting(
         (
-            Typed(".venv/bin/pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
+            Typed("pincette run sila", r"ready: SiLA 2 at 127.0.0.1:50052", stays=True),
             Typed("from sila2.client import SilaClient", r"held with 1[45]\.\d\d mN[^$]*released"),
         ),
         up=DEMO,
     ),
     "docs/how-to/foxglove.md": Sitting(
         (
-            Typed(".venv/bin/pincette run foxglove", r"ready: Foxglove at ws://127", stays=True),
-            Typed(".venv/bin/pincette job grip", r"succeeded: gripped"),
+            Typed("pincette run foxglove", r"ready: Foxglove at ws://127", stays=True),
+            Typed("pincette job grip", r"succeeded: gripped"),
             Typed("import json", r"estimate pincette\.Estimate[^$]*services: estop"),
         ),
         up=DEMO,

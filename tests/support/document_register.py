@@ -29,10 +29,8 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/tutorials/first-grip.md": Sitting(
         (
-            Typed(".venv/bin/pincette job grip --force-mN 10", r"succeeded: gripped"),
-            Typed(
-                ".venv/bin/pincette plan grip --force-mN 100", r"above the limit 40 mN", status=5
-            ),
+            Typed("pincette job grip --force-mN 10", r"succeeded: gripped"),
+            Typed("pincette plan grip --force-mN 100", r"above the limit 40 mN", status=5),
         ),
         up=DEMO,
     ),
@@ -68,15 +66,15 @@ SITTINGS: dict[str, Sitting] = {
     "docs/tutorials/two-arms.md": Sitting(
         (
             Typed("make demo", r"succeeded: gripped", seconds=120.0),
-            Typed(".venv/bin/pincette up --rig", r"is up at http://127.0.0.1:8000", stays=True),
-            Typed(".venv/bin/pincette job track --place", r"succeeded: tracked", seconds=90.0),
-            Typed(".venv/bin/pincette job grip --centre", r"succeeded: gripped", seconds=90.0),
+            Typed("pincette up --rig", r"is up at http://127.0.0.1:8000", stays=True),
+            Typed("pincette job track --place", r"succeeded: tracked", seconds=90.0),
+            Typed("pincette job grip --centre", r"succeeded: gripped", seconds=90.0),
             Typed(
-                ".venv/bin/pincette job grip --force-mN 12 --place-um",
+                "pincette job grip --force-mN 12 --place-um",
                 r"succeeded: gripped",
                 seconds=90.0,
             ),
-            Typed(".venv/bin/pincette plan grip", r"arm 2: position", status=5),
+            Typed("pincette plan grip", r"arm 2: position", status=5),
         ),
         slow=True,
     ),

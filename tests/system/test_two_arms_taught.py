@@ -35,7 +35,7 @@ def test_the_second_arm_is_taught_accepted_and_grips_with_the_first(checkout: Pa
         words = [".venv/bin/pincette", "up", "--rig", RIG]
         process = stack.enter_context(until_interrupted(words, checkout, log))
         await_text(log, "is up at http://127.0.0.1:8000", process, UP_S)
-        done = run(["bash", "-euc", block.text], checkout, TYPED_S)
+        done = run(["bash", "-euc", f"PATH=.venv/bin:$PATH\n{block.text}"], checkout, TYPED_S)
     assert done.returncode == 0, done.stdout
     assert re.search(r"second\.model\.piezo_um_per_V", done.stdout), done.stdout
     assert re.search(r"succeeded: gripped", done.stdout), done.stdout

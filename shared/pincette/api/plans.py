@@ -160,11 +160,14 @@ class Plan(JobPlan):
             "force_min_mN": -7.64,
             "force_max_mN": 8.46,
         },
+        profile="quick",
         law=LAW,
         warnings=[],
     )
 
     curves: Curves
+    profile: Literal["quick", "gentle"] | None = None
+    """Profile of a grip by one arm; null for other jobs."""
     steady_errors: SteadyErrors
     law: Law
     warnings: list[str] = Field(default_factory=list[str])

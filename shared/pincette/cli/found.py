@@ -11,12 +11,13 @@ from typer import Argument, BadParameter, Option, Typer
 from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
-from pincette.cli.options import MOMENTS, Limit, moment
+from pincette.cli.options import DATA, MOMENTS, Limit, moment
 from pincette.cli.output_file import write_output
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
+from pincette.core.files import make_folder
 
 if TYPE_CHECKING:
     from pincette.api.jobs import Job
@@ -119,9 +120,9 @@ def _said(job: "Job") -> str:
 
 def export(
     wanted: Wanted,
-    out: Annotated[Path, Option("--out", metavar="FILE", help="jobs.csv or jobs.parquet")] = Path(
-        "jobs.csv"
-    ),
+    out: Annotated[
+        Path, Option("--out", metavar="FILE", help="a name that ends in .csv or .parquet")
+    ] = DATA / "jobs.csv",
     spreadsheet: ForSpreadsheet = None,
     numbers: NumbersAlone = False,
 ) -> None:
@@ -140,6 +141,8 @@ def export(
             tree = json.loads(supervisor.export("numbers.csv-metadata.json", **wanted.filters))
             text = json.dumps({**tree, "url": out.name}, indent=1, ensure_ascii=False)
             write_output(out.with_name(f"{out.name}-metadata.json"), text.encode())
+    if out.parent == DATA:
+        make_folder(DATA, 0o700)
     if spreadsheet is not None and form == "csv":
         content = for_spreadsheet(content, spreadsheet)
     write_output(out, content)

@@ -99,6 +99,7 @@ def _motion(plan: "Plan | MotionPlan", console: "Console") -> None:
     console.print()
     lines = [] if plan.law is None else _law(plan.law)
     if isinstance(plan, Plan):
+        lines += [] if plan.profile is None else [("profile", plan.profile)]
         lines += _steady(plan.steady_errors)
     lines += [("note", warning) for warning in plan.warnings]
     figures(lines, console)

@@ -209,6 +209,7 @@ def contact_job(
         phases=[planned_phase(phase) for phase in made.phases],
         violations=violations,
         curves=decimated(made.course),
+        profile=values.get("profile"),
         steady_errors=_steady_errors(rig, law.settings, forces_mN),
         law=law.view(),
         warnings=[
