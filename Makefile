@@ -240,11 +240,10 @@ docs: dev ## write what is generated: docs/reference and deploy/openapi.json
 	@$(BIN)/python docs/generate_cli.py
 	@$(BIN)/python -m pincette_supervisor.rest.api deploy/openapi.json
 
-dist: dev ## build wheels and sdist into data/dist, from what git has
+dist: dev ## build wheels and sdists of core, client and adapters into data/dist
 	@rm -rf data/dist
-	@$(BIN)/python -m build --no-isolation --outdir data/dist .
-	@for one in shared $(dir $(wildcard contrib/*/pyproject.toml)); do \
-	  $(BIN)/python -m build --no-isolation --wheel --outdir data/dist $$one || exit 1; \
+	@for one in . shared $(dir $(wildcard contrib/*/pyproject.toml)); do \
+	  $(BIN)/python -m build --no-isolation --outdir data/dist $$one || exit 1; \
 	done
 
 site: dev ## build the documentation site into data/site; any warning ends it
