@@ -198,6 +198,18 @@ def bottom_of(seen: Visit, selector: str) -> float:
     return box["y"] + box["height"]
 
 
+COLOURED = """() => {
+  const canvas = document.querySelector("[data-quantity=force_mN] canvas");
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  for (let i = 0; i < data.length; i += 4) {
+    const [red, green, , alpha] = data.slice(i, i + 4);
+    if (alpha > 20 && alpha < 40 && green > red + 80) return true;
+  }
+  return false;
+}"""
+"""Whether the chart of the force has the pale green of a job that has succeeded."""
+
+
 def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:
     context = browser.new_context()
     with served(desk.app) as address:
@@ -210,6 +222,7 @@ def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> No
         assert [job["kind"] for job in found["jobs"]] == ["grip"]
         assert found["jobs"][0]["recorded"]
         assert max(value for value in found["high"]["force_mN"] if value is not None) > 5.0
+        seen.until_true(lambda: seen.page.evaluate(COLOURED), "the job has no colour")
         seen.page.focus("#charts")
         seen.page.keyboard.press("ArrowRight")
         seen.until("#at", "grip")
@@ -287,10 +300,11 @@ def test_the_words_of_the_bar_and_of_the_tabs_say_what_they_are_about(
 
 
 def test_nothing_overlaps_on_a_narrow_screen(browser: Browser, desk: Harness) -> None:
-    context = browser.new_context(viewport=ViewportSize(**PHONE))
+    context = browser.new_context(viewport=ViewportSize(**PHONE), has_touch=True, is_mobile=True)
     with served(desk.app) as address:
         gripped(address, "B7")
         seen = visit(context, address)
+        assert not seen.page.is_visible("#estop-hint"), "a phone has no Esc"
         seen.page.click("#tab-jobs")
         seen.page.wait_for_selector("#job-list .time")
         assert seen.page.evaluate(OVERLAPS) == []

@@ -168,6 +168,14 @@ export class Axes {
     this.context.fillRect(left, this.y(high), right - left, this.y(low) - this.y(high));
   }
 
+  /** A stretch of time over all values, in a pale colour. */
+  stretch(from, to, hue) {
+    const { left, right, top, bottom } = this.box;
+    const begin = Math.max(left, this.x(from));
+    this.context.fillStyle = `hsl(${hue} 60% 50% / 12%)`;
+    this.context.fillRect(begin, top, Math.max(1, Math.min(right, this.x(to)) - begin), bottom - top);
+  }
+
   /** Keep what follows within the axes. */
   clip() {
     const { left, right, top, bottom } = this.box;

@@ -2,10 +2,12 @@
 // largest value. It is read as the samples of the last minute are (recent.js).
 
 import { get, RIG_PATH } from "../api.js";
-import { clock, plain } from "../words.js";
+import { clock, plain, toneOfState } from "../words.js";
 
 const EVERY_MS = 15000;
 const POINTS = 600;
+/** Hues of jobs by how they ended. */
+const HUES = { good: 140, busy: 210, warn: 39, bad: 0 };
 
 export class Past {
   constructor() {
@@ -95,6 +97,10 @@ export class Past {
   /** Which phase a point is in; two jobs of a kind are two. */
   part(index) {
     return this.job[index]?.id;
+  }
+
+  hue(index) {
+    return HUES[toneOfState(this.job[index]?.state)];
   }
 
   value(name, index) {

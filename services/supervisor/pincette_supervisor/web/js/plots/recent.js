@@ -6,6 +6,9 @@ export const COLUMNS = ["x_um", "x_r_um", "force_mN", "force_r_mN", "force_uncer
 const OF_SECOND = { second_x_um: "x_um", second_force_mN: "force_mN", second_voltage_V: "voltage_V",
   place_um: "place_um", place_r_um: "place_r_um" };
 const CAPACITY = 8192;
+/** Hues of the phases, as in the figure of a job. */
+const HUES = { open: 210, approach: 210, move: 210, retreat: 210, condition: 39, contact: 39, load: 28, unload: 28,
+  hold: 140, track: 140, stopping: 0, stopped: 0 };
 /** What is worked out of two columns: measured or estimated, less its reference. */
 const ERRORS = { x_error_um: ["x_um", "x_r_um"], force_error_mN: ["force_mN", "force_r_mN"],
   place_error_um: ["place_um", "place_r_um"], apart_mN: ["force_mN", "second_force_mN"] };
@@ -69,6 +72,10 @@ export class Recent {
 
   part(index) {
     return this.phase(index);
+  }
+
+  hue(index) {
+    return HUES[this.phase(index)];
   }
 
   /** Whether samples are missing before one; those that came late are not. */

@@ -39,7 +39,6 @@ export const QUANTITIES = [
 ];
 const GAP_S = 0.4;
 const JOBS_MARKED = 40;
-const [MINUTE_S, HOUR_S] = [60, 3600];
 const HOUR_STEPS = [300, 600, 900, 1800, 3600, 7200, 10800, 14400, 21600];
 const MARK_PX = 64;
 
@@ -51,11 +50,13 @@ function timeStep(seconds, width) {
 }
 
 /** A time before the end of the chart. */
-function ago(t, seconds) {
-  if (t > -1e-6) return "now";
-  if (seconds < 600) return `${number(t, 0)} s`;
-  return seconds <= HOUR_S ? `${number(t / MINUTE_S, 0)} min` : `${number(t / HOUR_S, 0)} h`;
-}
+const ago = (t) => (t > -1e-6 ? "now" : `${number(t, 0)} s`);
+
+/** Offset of the local time from UTC, in s. */
+const offset_s = (at_s) => -60 * new Date(1000 * at_s).getTimezoneOffset();
+
+/** Hours and minutes of a local time, in s. */
+const timeOfDay = (local_s) => new Date(1000 * local_s).toISOString().slice(11, 16);
 
 export class Strip {
   constructor(quantity) {
@@ -126,9 +127,11 @@ export class Strip {
     const of = (name) => (i) => source.value(name, i);
     const end = source.since(view.to + 1e-6);
     const breaks = { gap: source.envelope ? 0 : GAP_S, torn: (i) => source.gap(i) };
-    // The grid stands still beside the newest value; the lines pass over it.
-    [axes.from, axes.to] = [-view.seconds, 0];
-    axes.grid(timeStep(view.seconds, axes.box.right - axes.box.left), this.last ? (t) => ago(t, view.seconds) : null);
+    // Live, the grid stands still beside the newest value and the lines pass over it. Hours have clock times.
+    const zero = source.envelope ? -offset_s(view.to) : view.to;
+    [axes.from, axes.to] = [view.from - zero, view.to - zero];
+    const label = source.envelope ? timeOfDay : ago;
+    axes.grid(timeStep(view.seconds, axes.box.right - axes.box.left), this.last ? label : null);
     [axes.from, axes.to] = [view.from, view.to];
     this.phases(source, Math.min(source.since(view.from), end), end, colours);
     axes.clip();
@@ -158,12 +161,17 @@ export class Strip {
     for (const limit of this.limits) axes.level(limit, colours.limit, [8, 4]);
   }
 
-  /** Where one phase, or one job of many, ends and the next begins; the first strip names them. */
+  /** Colour each phase, or each job of many, with a line where the next begins; the first strip names them. */
   phases(source, first, end, colours) {
     const { axes } = this;
     const starts = [];
     for (let i = first + 1; i < end; i += 1) {
       if (source.part(i) !== source.part(i - 1)) starts.push(i);
+    }
+    for (const [place, from] of [first, ...starts].entries()) {
+      const next = starts[place] ?? end;
+      const to_s = source.envelope ? source.time(next - 1) + source.step_s : source.time(Math.min(next, end - 1));
+      if (from < end && source.hue(from) !== undefined) axes.stretch(source.time(from), to_s, source.hue(from));
     }
     if (starts.length <= JOBS_MARKED) {
       for (const i of starts) axes.upright(source.time(i), colours.text, [2, 3]);
