@@ -77,20 +77,21 @@ def test_yesterdays_job_of_a_sample_is_found(
 ) -> None:
     context = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
     with served(desk.app) as address:
-        wanted, other, today = (gripped(address, sample) for sample in ("B7", "B8", "B7"))
+        names = ("Sphere 7", "Sphere 8", "Sphere 7")
+        wanted, other, today = (gripped(address, sample) for sample in names)
         for job in (wanted, other):
             a_day_earlier(desk.store, job)
         seen = visit(context, address)
         seen.page.click("#tab-jobs")
         seen.page.wait_for_selector(f"#open-{today}")
-        seen.page.fill("#job-text", "b7")
+        seen.page.fill("#job-text", "sphere 7")
         seen.page.select_option("#job-when", "yesterday")
         seen.until_true(
             lambda: seen.page.locator("#job-list tbody tr").count() == 1, "not narrowed"
         )
         keep_picture(seen, pictures, "find-list")
         seen.page.click(f"#open-{wanted}")
-        seen.until("#job-detail", "B7")
+        seen.until("#job-detail", "Sphere 7")
         seen.until("#job-detail", "mN")
         seen.page.wait_for_selector("#job-detail img.picture")
         seen.until_true(lambda: bool(seen.page.evaluate(LOADED)), "the picture never came")
