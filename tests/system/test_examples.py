@@ -164,10 +164,13 @@ def publishing() -> Generator[tuple[ZenohBus, str]]:
         bus.close()
 
 
-def publish_until_ended(bus: ZenohBus, process: "subprocess.Popen[str]") -> None:
+def publish_until_ended(
+    bus: ZenohBus, process: "subprocess.Popen[str]", pause_s: float = 0.0
+) -> None:
     """Publish arming after arming, since it is not known when the process has subscribed.
 
-    Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost.
+    Sample 2 is not valid, 3 has an unconfirmed voltage, and the estimate of 4 is lost. On a busy
+    machine messages of a burst may be dropped: ``pause_s`` is the time between two samples.
     """
     position, estimate, applied = (
         message
@@ -186,6 +189,7 @@ def publish_until_ended(bus: ZenohBus, process: "subprocess.Popen[str]") -> None
                 else:
                     changes["valid"] = seq != 2
                 bus.publish(with_arm(message, **changes))
+            sleep(pause_s)
         epoch += 1
         sleep(0.05)
 
@@ -259,7 +263,7 @@ def test_a_plot_has_a_gap_where_the_voltage_is_not_confirmed_or_a_sample_is_lost
         process = subprocess.Popen(
             [sys.executable, str(script), *words, "--seconds", "2"], env=environment(), text=True
         )
-        publish_until_ended(bus, process)
+        publish_until_ended(bus, process, pause_s=0.001)
         assert process.wait(PATIENCE_S) == 0
     found: dict[str, tuple[list[float], list[float]]] = json.loads(curves.read_text())
     voltages_V = found["voltage_V"][1]
