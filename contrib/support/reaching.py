@@ -22,7 +22,7 @@ MOST = 1.02
 """Peak of a step, as a share of the higher one of its two forces; true ones, that have no noise."""
 NEAR_MN = 0.5
 """How near a force held is to the one asked for: 2 % and the stated uncertainty."""
-SLOW: Tree = {"grip": {"approach_um_per_s": 4.0, "load_s": 1.0}}
+SLOW: Tree = {"grip": {"approach_um_per_s": 4.0, "seek_um_per_s": 2.0, "load_s": 1.0}}
 """An approach and a load that are still under way when a stop comes."""
 STOPS = ("approach", "contact", "load", "settle", "hold", "unload")
 """Phases of a grip in which it is stopped; its force settles as the hold begins."""
