@@ -31,7 +31,7 @@ KEPT = ("load", "settle")
 
 
 class NotReachedError(Exception):
-    """The adapter says that a force was not reached, or a part not released."""
+    """The adapter reported that a force was not reached, or that a part was not released."""
 
 
 class Driver(Protocol):

@@ -207,7 +207,7 @@ COLOURED = """() => {
   }
   return false;
 }"""
-"""Whether the chart of the force has the pale green of a job that has succeeded."""
+"""Script: whether the force chart shows the pale green of a succeeded job."""
 
 
 def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:

@@ -23,7 +23,7 @@ SECRET = "pincette/mcp-tokens"
 
 
 class NoPlanError(Exception):
-    """A token that names no plan that may be run."""
+    """A token without a plan that may still be run."""
 
     def __init__(self, why: str) -> None:
         words = f"no-plan: this token {why}; call plan_grip, and grip with the token of its plan"

@@ -60,7 +60,7 @@ class ArmMemory(FrozenRecord, frozen=True):
         )
 
     def armed(self, model: FreeResponse) -> "ArmMemory":
-        """Begin an epoch with a model; another one than before is led through the past."""
+        """Begin an epoch with a model; a changed model is first led through the past voltages."""
         same = model == self.model
         response = self.response if same else self.past.replayed(model)
         return ArmMemory(response, model, self.past)

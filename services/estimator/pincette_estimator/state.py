@@ -157,7 +157,7 @@ class ArmState(FrozenRecord, frozen=True):
     observed_seq: int | None = None
     """The last sample that ``observer`` has seen; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
-    """Motion without the part, up to the newest sample except ``unseen``."""
+    """Recorded motion of the free arm, without the newest sample while ``unseen`` holds it."""
     unseen: tuple[FreeResponse, float] | None = None
     """The newest sample and what the arm's memory was then, until ``caught_up``."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))

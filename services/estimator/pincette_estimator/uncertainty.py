@@ -87,7 +87,7 @@ def _free_error_um(config: ArmConfig, response: FreeResponse) -> float:
 
 
 def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
-    """Return the standard uncertainty by creep from before the conditioning strokes, in µm."""
+    """Return the standard uncertainty, in µm, from creep that began before the strokes."""
     if not isinstance(response, IdentifiedResponse) or not response.strokes.conditioned:
         return 0.0
     creep_mN = past_creep_mN(response.strokes.since_s) / COVERAGE

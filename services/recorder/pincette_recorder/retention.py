@@ -63,7 +63,7 @@ def ended(records: Path) -> list[Kept]:
 
 
 def delete(records: Path, name: str) -> None:
-    """Delete a record; at once it is no longer found under its name. Raises OSError."""
+    """Rename a record, so that it is no longer found, and delete it. Raises OSError."""
     files.delete(records, name)
     log.info("%s: deleted, as [recorder] of the rig file asks for", name)
 

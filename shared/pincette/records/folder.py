@@ -155,7 +155,7 @@ def agree_to_clock(records: Path) -> None:
 
 
 def delete(records: Path, name: str) -> None:
-    """Delete a record; from the beginning it is no longer found under its name. Raises OSError."""
+    """Rename a record, so that it is no longer found, and delete it. Raises OSError."""
     grave = records / f"{DOOMED}{name}"
     (records / name).rename(grave)
     sync_folder(records)

@@ -453,7 +453,7 @@ def _store_end(context: RigContext, row: JobRow, closed: Future[Recorded | str])
 
 
 def _gathered(context: RigContext, row: JobRow) -> Gathered:
-    """Return the job as it is recorded, with the result that was told of it, if any.
+    """Return the recorded job with its result, if it has one.
 
     Raises OSError, or ValueError where it cannot be planned again as it was.
     """
