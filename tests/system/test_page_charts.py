@@ -124,7 +124,7 @@ DRAW_BOTH = """async () => {
   strip.settle({ first: true, last: true, both: true });
   const source = { count: 100, since: (t) => Math.max(0, Math.min(100, Math.ceil(t * 10))),
     time: (i) => i / 10, value: (name) => ({ x_um: 1, second_x_um: 5 }[name] ?? NaN),
-    gap: () => false, part: () => "", phase: () => "" };
+    gap: () => false, part: () => "", phase: () => "", hue: () => undefined };
   const colours = palette();
   strip.draw(source, { from: 0, to: 10, seconds: 10, cross: null }, colours);
   const { width, height } = strip.canvas;
@@ -200,7 +200,11 @@ def bottom_of(seen: Visit, selector: str) -> float:
 
 COLOURED = """() => {
   const canvas = document.querySelector("[data-quantity=force_mN] canvas");
-  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const copy = new OffscreenCanvas(canvas.width, canvas.height);
+  // Chromium warns of canvases that are read again and again without this.
+  const context = copy.getContext("2d", { willReadFrequently: true });
+  context.drawImage(canvas, 0, 0);
+  const { data } = context.getImageData(0, 0, copy.width, copy.height);
   for (let i = 0; i < data.length; i += 4) {
     const [red, green, , alpha] = data.slice(i, i + 4);
     if (alpha > 20 && alpha < 40 && green > red + 80) return true;
