@@ -25,7 +25,7 @@ COMPUTING = "estimator+controller"
 KILOHERTZ: Tree = {
     "rig": {"period_s": PERIOD_S, "composed": [COMPUTING]},
     "model": {"force_observer": "kalman"},
-    "realtime": {"computing_s": PERIOD_S},
+    "realtime": {"computing_s": 0.4 * PERIOD_S},
 }
 ARMINGS = 20
 """On a machine that stalls for longer than is left out, some end in a trip before the fault."""

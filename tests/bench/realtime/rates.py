@@ -49,7 +49,7 @@ def _rig(period_s: float, form: Tree, priority: int) -> Tree:
     common: Tree = {
         "rig": {"period_s": period_s},
         "model": observer,
-        "realtime": {"priority": priority, "computing_s": period_s},
+        "realtime": {"priority": priority, "computing_s": min(0.002, 0.4 * period_s)},
     }
     return laid_over(common, form)
 
