@@ -5,7 +5,6 @@ a law plays or not, and is the same to the last bit.
 """
 
 from msgspec import field
-from msgspec.structs import replace
 
 from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
@@ -23,14 +22,6 @@ class ArmMemory(FrozenRecord, frozen=True):
     """The voltage since the start, for another model to be led through."""
     followed_seq: int = -1
     """The sample up to which ``response`` has followed the voltage."""
-    expected: "ArmMemory | None" = None
-    """What the next sample will make of it, if the voltage commanded is the one applied."""
-
-    def expecting(self, voltage_V: float, seq: int, period_s: float) -> "ArmMemory":
-        """Work out now what a sample will make of it that tells of this voltage."""
-        if seq <= self.followed_seq:
-            return self
-        return replace(self, expected=self._followed(voltage_V, seq, period_s))
 
     def follow(self, estimate: Estimate, arm: int, period_s: float) -> "ArmMemory":
         """Take in the voltage applied to the arm of this index.
@@ -40,17 +31,7 @@ class ArmMemory(FrozenRecord, frozen=True):
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self
-        expected, voltage_V = self.expected, estimate.arms[arm].applied_V
-        # Zeros of either sign are equal, but not the same.
-        if (
-            expected is not None
-            and expected.followed_seq == estimate.seq
-            and expected.response.voltage_V == voltage_V != 0.0
-        ):
-            return expected
-        return self._followed(voltage_V, estimate.seq, period_s)
-
-    def _followed(self, voltage_V: float, seq: int, period_s: float) -> "ArmMemory":
+        seq, voltage_V = estimate.seq, estimate.arms[arm].applied_V
         passed_s = (seq - self.followed_seq) * period_s
         return ArmMemory(
             self.response.follow(voltage_V, passed_s),

@@ -22,7 +22,6 @@ from pincette_controller.force_bounds import is_uncertain
 from pincette_controller.guarding import guard, with_planned_line
 from pincette_controller.player_state import (
     Began,
-    Foreseen,
     Pause,
     Player,
     at_tick,
@@ -75,20 +74,17 @@ def advance(
     player: Player,
     arms: Arms,
     period_s: float,
-    foreseen: Foreseen | None = None,
     limits: StepLimits | None = None,
 ) -> Player:
     """Move on by one tick: guards first, then time, then the references of the next sample.
 
-    ``foreseen`` holds where nothing but time has moved the player on. While a step of the position
-    waits for its confirmation, references and time rest.
+    While a step of the position waits for its confirmation, references and time rest.
     """
-    known = foreseen.player if foreseen is not None and foreseen.of is player else None
     felt, x_um, applied_V = player.felt, arms[0].x_um, (arms[0].applied_V,)
     if felt is not None:
         felt = felt.follow(arms, period_s, 0.5 * program.guards.contact_force_mN)
         x_um, applied_V = place_um(arms), (arms[0].applied_V, arms[1].applied_V)
-    led = player = replace(player, zero=False, bump=False, applied_V=applied_V, felt=felt)
+    player = replace(player, zero=False, bump=False, applied_V=applied_V, felt=felt)
     if player.ended:
         return player
     player = guard(program, player, arms, x_um, period_s, limits)
@@ -97,10 +93,7 @@ def advance(
     player = _move_on(program, player, arms, x_um, period_s)
     if player.ended or player.pause.active:
         return player
-    if known is not None and player is led:
-        moved = replace(player, ticks=known.ticks, ref=known.ref)
-    else:
-        moved = at_tick(player, player.ticks + 1)
+    moved = at_tick(player, player.ticks + 1)
     return within_plan(program, moved, x_um) if moved.held and felt is None else moved
 
 
@@ -112,13 +105,6 @@ def _move_on(program: Program, player: Player, arms: Arms, x_um: float, period_s
     while not player.ended and not player.pause.active and is_over(player, period_s):
         player = _pause_at_rest(_next(program, player, arms, x_um), period_s)
     return player
-
-
-def foresee(player: Player) -> Foreseen | None:
-    """Work out the references of the next sample, if nothing but time moves the player on."""
-    if player.ended or player.pause.active:
-        return None
-    return Foreseen(player, at_tick(player, player.ticks + 1))
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:

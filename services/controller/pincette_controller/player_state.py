@@ -147,13 +147,6 @@ class Player(FrozenRecord, frozen=True):
         return self.entry.line is not None or self.entry.held_at_um is not None
 
 
-class Foreseen(FrozenRecord, frozen=True):
-    """State of a player one tick later, unless a sample changes it."""
-
-    of: Player
-    player: Player
-
-
 def at_tick(player: Player, ticks: int) -> Player:
     """Return the player at ``ticks`` of its segment, with the references of the next sample."""
     entry = player.entry

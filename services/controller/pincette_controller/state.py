@@ -14,7 +14,7 @@ from pincette_controller.arm_memory import ArmMemory
 from pincette_controller.control_laws import ControlLaw
 from pincette_controller.learning import Learning
 from pincette_controller.outputs import invalid_command, number_out_of_bounds
-from pincette_controller.player_state import Foreseen, Player
+from pincette_controller.player_state import Player
 
 
 class Inputs(NamedTuple):
@@ -40,8 +40,6 @@ class State(FrozenRecord, frozen=True):
     laws: tuple[ControlLaw, ...] = ()
     """Laws of ``program``."""
     player: Player | None = None
-    foreseen: Foreseen | None = None
-    """Of the player, while the next sample has not come."""
     law_state: Any = None
     """State of the law that drives the arms; None before the first step."""
     learning: Learning | None = None

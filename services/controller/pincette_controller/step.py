@@ -5,7 +5,6 @@ from msgspec.structs import replace
 from pincette.config import RigFile
 from pincette.control.planning.program import PlannedRange, Program
 from pincette.control.safety.monitors import UNSEEN
-from pincette.control.safety.voltage import limited
 from pincette.core.faults import Fault, FaultCode, Outcome
 from pincette.core.messages import (
     Command,
@@ -44,7 +43,7 @@ from pincette_controller.outputs import (
     no_command,
     telemetry_of,
 )
-from pincette_controller.player import advance, begin, foresee
+from pincette_controller.player import advance, begin
 from pincette_controller.player_state import Player
 from pincette_controller.requests import handle
 from pincette_controller.state import Inputs, State, ended_tick
@@ -92,20 +91,6 @@ def _answer(
     return state, (_silent(state, estimate),)
 
 
-def ahead(config: ControllerConfig, state: State, told: Message) -> State:
-    """Lead each arm's memory by the voltage commanded, as the actuator will mostly put it out, and
-    the references to the next sample."""
-    if not isinstance(told, Command) or not told.valid or told.epoch != state.epoch:
-        return state
-    memories: tuple[ArmMemory, ...] = ()
-    for arm, memory, wanted in zip(config.arms, state.memories, told.arms, strict=True):
-        # What the actuator makes of a voltage in time: its range, its slew, its step.
-        put_out_V, _ = limited(arm.voltage, memory.response.voltage_V, wanted.voltage_V)
-        memories += (memory.expecting(put_out_V, told.seq + 1, config.period_s),)
-    coming = None if state.player is None else foresee(state.player)
-    return replace(state, memories=memories, foreseen=coming)
-
-
 def _silent(state: State, estimate: Estimate) -> Command:
     return no_command(estimate, state.epoch, state.owner, state.silenced, state.player)
 
@@ -119,7 +104,7 @@ def _play(
     before = state.player or begin(program, arms, period_s)
     known = state.learning or begin_learning(program, len(arms))
     player, later, effects = act(program, before, state.pending, estimate.seq, x_um)
-    player = advance(program, player, arms, period_s, state.foreseen, config.steps)
+    player = advance(program, player, arms, period_s, config.steps)
     learning = correct(learn(known, before, arms[0], period_s), player, period_s)
     if player.segment.open_loop:
         player = at_measured(player, arms, x_um)
@@ -220,6 +205,5 @@ SERVICE: Service[RigFile, ControllerConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
-    ahead=ahead,
     state_snapshot=("memories",),
 )

@@ -9,7 +9,6 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from msgspec import field
-from msgspec.structs import replace
 
 from pincette.control.faults import Fault, FaultCode, fault
 from pincette.control.force.contact_detector import ContactDetector
@@ -121,27 +120,6 @@ class Ringing(NamedTuple):
     part_held: bool = False
 
 
-class Followed(FrozenRecord, frozen=True):
-    """The memories after an applied voltage."""
-
-    response: FreeResponse
-    past: VoltageMemory
-    unknown: UnknownPast
-    reversal_memory: ReversalMemory
-    ringing: Ringing
-    of: tuple[Applied, FreeResponse, UnknownPast]
-    """The voltage, and the memories that it was applied to."""
-
-
-class Foreseen(FrozenRecord, frozen=True):
-    """Uncertainty of the force at the sample to come, if nothing is zeroed there."""
-
-    u_F_mN: float
-    seq: int
-    of: tuple[FreeResponse, UnknownPast]
-    """The memories that it is of."""
-
-
 class ArmState(FrozenRecord, frozen=True):
     """The free response of an arm, the samples behind it, and the past that a force needs."""
 
@@ -157,9 +135,7 @@ class ArmState(FrozenRecord, frozen=True):
     observed_seq: int | None = None
     """The last sample that ``observer`` has seen; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
-    """Recorded motion of the free arm, without the newest sample while ``unseen`` holds it."""
-    unseen: tuple[FreeResponse, float] | None = None
-    """The newest sample and what the arm's memory was then, until ``caught_up``."""
+    """Recorded motion of the free arm, up to the newest sample."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
     """Since the zero, or the first sample of the epoch."""
     zero_s: float | None = None
@@ -191,23 +167,12 @@ class ArmState(FrozenRecord, frozen=True):
     """Whether the sensor follows the voltage at all."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
     """The voltage since its past was unknown, for another model to be led through."""
-    followed: Followed | None = None
-    """The memories after a voltage whose sample has not arrived yet."""
-    foreseen: Foreseen | None = None
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
     way_base: Base | None = None
     """Rest after those strokes, from which the way to the next zero counts; None before it."""
     stroke: StrokeChange | None = None
     """Change of the stroke as compared last; None: not compared since the start."""
-
-    def caught_up(self) -> "ArmState":
-        """Take in the newest sample of free motion, which its own estimate did not wait for."""
-        if self.unseen is None:
-            return self
-        response, x_um = self.unseen
-        motion = self.free_motion.follow(response.sample(x_um))
-        return replace(self, free_motion=motion, unseen=None)
 
     @property
     def zero_unconfirmed(self) -> bool:

@@ -23,7 +23,7 @@ def estimate(
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
     u_F_mN = hypot(
-        _uncertainty_mN(config, state, position.seq),
+        uncertainty_mN(config, state, position.seq),
         COVERAGE * stroke_uncertainty_mN(state.response, F_mN),
     )
     touch_x_um, touch_mN = touched(
@@ -58,19 +58,6 @@ def estimate(
         arms=(arm,),
         valid=True,
     )
-
-
-def _uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
-    """As it was foreseen, unless a zero or a rest has come between."""
-    found = state.foreseen
-    if (
-        found is not None
-        and found.seq == seq
-        and found.of[0] is state.response
-        and found.of[1] is state.unknown
-    ):
-        return found.u_F_mN
-    return uncertainty_mN(config, state, state.missed, state.zero_s, seq)
 
 
 def within(range_: tuple[float, float], value: float) -> bool:

@@ -24,7 +24,7 @@ from pincette.core.service import Input, RefusedError, Service, SetVoltage
 from pincette.core.topics import APPLIED, ARM, ESTIMATE, POSITION, STATUS, TIMING_OF
 from pincette_estimator.both_arms import joined, moving_V
 from pincette_estimator.config import ArmConfig, EstimatorConfig, configure
-from pincette_estimator.following import ahead, follow_voltage, unfollowed
+from pincette_estimator.following import follow_voltage, unfollowed
 from pincette_estimator.state import ArmState, FreeMotion, Inputs, State, stroke_fault
 from pincette_estimator.statements import degraded, estimate, within
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
@@ -215,26 +215,24 @@ def _follow_free_motion(
     detector = state.contact_detector
     if first:
         detector = _begun_detector(state, x_um, nominal_um, applied)
-    state = state.caught_up()
     bottom, way_base = state.bottom, state.way_base
     if isinstance(response, IdentifiedResponse) and response.strokes.bottom:
         known = state.unknown.known
         apart_um = (0.0, 0.0) if known else state.unknown.apart_um(response)
         bottom = bottom.follow(response, x_um, apart_um)
         way_base = None
+    motion = FreeMotion()
+    if not applied.part_held:
+        motion = state.free_motion.follow(response.sample(modelled_um))
     followed = replace(
         state,
         response=response,
         bottom=bottom,
         way_base=way_base,
         contact_detector=detector.follow(config.kink_limits, x_um, nominal_um),
-        free_motion=FreeMotion() if applied.part_held else state.free_motion,
-        unseen=None if applied.part_held else (response, modelled_um),
+        free_motion=motion,
     )
-    if not (applied.zero or state.unknown.awaits_rest):
-        return followed
-    followed = followed.caught_up()
-    if state.unknown.awaits_rest and followed.free_motion.rests(config.zero_limits.rest_samples):
+    if state.unknown.awaits_rest and motion.rests(config.zero_limits.rest_samples):
         return replace(followed, unknown=rested_past(config, followed))
     return followed
 
@@ -432,6 +430,5 @@ SERVICE: Service[RigFile, EstimatorConfig, State, Inputs] = Service(
     start=start,
     step=step,
     handle=handle,
-    ahead=ahead,
     state_snapshot=("arms",),
 )

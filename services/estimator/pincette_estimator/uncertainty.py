@@ -7,45 +7,38 @@ from pincette.control.response.conditioned_branch import FRESH_V, past_creep_mN
 from pincette.control.response.error_growth import TURN_V
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
-from pincette.control.response.residual_table import Residual
 from pincette.control.response.reversal_memory import forgotten_share
 from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
 from pincette_estimator.config import ArmConfig
-from pincette_estimator.state import ArmState, Followed, Ringing
+from pincette_estimator.state import ArmState, Ringing
 
 
-def uncertainty_mN(
-    config: ArmConfig,
-    memories: ArmState | Followed,
-    missed: Residual | None,
-    zero_s: float | None,
-    seq: int,
-) -> float:
+def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     """Return the uncertainty of the force at a sample, by the memories led up to it.
 
     A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
     what is left of them is its error. Past the end of what was played creep begins anew.
     """
-    t_s = seq * config.period_s
+    t_s, zero_s = seq * config.period_s, state.zero_s
+    missed, response = state.missed, state.response
     age_s = t_s if zero_s is None else t_s - zero_s
     # Any drift up to the largest is equally likely.
     drift_um = config.drift_um_per_s * max(0.0, age_s) / sqrt(3.0)
-    free_um = _free_error_um(config, memories.response)
-    share = forgotten_share(memories.reversal_memory.total_V, config.forgotten_scale_V)
+    free_um = _free_error_um(config, response)
+    share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
     if config.residual is not None and missed is not None and zero_s is not None:
         free_um, lost_mN = config.residual.error_um, 0.0
         age_s = missed.beyond * config.period_s
-    response = memories.response
     late_um = late_creep_um(
         percent_per_decade=config.creep_percent_per_decade,
         stroke_um=response.nominal_um_per_V * response.voltage_V,
         age_s=0.0 if zero_s is None else t_s - zero_s,
         known_to_s=config.creep_known_s,
     )
-    unknown_um = standard_uncertainty_um(memories.unknown.error_um(memories.response))
-    ring = ring_um(config, memories.ringing)
-    past_um = past_creep_um(config, memories.response)
+    unknown_um = standard_uncertainty_um(state.unknown.error_um(response))
+    ring = ring_um(config, state.ringing)
+    past_um = past_creep_um(config, response)
     return uncertainty(
         noise_um=config.noise_um,
         free_error_um=hypot(free_um, unknown_um, drift_um, late_um, ring, past_um),

@@ -132,13 +132,6 @@ class Service(Generic[R, C, S, I]):
     start: Callable[[C], S]
     step: Callable[[C, S, I, float], tuple[S, tuple[Message | DeviceCommand, ...]]]
     handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
-    ahead: Callable[[C, S, Message], S] | None = None
-    """Finish what a step has left, and prepare what the next one will need, while nobody waits.
-
-    It is given a sample that waits to be joined, or the first output of a step once all are
-    published. A step itself does what has not been done, so that this changes no number. An error
-    ends the program as one in a step does.
-    """
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
     """In real time, step at least this often; None: only when a message arrives."""

@@ -180,10 +180,7 @@ class Runner:
     def take(self, sample: Any, now: float, came_at: float | None = None) -> None:
         """Take a sample of one of its inputs, which arrived at ``came_at`` (None: now)."""
         role = self.joiner.take(sample, now, self.state.epoch)
-        if role == "join":
-            if self.service.ahead is not None:
-                self.state = self.service.ahead(self.config, self.state, sample)
-        elif role == "trigger":
+        if role == "trigger":
             if self.stats is not None:
                 self.stats.came(sample, now if came_at is None else came_at)
         elif role is None and self.on_refused is not None:
@@ -248,8 +245,7 @@ class Runner:
     def settle(self, now: float) -> None:
         """Complete the newest step, whose outputs have been published.
 
-        Counts its times, and lets the service precompute what its next step needs. The next step of
-        the timer stays on the grid; missed points are skipped.
+        Counts its times. The next step of the timer stays on the grid; missed points are skipped.
         """
         stats, outputs, timed = self.stats, self._outputs, self._timed
         self._timed = False
@@ -260,9 +256,6 @@ class Runner:
             elif self.due_at is not None:
                 stats.clocked(self.due_at, self._stepped_s, outputs)
                 stats.published(now)
-        if outputs and self.service.ahead is not None:
-            self.state = self.service.ahead(self.config, self.state, outputs[0])
-            self._outputs = ()
         if self.due_at is None:
             return
         if not timed:

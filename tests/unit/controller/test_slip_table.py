@@ -83,7 +83,6 @@ class Slipping:
                 player,
                 (_estimate(seen_um, free_um, (seq - zeroed) * T),),
                 T,
-                None,
                 self.limits,
             )
             zeroed = seq + 1 if player.zero else zeroed

@@ -44,7 +44,7 @@ class Sensed(Arm):
 
     def tick(self) -> None:
         estimate = self.estimate()
-        self.player = advance(self.program, self.player, (estimate,), T, None, LIMITS)
+        self.player = advance(self.program, self.player, (estimate,), T, LIMITS)
         self.seq += 1
         if self.player.zero:
             self.zeroed = self.seq

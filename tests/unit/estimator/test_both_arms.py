@@ -10,7 +10,7 @@ from pincette.core.faults import FaultCode
 from pincette.core.messages import Estimate
 from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette_estimator.config import configure
-from pincette_estimator.step import SERVICE, Inputs, ahead, step
+from pincette_estimator.step import SERVICE, Inputs, step
 from tests.support.two_arms import two_arm_rig
 from tests.unit.estimator.bench import APPLIED, POSITION, Bench
 
@@ -28,7 +28,6 @@ class PairBench(Bench):
         zero: bool = False,
         held: bool = False,
         second_valid: bool = True,
-        led: bool = False,
     ) -> Estimate:
         applied = replace(
             APPLIED,
@@ -39,8 +38,6 @@ class PairBench(Bench):
         )
         arms = ArmPosition(tips_um[0], valid=True), ArmPosition(tips_um[1], valid=second_valid)
         position = replace(POSITION, seq=self.seq, arms=arms)
-        if led:
-            self.state = ahead(self.config, self.state, applied)
         self.state, (found,) = step(self.config, self.state, Inputs(position, applied), 0.0)
         self.seq += 1
         assert isinstance(found, Estimate)
@@ -53,13 +50,12 @@ def course(seq: int) -> tuple[tuple[float, float], tuple[float, float]]:
     return (19.0 * voltages[0], 18.5 * voltages[1]), voltages
 
 
-@pytest.mark.parametrize("led", [False, True])
-def test_each_arm_has_the_estimate_that_it_has_alone(led: bool) -> None:
+def test_each_arm_has_the_estimate_that_it_has_alone() -> None:
     both = PairBench(configure(RIG))
     alone = [Bench(configure(arm)) for arm in RIG.arms]
     for seq in range(120):
         tips, voltages = course(seq)
-        found = both.feed_both(tips, voltages, zero=seq == 60, led=led)
+        found = both.feed_both(tips, voltages, zero=seq == 60)
         one, two = (
             bench.feed(tip, u, zero=seq == 60)
             for bench, tip, u in zip(alone, tips, voltages, strict=True)
