@@ -116,9 +116,9 @@ def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) ->
     replayed(rig, first["id"], second["id"])
 
     url = f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"
-    shown = typed("learning", "show", "--url", url)
+    shown = typed("learning", "--url", url)
     assert learned["program"] in shown.stdout
-    assert typed("learning", "erase", learned["program"], "--url", url).returncode == 0
+    assert typed("learning", "--erase", learned["program"], "--url", url).returncode == 0
     assert rig.get("/rigs/demo/learning")["programs"] == []
 
 

@@ -8,11 +8,14 @@ from importlib.metadata import EntryPoint
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pincette.cli.terminal import Json, emit
+from pincette.cli.terminal import Json, emit, screen, table
 from pincette.core import plugins
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
+    from rich.console import Console
+
+    from pincette.config import Table
 
 TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
 """Table of the rig file that names a driver of the group."""
@@ -83,19 +86,19 @@ def _described(group: str, entry: EntryPoint) -> Driver:
         return Driver(entry.name, origin, fault=str(error))
     module = sys.modules[entry.module]
     met = vars(module).get("MET")
-    options = tuple(_options(module))
+    options = tuple(f"{name} {_default(field)}" for _, name, field in options_of(module))
     return Driver(entry.name, origin, met if isinstance(met, bool) else None, options)
 
 
-def _options(module: ModuleType) -> Iterator[str]:
-    """The fields of the table of options, which is a class of the module named …Options."""
+def options_of(module: ModuleType) -> "Iterator[tuple[type[Table], str, FieldInfo]]":
+    """Yield the options of a driver with their table, a class of its module named …Options."""
     from pincette.config import Table
 
     for name, thing in vars(module).items():
         own = isinstance(thing, type) and thing.__module__ == module.__name__
         if own and issubclass(thing, Table) and name.endswith("Options"):
             for option, field in thing.model_fields.items():
-                yield f"{option} {_default(field)}"
+                yield thing, option, field
 
 
 def _default(field: "FieldInfo") -> str:
@@ -117,18 +120,17 @@ def _lines(driver: Driver) -> Iterator[str]:
 
 def show_topics(form: Json, name: str) -> None:
     """Print what a rig publishes and which requests it answers, a key a line."""
-    form.answer(topics_tree(name), lambda: _print_topics(name))
+    topics = topics_tree(name)
+    form.answer(topics, lambda: _print_topics(topics, screen()))
 
 
-def _print_topics(name: str) -> None:
-    from pincette.core.topics import REQUESTS, TOPICS, key, request_key
-
-    print("published, a MessagePack map a sample, units in the field names:")
-    _print([(key(name, one), one.message.__name__, one.summary) for one in TOPICS])
-    print("\nrequested, with request and reply:")
-    types = [f"{one.request.__name__} → {one.reply.__name__}" for one in REQUESTS]
-    keys = [request_key(name, one) for one in REQUESTS]
-    _print(list(zip(keys, types, strict=True)))
+def _print_topics(topics: dict[str, list[dict[str, str]]], console: "Console") -> None:
+    console.print("published, a MessagePack map a sample, units in the field names:")
+    rows = [(one["key"], one["message"], one["summary"]) for one in topics["published"]]
+    console.print(table("key", "message", "meaning", rows=rows, right=()))
+    console.print("\nrequested:")
+    rows = [(one["key"], one["request"], one["reply"]) for one in topics["asked"]]
+    console.print(table("key", "request", "reply", rows=rows, right=()))
 
 
 def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
@@ -155,10 +157,3 @@ def topics_tree(name: str) -> dict[str, list[dict[str, str]]]:
             for question in REQUESTS
         ],
     }
-
-
-def _print(rows: list[tuple[str, ...]]) -> None:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print(f"  {'  '.join(cells)}".rstrip())

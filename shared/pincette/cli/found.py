@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,12 +10,12 @@ from typer import Argument, BadParameter, Option, Typer
 from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
-from pincette.cli.options import DATA, MOMENTS, Limit, moment
+from pincette.cli.options import DATA, MOMENTS, Limit, moment, text_option
 from pincette.cli.output_file import write_output
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
 from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
-from pincette.cli.terminal import STATE_COLOURS, clock, command, patience, table
+from pincette.cli.terminal import STATE_COLOURS, clock, command, named, patience, table
 from pincette.core.files import make_folder
 
 if TYPE_CHECKING:
@@ -44,58 +43,48 @@ Labels = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted(Target):
-    """For a command about the jobs that are as named."""
-
-    state: Annotated[
-        str | None,
-        Option("--state", parser=choice([*STATES]), metavar="STATE", help="only jobs in it"),
-    ] = None
-    kind: Annotated[str | None, Option("--kind", metavar="KIND", help="only jobs of it")] = None
-    sample: Annotated[
-        str | None, Option("--sample", metavar="NAME", help="only jobs of this sample")
-    ] = None
-    batch: Annotated[
-        str | None, Option("--batch", metavar="NAME", help="only jobs of this batch")
-    ] = None
-    operator: Annotated[
-        str | None, Option("--operator", metavar="NAME", help="only jobs of this operator")
-    ] = None
-    label: Annotated[
-        str | None, Option("--label", metavar="NAME=TEXT", help="only jobs that carry it")
-    ] = None
-    text: Annotated[
-        str | None,
-        Option("--text", metavar="TEXT", help="only jobs with it in id, description or cause"),
-    ] = None
-    outcome: Annotated[
-        str | None, Option("--outcome", metavar="OUTCOME", help="only jobs with this outcome")
-    ] = None
-    pinned: Annotated[bool, Option("--pinned", help="only jobs whose record is pinned")] = False
-    since: Annotated[
-        str | None,
-        Option("--since", metavar="TIME", parser=moment, help=f"taken then or later: {MOMENTS}"),
-    ] = None
-    until: Annotated[
-        str | None, Option("--until", metavar="TIME", parser=moment, help="taken before then")
-    ] = None
-
-    @property
-    def filters(self) -> dict[str, str]:
-        """As the query of REST has them."""
-        names = ("state", "kind", "sample", "batch", "operator", "label", "text", "outcome")
-        given: dict[str, str | None] = {name: getattr(self, name) for name in names}
-        given |= {"rig": self.rig_name, "created_from": self.since, "created_to": self.until}
-        given["pinned"] = "true" if self.pinned else None
-        return {name: value for name, value in given.items() if value is not None}
+FILTERS = [
+    text_option("state", "STATE", "only jobs in it", choice([*STATES])),
+    text_option("kind", "KIND", "only jobs of it"),
+    text_option("sample", "NAME", "only jobs of this sample"),
+    text_option("batch", "NAME", "only jobs of this batch"),
+    text_option("operator", "NAME", "only jobs of this operator"),
+    text_option("label", "NAME=TEXT", "only jobs that carry it"),
+    text_option("text", "TEXT", "only jobs with it in id, description or cause"),
+    text_option("outcome", "OUTCOME", "only jobs with this outcome"),
+    named(
+        "pinned",
+        Annotated[bool, Option("--pinned", help="only jobs whose record is pinned")],
+        False,
+    ),
+    text_option("since", "TIME", f"taken then or later: {MOMENTS}", moment),
+    text_option("until", "TIME", "taken before then", moment),
+]
+"""Options of a command about the jobs that are as named."""
+IN_QUERY = {"since": "created_from", "until": "created_to"}
+"""Names in the query of REST, where they differ."""
+SAID = [
+    text_option("sample", "NAME", "what is gripped"),
+    text_option("batch", "NAME", "its batch"),
+    text_option("operator", "NAME", "who worked at the bench"),
+    text_option("notes", "TEXT", "what should be known later"),
+]
+"""Options of ``describe`` that are texts."""
 
 
-def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
+def filters_of(target: Target, given: Mapping[str, Any]) -> dict[str, str]:
+    """Return the values of ``FILTERS`` as the query of REST has them."""
+    found = {IN_QUERY.get(name, name): value for name, value in given.items()}
+    found |= {"rig": target.rig_name, "pinned": "true" if given["pinned"] else None}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def list_jobs(target: Target, limit: Limit = 20, **given: Any) -> None:
     """List jobs, the newest first."""
     from rich.markup import escape
 
-    jobs = [handle.job for handle in wanted.supervisor().jobs(limit, **wanted.filters)]
+    filters = filters_of(target, given)
+    jobs = [handle.job for handle in target.supervisor().jobs(limit, **filters)]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
     record = ["record"] if any(job.record for job in jobs) else []
@@ -109,8 +98,8 @@ def list_jobs(wanted: Wanted, limit: Limit = 20) -> None:
         kept = [RECORDS[job.record_complete] if job.record else ""] if record else []
         told = [escape(_said(job))] if said else []
         rows.add_row(job.id, *([job.rig] if rig else []), *cells, *kept, *told)
-    none = "no such job" if wanted.filters else "no job yet; `pincette job grip` starts one"
-    wanted.answer(jobs, rows, none)
+    none = "no such job" if filters else "no job yet; `pincette job grip` starts one"
+    target.answer(jobs, rows, none)
 
 
 def _said(job: "Job") -> str:
@@ -119,12 +108,13 @@ def _said(job: "Job") -> str:
 
 
 def export(
-    wanted: Wanted,
+    target: Target,
     out: Annotated[
         Path, Option("--out", metavar="FILE", help="a name that ends in .csv or .parquet")
     ] = DATA / "jobs.csv",
     spreadsheet: ForSpreadsheet = None,
     numbers: NumbersAlone = False,
+    **given: Any,
 ) -> None:
     """Write many jobs as one table: what was said and asked, and every figure."""
     form = FORMATS.get(out.suffix)
@@ -134,11 +124,11 @@ def export(
         raise CliError(f"--spreadsheet writes CSV: give a name that ends in .csv, not {out}")
     if numbers and (spreadsheet is not None or form != "csv"):
         raise CliError(f"{NOT_BOTH}, with a name that ends in .csv", Exit.USAGE)
-    supervisor = wanted.supervisor()
+    supervisor, filters = target.supervisor(), filters_of(target, given)
     with patience("exporting"):
-        content = supervisor.export("numbers.csv" if numbers else form, **wanted.filters)
+        content = supervisor.export("numbers.csv" if numbers else form, **filters)
         if numbers:
-            tree = json.loads(supervisor.export("numbers.csv-metadata.json", **wanted.filters))
+            tree = json.loads(supervisor.export("numbers.csv-metadata.json", **filters))
             text = json.dumps({**tree, "url": out.name}, indent=1, ensure_ascii=False)
             write_output(out.with_name(f"{out.name}-metadata.json"), text.encode())
     if out.parent == DATA:
@@ -146,31 +136,21 @@ def export(
     if spreadsheet is not None and form == "csv":
         content = for_spreadsheet(content, spreadsheet)
     write_output(out, content)
-    wanted.answer(str(out), str(out))
+    target.answer(str(out), str(out))
 
 
 def describe(
     target: Target,
     job: JobName,
-    sample: Annotated[
-        str | None, Option("--sample", metavar="NAME", help="what is gripped")
-    ] = None,
-    batch: Annotated[str | None, Option("--batch", metavar="NAME", help="its batch")] = None,
-    operator: Annotated[
-        str | None, Option("--operator", metavar="NAME", help="who worked at the bench")
-    ] = None,
-    notes: Annotated[
-        str | None, Option("--notes", metavar="TEXT", help="what should be known later")
-    ] = None,
     labels: Labels = None,
     pin: Annotated[
         str | None,
         Option("--pin", parser=choice(("yes", "no")), metavar="yes|no", help="keep its record"),
     ] = None,
+    **texts: Any,
 ) -> None:
     """Say more of a job, also after its end; --label takes the place of all its labels."""
-    said = {"sample": sample, "batch": batch, "operator": operator, "notes": notes}
-    given: dict[str, Any] = {key: value for key, value in said.items() if value is not None}
+    given = {name: text for name, text in texts.items() if text is not None}
     if labels:
         given["labels"] = dict(labels)
     if pin is not None:
@@ -183,6 +163,6 @@ def describe(
 
 def add_to(app: Typer) -> None:
     """Add the commands below ``job``."""
-    command(app, "list")(list_jobs)
-    command(app, "export")(export)
-    command(app, "describe")(describe)
+    command(app, "list", FILTERS)(list_jobs)
+    command(app, "export", FILTERS)(export)
+    command(app, "describe", SAID)(describe)

@@ -1,28 +1,24 @@
 """``pincette init``: ask what a rig file needs to know of a bench, and write it."""
 
-import ast
-import inspect
 import json
 import os
 import sys
 from collections.abc import Callable, Iterator
+from inspect import Parameter
 from pathlib import Path
-from textwrap import dedent
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
 from pincette.cli import CliError, Exit
+from pincette.cli.catalogue import options_of
+from pincette.cli.options import text_option
 from pincette.cli.readers import literal, number
 from pincette.cli.terminal import command, group, named
 from pincette.config.bench_form import NUMBERED, Question, Value
 from pincette.core import plugins
 from pincette.core.files import sync_folder
-
-if TYPE_CHECKING:
-    from pincette.config import Table
-
 
 FIRST_PORT = "/dev/ttyUSB0"
 """Port of an instrument if its driver states no usual place."""
@@ -34,8 +30,6 @@ SIDES = {
 }
 app = group()
 Answer = Callable[[Question], Value]
-Yes = Annotated[bool, Option("--yes", help="ask nothing: defaults where no option answers")]
-Given = list[Any] | None
 
 
 def pair(text: str) -> tuple[str, Value]:
@@ -49,34 +43,6 @@ def pair(text: str) -> tuple[str, Value]:
 def _value(name: str, text: str) -> Value:
     found = literal(name, text)
     return found if isinstance(found, str | float | int | bool) else text
-
-
-def _init(path: Path, yes: bool, **given: Any) -> int:
-    from pincette.config import ConfigError
-    from pincette.config.bench_form import ARM, PART, RIG, bench_file
-
-    if path.exists():
-        raise CliError(f"{path} is there already: name another file, or move it away")
-    if not yes and not sys.stdin.isatty():
-        raise CliError("no terminal to ask at: --yes takes the defaults", Exit.USAGE)
-    answer = _answers(given, ask=not yes)
-    values: dict[str, Value] = {one.name: answer(one) for one in RIG}
-    options = {side: _side(side, answer, given, values) for side in SIDES}
-    values |= {one.name: answer(one) for one in (*ARM, *PART)}
-    try:
-        text = bench_file(values, options)
-    except ConfigError as error:
-        raise CliError(f"{error}\nnothing is written: answer anew", Exit.USAGE) from error
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        sync_folder(path.absolute().parent)
-    except OSError as error:
-        raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
-    print(f"{path} is written. Next:\n  export PINCETTE_RIG={path}\n  pincette doctor")
-    return Exit.DONE
 
 
 def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
@@ -153,46 +119,24 @@ def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Va
 def _options(
     module: ModuleType, answer: Answer, own: dict[str, Value]
 ) -> Iterator[tuple[str, Value]]:
-    """The options of a driver; its table of them is a class of its module named …Options."""
-    from pincette.config import Table
+    """Yield the options of a driver with their values."""
+    from pincette.asyncapi.schemas import notes
 
-    for name, thing in vars(module).items():
-        mine = isinstance(thing, type) and thing.__module__ == module.__name__
-        if not (mine and issubclass(thing, Table) and name.endswith("Options")):
+    for table, option, field in options_of(module):
+        if option in own:
+            yield option, own.pop(option)
             continue
-        words = _docstrings(thing)
-        for option, field in thing.model_fields.items():
-            if option in own:
-                yield option, own.pop(option)
-                continue
-            required = field.is_required()
-            default: Value = "" if required else field.default
-            about = words.get(option, option).rstrip(".").lower()
-            asked = answer(
-                Question(f"option {option}", f"{option}: {about}", "", default, "instrument")
+        required = field.is_required()
+        default: Value = "" if required else field.default
+        about = notes(table).get(option, option).rstrip(".").lower()
+        asked = answer(
+            Question(f"option {option}", f"{option}: {about}", "", default, "instrument")
+        )
+        if required and asked == "":
+            raise CliError(
+                f"the driver needs its option {option} ({about}): give it as NAME=VALUE", Exit.USAGE
             )
-            if required and asked == "":
-                raise CliError(
-                    f"the driver needs its option {option} ({about}): give it as NAME=VALUE",
-                    Exit.USAGE,
-                )
-            yield option, _value(option, str(asked)) if required else asked
-
-
-def _docstrings(table: "type[Table]") -> dict[str, str]:
-    """What a table says of each of its fields."""
-    (body,) = ast.parse(dedent(inspect.getsource(table))).body
-    assert isinstance(body, ast.ClassDef)
-    found: dict[str, str] = {}
-    for line, after in zip(body.body, body.body[1:], strict=False):
-        if (
-            isinstance(line, ast.AnnAssign)
-            and isinstance(line.target, ast.Name)
-            and isinstance(after, ast.Expr)
-            and isinstance(after.value, ast.Constant)
-        ):
-            found[line.target.id] = str(after.value.value)
-    return found
+        yield option, _value(option, str(asked)) if required else asked
 
 
 def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
@@ -205,71 +149,68 @@ def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
     return value
 
 
-_DRIVERS = [
-    named(side, Annotated[str | None, Option(f"--{side}", metavar="DRIVER", help=f"of {words}")])
-    for side, (_, words) in SIDES.items()
-]
-_PLACES = [
-    named(
-        f"{side}_url",
-        Annotated[str | None, Option(f"--{side}-url", metavar="URL", help=f"where {words} is")],
-    )
-    for side, (_, words) in SIDES.items()
-]
-_OPTIONS = [
-    named(
-        f"{side}_options",
-        Annotated[
-            Given,
-            Option(
-                f"--{side}-option",
-                metavar="NAME=VALUE",
-                parser=pair,
-                help=f"of the driver of {words}; repeatable",
-            ),
-        ],
-    )
-    for side, (_, words) in SIDES.items()
-]
+def _options_of_side(side: str, words: str) -> list[Parameter]:
+    """Return the parameters of an instrument: driver, place, and the driver's own options."""
+    about = f"of the driver of {words}; repeatable"
+    own = Option(f"--{side}-option", metavar="NAME=VALUE", parser=pair, help=about)
+    return [
+        text_option(side, "DRIVER", f"of {words}"),
+        text_option(f"{side}_url", "URL", f"where {words} is"),
+        named(f"{side}_options", Annotated[list[Any] | None, own]),
+    ]
 
 
-def _option(asked: Question) -> Any:
-    numeric = isinstance(asked.default, float)
+def _option(asked: Question) -> Parameter:
     unit = f", in {asked.unit}" if asked.unit else ""
     shown = Option(
         asked.flag,
-        parser=number(asked.unit) if numeric else str,
+        parser=number(asked.unit) if _numeric(asked) else str,
         metavar=asked.unit or "TEXT",
         help=f"{asked.words}{unit}; {asked.default} if not given",
         show_default=False,
     )
-    return Annotated[Any, shown]
-
-
-_SILENCE = named(
-    "on_silence",
-    Annotated[
-        str | None,
-        Option("--on-silence", metavar="safe|holds", help="what the output does by itself then"),
-    ],
-)
+    return named(asked.name, Annotated[Any, shown])
 
 
 @command(
     app,
     "init",
     [
-        *_DRIVERS,
-        *_PLACES,
-        *_OPTIONS,
-        _SILENCE,
-        *(named(one.name, _option(one)) for one in NUMBERED),
+        *(one for side, (_, words) in SIDES.items() for one in _options_of_side(side, words)),
+        text_option("on_silence", "safe|holds", "what the output does by itself then"),
+        *map(_option, NUMBERED),
     ],
 )
 def init(
     path: Annotated[Path, Argument(metavar="FILE", help="rig file to write, such as bench.toml")],
-    yes: Yes = False,
+    yes: Annotated[
+        bool, Option("--yes", help="ask nothing: defaults where no option answers")
+    ] = False,
     **given: Any,
 ) -> int:
     """Ask what a rig file needs to know of a bench, and write it; nothing is overwritten."""
-    return _init(path, yes, **given)
+    from pincette.config import ConfigError
+    from pincette.config.bench_form import ARM, PART, RIG, bench_file
+
+    if path.exists():
+        raise CliError(f"{path} is there already: name another file, or move it away")
+    if not yes and not sys.stdin.isatty():
+        raise CliError("no terminal to ask at: --yes takes the defaults", Exit.USAGE)
+    answer = _answers(given, ask=not yes)
+    values: dict[str, Value] = {one.name: answer(one) for one in RIG}
+    options = {side: _side(side, answer, given, values) for side in SIDES}
+    values |= {one.name: answer(one) for one in (*ARM, *PART)}
+    try:
+        text = bench_file(values, options)
+    except ConfigError as error:
+        raise CliError(f"{error}\nnothing is written: answer anew", Exit.USAGE) from error
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        sync_folder(path.absolute().parent)
+    except OSError as error:
+        raise CliError(f"{path} cannot be written ({error.strerror}): name another") from error
+    print(f"{path} is written. Next:\n  export PINCETTE_RIG={path}\n  pincette doctor")
+    return Exit.DONE

@@ -12,6 +12,7 @@ from pincette.cli import CliError, Exit
 from pincette.cli.access import FOLLOWED_S, Target
 from pincette.cli.found import ID, JobName, Labels, add_to
 from pincette.cli.options import (
+    ALL,
     Everything,
     Picture,
     given_fields,
@@ -28,6 +29,7 @@ from pincette.cli.terminal import (
     emit,
     fitted,
     group,
+    named,
     patience,
     screen,
     table,
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 
     from pincette.api.job_kinds import JobKind
     from pincette.api.jobs import Artifact, Job
-    from pincette.client import JobHandle, RigHandle
+    from pincette.client import JobHandle
 
 
 ACTIONS: Mapping[ActionType, str] = {
@@ -59,12 +61,18 @@ STOPPED_S = 60.0
 
 NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]
 Queue = Annotated[bool, Option("--queue", help="wait for the job that has the rig")]
+Asked = Annotated[
+    str | None,
+    Argument(metavar="JOB", help="the job to ask; a new job does it if not given"),
+]
+"""Argument of a kind of job that is also an action of other jobs."""
 
 
 def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
     """Add the command that starts a job of a kind, or of a variant of it."""
     request = kind.request_of(fixed.get(kind.variant_field, ""))
-    more = request_parameters(request, tuple(fixed))
+    asked = [named("asked", Asked)] if kind.name in get_args(ActionType) else []
+    more = [*asked, *request_parameters(request, tuple(fixed))]
 
     def start(
         target: Target,
@@ -74,6 +82,8 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         everything: Everything = False,
         **given: Any,
     ) -> int | None:
+        if (asked := given.get("asked")) is not None:
+            return _act(target, asked, kind.name)  # pyright: ignore[reportArgumentType]
         fields = {**fixed, **given_fields(given)}
         if queue:
             fields["queue"] = True
@@ -89,59 +99,29 @@ def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict
         target.answer(job.job, job.id)
         return None
 
-    def act_or_start(
-        target: Target,
-        job: Annotated[
-            str | None,
-            Argument(metavar="JOB", help="the job to ask; a new job does it if not given"),
-        ] = None,
-        queue: Queue = False,
-        labels: Labels = None,
-        no_wait: NoWait = False,
-        everything: Everything = False,
-        **given: Any,
-    ) -> int | None:
-        if job is not None:
-            return _act(target, job, name)  # pyright: ignore[reportArgumentType]
-        return start(target, queue, labels, no_wait, everything, **given)
-
-    is_action = name in get_args(ActionType)
-    command(below, name, more, help=about)(act_or_start if is_action else start)
+    command(below, name, more, help=about)(start)
 
 
 def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
     request = kind.request_of(fixed.get(kind.variant_field, ""))
     more = request_parameters(request, tuple(fixed))
 
-    def plan(target: Target, plot: Picture = None, **given: Any) -> int:
+    def plan(target: Target, **given: Any) -> int:
         fields, rig = {**fixed, **given_fields(given)}, target.rig()
-        status = _planned(target, rig, kind, fields)
-        if plot is not None:
+        with patience("planning and predicting"):
+            planned = rig.plan(kind.name, **fields)
+        if not target.json and fields:
+            print(fitted(f"asked for: {stated_fields(fields)}\n", sys.stdout))
+        target.answer(planned, lambda: show_plan(planned, screen()))
+        if (plot := given.get("plot")) is not None:
             with patience("drawing"):
                 write_output(plot, rig.plot(kind.name, **fields))
             if not target.json:
                 print(f"plot: {plot}")
-        return status
+        return Exit.DONE if planned.feasible else Exit.LIMIT
 
-    def plan_alone(target: Target, **given: Any) -> int:
-        return plan(target, None, **given)
-
-    command(below, name, more, help=about)(plan if kind.predicted else plan_alone)
-
-
-def _planned(target: Target, rig: "RigHandle", kind: "JobKind", fields: dict[str, Any]) -> int:
-    """Show what a job would do; the exit status says whether it may."""
-    with patience("planning and predicting"):
-        plan = rig.plan(kind.name, **fields)
-    stated = stated_fields(fields)
-
-    def show() -> None:
-        if stated:
-            print(fitted(f"asked for: {stated}\n", sys.stdout))
-        show_plan(plan, screen())
-
-    target.answer(plan, show)
-    return Exit.DONE if plan.feasible else Exit.LIMIT
+    pictured = [named("plot", Picture)] if kind.predicted else []
+    command(below, name, [*pictured, *more], help=about)(plan)
 
 
 class JobKinds(Group):
@@ -192,8 +172,7 @@ class PlanKinds(JobKinds):
 app = group()
 job_app = group("job", "start a job and follow it, act on one, list them", JobKinds)
 plan_app = group("plan", "say what a job would do, and every limit that it would break", PlanKinds)
-learning_app = group("learning", "show what programs have learned across their cycles, or erase it")
-for one in (job_app, plan_app, learning_app):
+for one in (job_app, plan_app):
     app.add_typer(one)
 
 
@@ -304,9 +283,23 @@ for _action, _about in ACTIONS.items():
     _add_action(_action, _about)
 
 
-@command(learning_app, "show")
-def show_learning(target: Target) -> None:
-    """Show every program that has learned, with the error over its cycles."""
+@command(app, "learning")
+def learning(
+    target: Target,
+    erase: Annotated[
+        str | None,
+        Option(
+            "--erase",
+            metavar=f"PROGRAM|{ALL}",
+            help="forget what this program has learned, or all: its next job begins anew",
+        ),
+    ] = None,
+) -> None:
+    """Show every program that has learned, with the error over its cycles, or erase it."""
+    if erase is not None:
+        erased = target.rig().erase_learning(None if erase == ALL else erase)
+        target.answer(erased, f"{erased.erased} erased")
+        return
     found = target.rig().learning()
     rows = [
         (
@@ -320,18 +313,3 @@ def show_learning(target: Target) -> None:
     ]
     shown = table("program", "motion", "learned", "cycles", "error by cycle / µm", rows=rows)
     target.answer(found, shown if rows else "no program has learned anything yet")
-
-
-@command(learning_app, "erase")
-def erase_learning(
-    target: Target,
-    program: Annotated[
-        str | None, Argument(metavar="[PROGRAM]", help="as `learning show` lists it")
-    ] = None,
-    everything: Annotated[bool, Option("--all", help="every program of the rig")] = False,
-) -> None:
-    """Forget what a program has learned: its next job begins anew."""
-    if (program is None) != everything:
-        raise CliError("name a program, as `pincette learning show` lists it, or give --all")
-    found = target.rig().erase_learning(program)
-    target.answer(found, f"{found.erased} erased")

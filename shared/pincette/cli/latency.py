@@ -115,9 +115,6 @@ def latency(
         for one in proposals:
             print(f"suits this machine: {one.words()}")
     if picture is not None:
-        # Only this loads the drawing library.
-        from pincette.cli.latency import plot
-
         write_output(picture, plot(found))
         if not target.json:
             print(f"plot: {picture}")

@@ -61,7 +61,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
     "queue": ("rigs", "resume, move or clear the jobs that wait for the one that runs"),
-    "claim": ("rigs", "claim a rig for a while, give it back, break the claim of another"),
+    "claim": ("rigs", "claim a rig for a while, give it back, end the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),
     "restore": ("journal", "make a data folder of a backup; the folder must be empty"),
     "records": ("records", "download files of jobs, delete them, or replay a job"),

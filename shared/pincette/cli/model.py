@@ -28,14 +28,16 @@ app.add_typer(model_app)
 
 
 @command(model_app, "show")
-def show(target: Target) -> None:
+def show(
+    target: Target,
+    proposals: Annotated[
+        bool, Option("--proposals", help="list what calibrations propose, the newest first")
+    ] = False,
+) -> None:
     """Show the model in use: every quantity that can be calibrated, and where it comes from."""
-    _answer(target, target.rig().model())
-
-
-@command(model_app, "proposals")
-def proposals(target: Target) -> None:
-    """List what calibrations propose, the newest first."""
+    if not proposals:
+        _answer(target, target.rig().model())
+        return
     found = target.supervisor().proposals()
     rows = [
         (
@@ -146,20 +148,20 @@ def values(given: list[tuple[list[str], Any]]) -> dict[str, Any]:
     return found
 
 
-@command(recipe_app, "list")
-def list_recipes(target: Target) -> None:
-    """List recipes, each with its newest version."""
-    found = target.supervisor().recipes()
-    none = "no recipe yet; `pincette recipe save NAME force_mN=8` makes one"
-    target.answer(found, _table(found), none)
-
-
 @command(recipe_app, "show")
 def show_recipe(
     target: Target,
-    name: Annotated[str, Argument(metavar="NAME[@N]", help="its name, and a version of it")],
+    name: Annotated[
+        str | None,
+        Argument(metavar="NAME[@N]", help="its name, and a version of it; all if not given"),
+    ] = None,
 ) -> None:
-    """Show a recipe and its versions."""
+    """List the recipes, each with its newest version, or show one and its versions."""
+    if name is None:
+        found = target.supervisor().recipes()
+        none = "no recipe yet; `pincette recipe save NAME force_mN=8` makes one"
+        target.answer(found, _table(found), none)
+        return
     name, _, wanted = name.partition("@")
     history = target.supervisor().recipe(name)
     chosen = [one for one in history.versions if not wanted or str(one.version) == wanted]

@@ -1,6 +1,6 @@
 """Options that several commands share, and one option for each field of a job request."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime, time, timedelta
 from inspect import Parameter
 from pathlib import Path
@@ -24,6 +24,8 @@ PREFIX = "request_"
 NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 
 
+ALL = "all"
+"""Word for everything that a command could name."""
 DATA = Path("data")
 DataFolder = Annotated[
     Path, Option("--data", metavar="FOLDER", help="folder of records, logs and the journal")
@@ -58,6 +60,15 @@ def moment_at(text: str, now: datetime) -> str:
             raise BadParameter(f"{text!r} is no time: give {MOMENTS}") from error
         found = found if found.tzinfo else found.astimezone()
     return found.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def text_option(
+    name: str, metavar: str, about: str, parser: Callable[[str], Any] | None = None
+) -> Parameter:
+    """Return the parameter of an option whose value is a text, or what ``parser`` makes of it."""
+    flag = f"--{name.replace('_', '-')}"
+    option = Option(flag, metavar=metavar, help=about, parser=parser)
+    return named(name, Annotated[str | None, option])
 
 
 def request_parameters(request: "type[BaseModel]", without: Sequence[str] = ()) -> list[Parameter]:

@@ -17,7 +17,6 @@ from pincette.core import plugins
 from pincette.engine.replay.steps import STEPS
 
 if TYPE_CHECKING:
-    from pincette.client import JobHandle
     from pincette.engine.replay.comparison import Difference, Findings
     from pincette.records.mcap_reading import Recording
 
@@ -40,39 +39,34 @@ def get(
     target: Target,
     name: JobName,
     files: Annotated[
-        list[str] | None, Argument(metavar="FILE", help="all of them if not given")
+        list[str] | None,
+        Argument(
+            metavar="FILE",
+            help=f"all of them if not given; {SAMPLES} and {SNAPSHOT} are made when they are named",
+        ),
     ] = None,
-    out: Out = None,
-) -> None:
-    """Download files of a record, each checked by its SHA-256."""
-    job = target.job(name)
-    names = files or [file.name for file in job.artifacts()]
-    _download(target, job, names, out)
-
-
-@command(records_app, "csv")
-def csv(
-    target: Target,
-    name: JobName,
     out: Out = None,
     spreadsheet: ForSpreadsheet = None,
     numbers: NumbersAlone = False,
 ) -> None:
-    """Download the samples of a record as CSV."""
-    if numbers:
-        if spreadsheet is not None:
-            raise CliError(NOT_BOTH, Exit.USAGE)
-        _download(target, target.job(name), [*NUMBERS], out)
-        return
-    for path in _download(target, target.job(name), [SAMPLES], out):
-        if spreadsheet is not None:
-            write_output(path, for_spreadsheet(path.read_bytes(), spreadsheet))
+    """Download files of a record, each checked by its SHA-256.
 
-
-@command(records_app, "snapshot")
-def snapshot(target: Target, name: JobName, out: Out = None) -> None:
-    """Download a finished copy of the record of a job that runs, or whose recorder was killed."""
-    _download(target, target.job(name), [SNAPSHOT], out)
+    snapshot.mcap is a finished copy of the record of a job that runs, or whose recorder was killed.
+    --spreadsheet and --numbers download the samples.
+    """
+    if numbers and spreadsheet is not None:
+        raise CliError(NOT_BOTH, Exit.USAGE)
+    samples = NUMBERS if numbers else (SAMPLES,) if spreadsheet is not None else ()
+    if files and samples:
+        raise CliError("--spreadsheet and --numbers name the files themselves", Exit.USAGE)
+    job = target.job(name)
+    names = [*(samples or files or [file.name for file in job.artifacts()])]
+    with patience(f"downloading {len(names)} files"):
+        paths = [job.download(one, out or Path(job.id)) for one in names]
+    if spreadsheet is not None:
+        write_output(paths[0], for_spreadsheet(paths[0].read_bytes(), spreadsheet))
+    shown = [str(path) for path in paths]
+    target.answer(shown, "\n".join(shown))
 
 
 @command(records_app, "delete")
@@ -80,14 +74,6 @@ def delete(target: Target, name: JobName) -> None:
     """Delete the files of a job that has ended and is not pinned; its result stays."""
     job = target.job(name)
     target.answer(job.delete_record(), f"job {job.id}: its record is deleted")
-
-
-def _download(target: Target, job: "JobHandle", names: list[str], out: Path | None) -> list[Path]:
-    with patience(f"downloading {len(names)} files"):
-        paths = [job.download(name, out or Path(job.id)) for name in names]
-    shown = [str(path) for path in paths]
-    target.answer(shown, "\n".join(shown))
-    return paths
 
 
 @command(records_app, "replay")

@@ -29,7 +29,7 @@ QUANTILES = ("p50_s", "p99_s", "p999_s", "max_s")
 app = group()
 queue_app = group("queue", "resume, move or clear the jobs that wait for the one that runs")
 app.add_typer(queue_app)
-claim_app = group("claim", "claim a rig for a while, give it back, break the claim of another")
+claim_app = group("claim", "claim a rig for a while, give it back, end the claim of another")
 app.add_typer(claim_app)
 
 
@@ -196,17 +196,23 @@ def take_claim(
 
 
 @command(claim_app, "give-back")
-def give_back(target: Target) -> None:
+def give_back(
+    target: Target,
+    force: Annotated[
+        bool,
+        Option(
+            "--force",
+            help="end the claim of somebody else; the audit log and an event say who did",
+        ),
+    ] = False,
+) -> None:
     """End the claim of this shell, which is that of PINCETTE_CLAIM."""
-    rig = target.rig().give_back()
-    target.answer(rig.claim, claimed(rig.claim))
-
-
-@command(claim_app, "break")
-def break_claim(target: Target) -> None:
-    """End the claim of somebody else; the audit log and an event say who did."""
-    before = target.rig().state().claim
-    target.rig().give_back(force=True)
-    target.answer(
-        before, "nobody had claimed it" if before is None else f"broken: {claimed(before)}"
-    )
+    rig = target.rig()
+    if not force:
+        now = rig.give_back().claim
+        target.answer(now, claimed(now))
+        return
+    before = rig.state().claim
+    rig.give_back(force=True)
+    words = "nobody had claimed it" if before is None else f"ended: {claimed(before)}"
+    target.answer(before, words)

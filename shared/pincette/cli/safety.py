@@ -1,12 +1,13 @@
 """``pincette reset`` and ``alarms``."""
 
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from pincette.cli.access import Target
-from pincette.cli.options import Limit
+from pincette.cli.options import ALL, Limit
+from pincette.cli.readers import integer
 from pincette.cli.terminal import clock, command, group, screen, table
 
 if TYPE_CHECKING:
@@ -43,24 +44,47 @@ def cleared(rig: "RigHandle") -> "tuple[Stopped, str]":
 COLOURS = {"alarm": "red", "warning": "yellow"}
 ENDS = {"reset": "until the rig is reset", "condition": "still so", "acknowledge": ""}
 
-alarms_app = group("alarms", "list the alarms of the rigs, or acknowledge one; nothing moves")
-app.add_typer(alarms_app)
+
+def _alarm(text: str) -> int | str:
+    return text if text == ALL else integer(text)
 
 
-@command(alarms_app, "list")
-def list_alarms(
+@command(app, "alarms")
+def alarms(
     target: Target,
     limit: Limit = 50,
     before: Annotated[
         int | None, Option("--before", metavar="ID", help="begin below this id")
     ] = None,
     every: Annotated[bool, Option("--all", help="also those that are over and seen")] = False,
+    acknowledge: Annotated[
+        list[Any] | None,
+        Option(
+            "--acknowledge",
+            parser=_alarm,
+            metavar=f"ID|{ALL}",
+            help="say that you have seen this alarm, or all that are open; repeatable",
+        ),
+    ] = None,
 ) -> None:
-    """List alarms that are open, the newest first."""
+    """List the alarms that are open, the newest first, or acknowledge them; nothing moves."""
+    if acknowledge:
+        _acknowledge(target, acknowledge)
+        return
     only = None if every else True
     found = target.supervisor().alarms(limit, rig=target.rig_name, open=only, before=before)
     none = "no alarm yet" if every else "no alarm is open; --all lists those of before"
     target.answer(found, (lambda: _show_alarms(found)) if found.alarms else none)
+
+
+def _acknowledge(target: Target, wanted: list[Any]) -> None:
+    supervisor = target.supervisor()
+    if ALL in wanted:
+        found = supervisor.alarms(500, rig=target.rig_name, open=True).alarms
+        wanted = [one.id for one in found if one.acknowledged_at is None]
+    seen = [supervisor.acknowledge(number) for number in wanted]
+    lines = "\n".join(f"alarm {one.id}: {state(one)}" for one in seen)
+    target.answer(seen, lines, "no alarm waits to be acknowledged")
 
 
 def _show_alarms(found: "AlarmList") -> None:
@@ -75,22 +99,6 @@ def _show_alarms(found: "AlarmList") -> None:
     console.print(rows)
     if found.next is not None:
         console.print(f"older ones: --before {found.next}")
-
-
-@command(alarms_app, "acknowledge")
-def acknowledge(
-    target: Target,
-    ids: Annotated[list[int] | None, Argument(metavar="ID", help="all if none is given")] = None,
-) -> None:
-    """Say that you have seen an alarm, or all that are open."""
-    supervisor = target.supervisor()
-    wanted = ids or []
-    if not wanted:
-        found = supervisor.alarms(500, rig=target.rig_name, open=True).alarms
-        wanted = [one.id for one in found if one.acknowledged_at is None]
-    seen = [supervisor.acknowledge(number) for number in wanted]
-    lines = "\n".join(f"alarm {one.id}: {state(one)}" for one in seen)
-    target.answer(seen, lines, "no alarm waits to be acknowledged")
 
 
 def state(one: "Alarm") -> str:

@@ -305,7 +305,7 @@ class AsyncRigHandle:
 
     async def erase_learning(self, program: str | None = None) -> Erased:
         """Forget what one program has learned, or every one."""
-        path = f"/rigs/{self.name}/learning" + (f"/{program}" if program else "")
+        path = f"/rigs/{self.name}/learning" + ("" if program is None else f"/{program}")
         return await self._transport.send(Call("DELETE", path, model(Erased), repeatable=True))
 
     async def simulate(self, target: str, what: str, **fields: float | None) -> SimulationCommand:

@@ -2,13 +2,19 @@
 
 from typing import Any
 
+import httpx
 import pytest
 
 from pincette.api.checks import Check
 from pincette.api.events import Alarm
+from pincette.cli import Exit
+from pincette.cli.main import main
 from pincette.cli.rigs import figure, mark
 from pincette.cli.safety import state
 from pincette.cli.watch import words
+from tests.unit.client import desk
+
+from .conftest import At
 
 WORDS = "command_age: estimator silent for 62 ms, limit 50 ms"
 AT = "2026-03-01T12:00:09.250Z"
@@ -67,3 +73,18 @@ def test_a_check_is_marked_by_whether_a_job_needs_it() -> None:
 )
 def test_values_have_their_unit(value: float | str | None, unit: str, told: str) -> None:
     assert figure(value, unit) == told
+
+
+@pytest.mark.parametrize(("given", "asked"), [("7", ["7"]), ("all", ["3", "5"])])
+def test_alarms_are_acknowledged_by_their_ids_or_all(at: At, given: str, asked: list[str]) -> None:
+    unseen = {"acknowledged_at": None, "acknowledged_by": None}
+    alarms = [desk.example(Alarm, id=number, **unseen) for number in (3, 5)]
+    alarms.append(desk.example(Alarm, id=6, acknowledged_at=AT, acknowledged_by="Ada"))
+    listed = [httpx.Response(200, json={"alarms": alarms, "open": 2, "next": None})] * (
+        given == "all"
+    )
+    seen = httpx.Response(200, json=desk.example(Alarm))
+    supervisor = at(*listed, *[seen] * len(asked))
+    assert main(["alarms", "--acknowledge", given]) == Exit.DONE
+    acted = [path.split("/") for path in supervisor.paths() if path.endswith("/actions")]
+    assert [parts[-2] for parts in acted] == asked

@@ -228,15 +228,18 @@ def test_a_record_is_brought_here(
     assert capsys.readouterr().out == f"{out / 'result.json'}\n"
     text = httpx.Response(200, content=b"t_s\n")
     for words, names in (
-        (["csv"], ["samples.csv"]),
-        (["csv", "--numbers"], ["numbers.csv", "numbers.csv-metadata.json"]),
-        (["snapshot"], ["snapshot.mcap"]),
+        (["samples.csv"], ["samples.csv"]),
+        (["--spreadsheet", "tab"], ["samples.csv"]),
+        (["--numbers"], ["numbers.csv", "numbers.csv-metadata.json"]),
+        (["snapshot.mcap"], ["snapshot.mcap"]),
     ):
         supervisor = at(desk.job(), *[listed, text] * len(names))
-        assert main(["records", *words, NAME, "--out", str(out)]) == Exit.DONE
+        assert main(["records", "get", NAME, *words, "--out", str(out)]) == Exit.DONE
         paths = [path for path in supervisor.paths() if "/artifacts/" in path]
         assert [path.rpartition("/")[2] for path in paths] == names
         assert {one.name for one in out.iterdir()} >= {*names}
+    for words in (["--numbers", "--spreadsheet", "tab"], ["samples.csv", "--numbers"]):
+        assert main(["records", "get", NAME, *words]) == Exit.USAGE
 
 
 def test_jobs_are_exported_as_numbers(at: At, tmp_path: Path) -> None:

@@ -32,3 +32,7 @@ def test_a_shell_claims_a_rig_and_every_command_sends_its_secret(
     assert json.loads(capsys.readouterr().out)[0]["claim"] == claim
     assert main(["claim", "give-back", *AT]) == Exit.DONE
     assert {one.headers["x-claim"] for one in supervisor.asked} == {secret}
+    supervisor = at(desk.rig(claim=claim), desk.rig())
+    assert main(["claim", "give-back", "--force", *AT]) == Exit.DONE
+    assert supervisor.asked[-1].url.params["force"] == "true"
+    assert claim["by"] in capsys.readouterr().out

@@ -51,8 +51,8 @@ ANSWERS: dict[tuple[str, ...], list[httpx.Response]] = {
         listed(artifacts=[desk.example(Artifact)]),
     ],
     ("plan", "grip"): [httpx.Response(200, json=desk.example(Plan))],
-    ("alarms", "list"): [listed(alarms=[desk.example(Alarm)], next=None)],
-    ("model", "proposals"): [listed(calibrations=[desk.example(Proposal)])],
+    ("alarms",): [listed(alarms=[desk.example(Alarm)], open=1, next=None)],
+    ("model", "show", "--proposals"): [listed(calibrations=[desk.example(Proposal)])],
     ("latency", "--of-rig"): [httpx.Response(200, json=desk.example(LoopTiming))],
 }
 

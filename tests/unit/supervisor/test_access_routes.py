@@ -9,6 +9,7 @@ from starlette.routing import BaseRoute
 
 from pincette.api.access import SCOPES, Scope, covers
 from pincette_supervisor.rest.dependencies import COOKIE
+from pincette_supervisor.rest.strict_route import StrictRoute
 from tests.support.api_document import openapi
 from tests.support.keys import ScopeKeys, shown
 
@@ -88,6 +89,11 @@ def test_no_route_is_left_out_of_the_description(harness: Harness) -> None:
         if not (isinstance(route, APIRoute) and route.include_in_schema)
     }
     assert undescribed == UNDESCRIBED
+
+
+def test_every_route_refuses_what_it_does_not_know(harness: Harness) -> None:
+    routes = [one for one in every_route(harness.app.routes) if isinstance(one, APIRoute)]
+    assert {one.path for one in routes if not isinstance(one, StrictRoute)} == set()
 
 
 def test_the_description_names_how_a_key_is_shown() -> None:

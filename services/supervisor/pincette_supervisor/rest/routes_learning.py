@@ -10,11 +10,12 @@ from pincette_supervisor import problems
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.library import LearnedRepository, LearnedRow
 from pincette_supervisor.rest.dependencies import OBSERVE, OPERATE, Manager, Note
+from pincette_supervisor.rest.strict_route import StrictRoute
 
 PROGRAM = "^[0-9a-f]{16}$"
 """Form of a program's digest."""
 
-router = APIRouter(prefix="/rigs/{rig}/learning", tags=["learning"])
+router = APIRouter(prefix="/rigs/{rig}/learning", tags=["learning"], route_class=StrictRoute)
 
 
 def _repository(manager: JobManager) -> LearnedRepository:
