@@ -6,6 +6,7 @@ script, in a thread and in a notebook whose event loop runs already.
 """
 
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
+from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from types import TracebackType
@@ -17,8 +18,11 @@ from pincette.api.jobs import Job, Progress
 from pincette.api.results import JobResult
 from pincette.api.states import JobState
 from pincette.client.call import PATIENCE_S
+from pincette.client.errors import ClientError
 from pincette.client.job import AsyncJobHandle
+from pincette.client.notebook import job_html, rigs_html
 from pincette.client.rig import AsyncRigHandle
+from pincette.client.status import NEWS_S, status_of
 from pincette.client.supervisor import TIMEOUT_S, AsyncSupervisor
 from pincette.client.transport import BlockingConnection, Transport, client_settings
 
@@ -55,6 +59,9 @@ class Blocking(Generic[A]):
 
     def __init__(self, asynchronous: A) -> None:
         self.asynchronous = asynchronous
+
+    def __repr__(self) -> str:
+        return repr(self.asynchronous)
 
 
 @overload
@@ -114,6 +121,14 @@ class JobHandle(Blocking[AsyncJobHandle]):
         """Whether it had ended by then."""
         return self.asynchronous.ended
 
+    def _repr_html_(self) -> str:
+        """Return a table of the newest answer, with the picture of the record of an ended job."""
+        picture = None
+        if self.ended:
+            with suppress(ClientError):
+                picture = self.patient(0.0).picture()
+        return job_html(self.job, picture)
+
     def patient(self, patience_s: float) -> "JobHandle":
         """Return the same job with another patience, in s, while no supervisor answers."""
         return JobHandle(self.asynchronous.patient(patience_s))
@@ -140,6 +155,7 @@ class JobHandle(Blocking[AsyncJobHandle]):
     to_success = iterator(AsyncJobHandle.to_success)
     to_release = iterator(AsyncJobHandle.to_release)
     artifacts = blocking(AsyncJobHandle.artifacts)
+    picture = blocking(AsyncJobHandle.picture)
     download = blocking(AsyncJobHandle.download)
 
 
@@ -163,6 +179,10 @@ class RigHandle(Blocking[AsyncRigHandle]):
     def name(self) -> str:
         """Its name in the rig file."""
         return self.asynchronous.name
+
+    def _repr_html_(self) -> str:
+        """Return a table of its state now, with the force and its uncertainty."""
+        return rigs_html({self.name: self.status()})
 
     def patient(self, patience_s: float) -> "RigHandle":
         """Return the same rig with another patience, in s, while no supervisor answers."""
@@ -223,6 +243,11 @@ class Supervisor(Blocking[AsyncSupervisor]):
     def transport(self) -> Transport:
         """Sends the calls; its clock and its sleep may be replaced."""
         return self.asynchronous.transport
+
+    def _repr_html_(self) -> str:
+        """Return a table of the rigs that it serves."""
+        now = self.patient(0.0).within(NEWS_S)
+        return rigs_html({rig.name: status_of(rig) for rig in now.rigs()})
 
     def __enter__(self) -> "Supervisor":
         return self

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pincette.api.events import Event
+from pincette.api.job_kinds import job_kinds
 from pincette.api.jobs import Artifact, ArtifactList, Job, Progress
 from pincette.api.results import JobResult
 from pincette.api.states import STATES, ActionType, JobState
@@ -12,6 +13,7 @@ from pincette.client import following
 from pincette.client.call import Call, content, get, model, post
 from pincette.client.errors import WaitTimeoutError
 from pincette.client.kinds import result_of
+from pincette.client.notebook import job_line
 from pincette.client.streaming import Download
 from pincette.client.transport import Transport
 
@@ -43,6 +45,9 @@ class AsyncJobHandle:
     def ended(self) -> bool:
         """Whether it had ended by then."""
         return STATES[self.job.state].terminal
+
+    def __repr__(self) -> str:
+        return f"<job {job_line(self.job)}>"
 
     def patient(self, patience_s: float) -> "AsyncJobHandle":
         """Return the same job with another patience, in s, while no supervisor answers."""
@@ -157,6 +162,14 @@ class AsyncJobHandle:
         """Return files of its record."""
         found = await self._transport.send(get(f"/jobs/{self.id}/artifacts", ArtifactList))
         return found.artifacts
+
+    async def picture(self) -> bytes | None:
+        """Return the picture of its record as PNG; None where there is none."""
+        known = job_kinds().get(self.job.kind)
+        if known is None or known.plot not in {file.name for file in await self.artifacts()}:
+            return None
+        path = f"/jobs/{self.id}/artifacts/{known.plot}"
+        return await self._transport.send(Call("GET", path, content, repeatable=True))
 
     async def download(self, name: str, folder: str | Path = ".") -> Path:
         """Download one file of its record; it appears only when it is complete.

@@ -75,6 +75,9 @@ class AsyncSupervisor:
         self.transport = Transport(url, connection, timeout_s, patience_s)
         """Sends the calls; its clock and its sleep may be replaced."""
 
+    def __repr__(self) -> str:
+        return f"<supervisor {self.transport.url}>"
+
     async def __aenter__(self) -> "AsyncSupervisor":
         return self
 
