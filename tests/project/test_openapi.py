@@ -33,6 +33,18 @@ def test_every_operation_has_a_name_in_plain_words() -> None:
     assert {"start_job", "get_job", "act_on_job", "estop_rig"} <= set(names)
 
 
+def test_what_a_request_has_as_a_member_is_no_parameter_too() -> None:
+    document = json.loads(openapi_document())
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            text = json.dumps(operation.get("requestBody", {}))
+            names = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
+            schemas = [document["components"]["schemas"][name] for name in names]
+            members = {name for schema in schemas for name in schema.get("properties", {})}
+            asked = {one["name"] for one in operation.get("parameters", ())}
+            assert members.isdisjoint(asked), operation["operationId"]
+
+
 def test_an_operation_has_one_content_type_with_a_schema() -> None:
     for path, operations in json.loads(openapi_document())["paths"].items():
         for method, operation in operations.items():

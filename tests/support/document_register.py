@@ -80,7 +80,7 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/how-to/plan.md": Sitting(
         (
-            Typed("curl -s 'http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
+            Typed("curl -s http://127.0.0.1:8000/api/v1/jobs", r'"feasible":true'),
             Typed("curl -s http://127.0.0.1:8000/api/v1/traj", r'"kind":"track"'),
         ),
         up=DEMO,
@@ -88,7 +88,7 @@ SITTINGS: dict[str, Sitting] = {
     "docs/how-to/rest.md": Sitting(
         (
             Typed("API=http", r'"feasible":true(.|\n)*"can_start":true'),
-            Typed('curl -s --fail-with-body "$API/jobs?dry_run', r'"feasible":true', seconds=90.0),
+            Typed('curl -s --fail-with-body "$API/jobs?curves', r'"feasible":true', seconds=90.0),
             Typed("JOB=", r'"state":"succeeded"(.|\n)*"name":"samples\.parquet"', seconds=90.0),
             Typed(".venv/bin/python -c", "x_um µm"),
             Typed('curl -s --fail-with-body "$API/jobs"', r'"state":"stopped"', seconds=90.0),

@@ -19,7 +19,7 @@ from pincette_supervisor.rest.dependencies import (
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
-from pincette_supervisor.rest.routes_jobs import CREATED, Predict
+from pincette_supervisor.rest.routes_jobs import CREATED, DryRunQuery, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
 from pincette_supervisor.rest.strict_route import StrictRoute
 
@@ -39,7 +39,7 @@ async def create(
     rigs: AllRigs,
     response: Response,
     asker: Asking,
-    dry_run: Annotated[bool, Query(description="plan only")] = False,
+    dry_run: DryRunQuery = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
 ) -> object:

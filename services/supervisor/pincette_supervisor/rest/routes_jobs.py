@@ -52,6 +52,8 @@ DRY_RUN_THREADS = ThreadPoolExecutor(2, thread_name_prefix="dry-run")
 """Threads for dry runs: those that wait for a prediction leave the threads of all other requests
 free, and no more than two of them compute."""
 REPLAYED = "Idempotency-Replayed"
+DryRunQuery = Annotated[bool, Query(include_in_schema=False)]
+"""Query that asks as the member ``dry_run`` of a request does; the documents name the member."""
 Predict = Annotated[
     bool,
     Query(
@@ -145,7 +147,7 @@ async def create(
     rigs: AllRigs,
     response: Response,
     asker: Asking,
-    dry_run: Annotated[bool, Query(description="plan and predict only")] = False,
+    dry_run: DryRunQuery = False,
     predict: Predict = True,
     idempotency_key: IdempotencyKey = None,
     curves: Curves = True,

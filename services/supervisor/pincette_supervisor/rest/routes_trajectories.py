@@ -46,7 +46,7 @@ from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.openapi import BINARY, CSV, PNG, Content
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
-from pincette_supervisor.rest.routes_jobs import take
+from pincette_supervisor.rest.routes_jobs import DryRunQuery, take
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
 
@@ -96,7 +96,7 @@ def create(
     rigs: AllRigs,
     response: Response,
     note: Note,
-    dry_run: Annotated[bool, Query(description="keep nothing")] = False,
+    dry_run: DryRunQuery = False,
 ) -> object:
     """Plan a grip, a track or a move, predict it, and keep it where it breaks no limit."""
     note(DRY_RUN if dry_run or body.dry_run else body.kind)
