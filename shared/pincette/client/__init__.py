@@ -33,7 +33,7 @@ from pincette.client.errors import (
     WaitTimeoutError,
     WhichRigError,
 )
-from pincette.client.following import kept_by_stop, left_s, require_feasible
+from pincette.client.following import kept_at_rest, left_s, require_feasible
 from pincette.client.job import AsyncJobHandle
 from pincette.client.live import LiveSample
 from pincette.client.rig import AsyncRigHandle
@@ -70,7 +70,7 @@ __all__ = [
     "Supervisor",
     "WaitTimeoutError",
     "WhichRigError",
-    "kept_by_stop",
+    "kept_at_rest",
     "left_s",
     "require_feasible",
 ]

@@ -32,6 +32,8 @@ ENDING = frozenset({"stopping", "aborting"})
 BEGUN = ("queued", "preparing", "ready", "running")
 LETTING_GO = ("unload", "retreat")
 """Phases in which a job lets its part go."""
+RESTS_S = 30.0
+"""Longest wait for a stopped motion to come to rest, in s."""
 LATCHED = ("frozen", "ramping", "latched")
 TOLERANCE = 0.02
 """Tolerance of a force whose request has none, as a share of the force asked for. The stated
@@ -108,25 +110,27 @@ def is_on_its_way(job: Job, force_mN: float) -> bool:
 
 
 def rests_with_part(job: Job) -> bool:
-    """Return whether a job does nothing but keep its part at rest until the release."""
+    """Return whether a job does nothing but keep its part at rest, until it is told to go on."""
     if "release" not in job.allowed_actions:
         return False
     in_hold = job.progress is not None and job.progress.phase == "hold"
-    return job.state == "stopped" or (job.state == "running" and in_hold and _is_endless(job))
+    in_hold = job.state == "running" and in_hold and _is_endless(job)
+    return job.state in ("stopped", "paused") or in_hold
 
 
 def _is_endless(job: Job) -> bool:
     return job.values.get("hold_s") is None
 
 
-def kept_by_stop(job: Job, force_mN: float) -> Progress | None:
-    """Return the progress of a stopped job that keeps its part with a force; None if it does not.
+def kept_at_rest(job: Job, force_mN: float) -> Progress | None:
+    """Return the progress of a job that keeps its part with a force after a stop or in a pause.
 
     The same request is then reached without a motion. The reference of the job's law and the
-    force must both be the one given, within the stated uncertainty or 2 % of it.
+    force must both be the one given, within the stated uncertainty or 2 % of it; else this returns
+    None.
     """
-    now = job.progress
-    if now is None or not now.held or job.state != "stopped":
+    now, paused = job.progress, job.state == "paused" and _is_endless(job)
+    if now is None or not now.held or not (paused or job.state == "stopped"):
         return None
     within_mN = max(TOLERANCE * force_mN, now.force_uncertainty_mN or 0.0)
     forces_mN = (now.force_r_mN, now.force_mN if now.force_held_mN is None else now.force_held_mN)

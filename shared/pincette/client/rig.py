@@ -17,7 +17,7 @@ from pincette.api.rigs import Rig, Stopped
 from pincette.api.simulation import SimulationCommand
 from pincette.client.call import PLANNING_S, Call, content, get, model, post
 from pincette.client.errors import ClientError, NotPermittedError, refused
-from pincette.client.following import is_on_its_way, kept_by_stop, rests_with_part
+from pincette.client.following import RESTS_S, is_on_its_way, kept_at_rest, rests_with_part
 from pincette.client.job import AsyncJobHandle
 from pincette.client.kinds import plan_of
 from pincette.client.live import LiveSample
@@ -30,6 +30,9 @@ class AsyncRigHandle:
 
     def __init__(self, transport: Transport, name: str) -> None:
         self._transport, self.name = transport, name
+
+    def __repr__(self) -> str:
+        return f"<rig {self.name}>"
 
     def patient(self, patience_s: float) -> "AsyncRigHandle":
         """Return the same rig with another patience, in s, while no supervisor answers."""
@@ -127,9 +130,9 @@ class AsyncRigHandle:
     ) -> tuple[AsyncJobHandle, Progress | None]:
         """Start the job that brings a part to a force, from whatever an own job has left.
 
-        A free arm grips. A part that an own job holds until its release is loaded or unloaded to
-        the force by a job ``hold``. Nothing starts where an own job holds the force already, or is
-        on its way to it.
+        A free arm grips. A part that an own job holds at rest is loaded or unloaded to the force by
+        a job ``hold``. Nothing starts where an own job holds the force already, or is on its way to
+        it. An own job that is paused without a part is stopped first.
 
         Parameters
         ----------
@@ -141,17 +144,20 @@ class AsyncRigHandle:
         Returns
         -------
         job, progress
-            The job to follow; and the progress of a stopped one that holds the force, of which
-            nothing is to be followed.
+            The job to follow; and the progress of a stopped or paused one that holds the force, of
+            which nothing is to be followed.
 
         Raises
         ------
         PartHeldError, RigBusyError
             A job of another caller holds a part, or an own one moves.
         """
-        job, kind = await self._toward(force_mN, own, hold_s)
-        if job is not None:
-            return job, kept_by_stop(job.job, force_mN)
+        active, kind = await self._toward(force_mN, own, hold_s)
+        if active is not None and not kind:
+            return active, kept_at_rest(active.job, force_mN)
+        if active is not None and kind == "grip" and active.state == "paused":
+            await active.stop()
+            await active.wait(RESTS_S)
         fields |= _held_for(hold_s)
         key = idempotency_key
         return await self.start(kind, idempotency_key=key, force_mN=force_mN, **fields), None
@@ -160,21 +166,20 @@ class AsyncRigHandle:
         self, force_mN: float, *, own: tuple[str, str | None], hold_s: float | None = None
     ) -> JobPlan:
         """Plan what ``reach`` would start; nothing moves."""
-        job, kind = await self._toward(force_mN, own, hold_s)
-        kind = kind if job is None else "hold"
-        return await self.plan(kind, force_mN=force_mN, **_held_for(hold_s))
+        _, kind = await self._toward(force_mN, own, hold_s)
+        return await self.plan(kind or "hold", force_mN=force_mN, **_held_for(hold_s))
 
     async def _toward(
         self, force_mN: float, own: tuple[str, str | None], hold_s: float | None
     ) -> tuple[AsyncJobHandle | None, str]:
-        """Return the job that holds a force or comes to it; else None, and the kind to start."""
+        """Return the own job that has the rig, and the kind to start; empty where none need be."""
         active = await self.active_job()
         if active is None or not _is_own(active.job, own):
             return None, "grip"
-        reached = kept_by_stop(active.job, force_mN) or is_on_its_way(active.job, force_mN)
+        reached = kept_at_rest(active.job, force_mN) or is_on_its_way(active.job, force_mN)
         if hold_s is None and reached:
-            return active, active.job.kind
-        return None, "hold" if rests_with_part(active.job) else "grip"
+            return active, ""
+        return active, "hold" if rests_with_part(active.job) else "grip"
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
         """Return jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""

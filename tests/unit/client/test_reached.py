@@ -7,7 +7,7 @@ import pytest
 
 from pincette.api.events import Event
 from pincette.api.jobs import Job, Progress
-from pincette.client import ForceNotReachedError, JobEndedError, PartHeldError, kept_by_stop
+from pincette.client import ForceNotReachedError, JobEndedError, PartHeldError, kept_at_rest
 
 from . import desk
 from .desk import Desk
@@ -202,7 +202,7 @@ def test_a_stopped_job_that_keeps_a_force_is_known(
 ) -> None:
     newest = {"held": True, "force_held_mN": None, "force_uncertainty_mN": 0.1, **now}
     found = Job.model_validate(desk.example(Job, **job, progress=desk.example(Progress, **newest)))
-    assert (kept_by_stop(found, ASKED_MN) is not None) == held
+    assert (kept_at_rest(found, ASKED_MN) is not None) == held
 
 
 OWN: dict[str, Any] = {"labels": {"cell": "7"}, "allowed_actions": ["release"]}
@@ -220,7 +220,9 @@ HOLDS_5: dict[str, Any] = {"phase": "hold", "force_mN": 5.0, "force_r_mN": 5.0}
         ({**OWN, "state": "running", "values": VALUES}, {"phase": "load"}, None, ""),
         ({**OWN, "state": "running", "values": VALUES}, {"phase": "unload"}, None, "grip"),
         ({**OWN, "state": "running", "values": {"hold_s": 9.0}}, {"phase": "hold"}, None, "grip"),
-        ({**OWN, "state": "paused", "values": VALUES}, {"phase": "hold"}, None, "grip"),
+        ({**OWN, "state": "paused", "values": VALUES}, {"force_r_mN": 15.0}, None, ""),
+        ({**OWN, "state": "paused", "values": {"hold_s": 9.0}}, {"force_r_mN": 15.0}, None, "hold"),
+        ({**OWN, "state": "paused", "values": VALUES}, HOLDS_5, None, "hold"),
         ({**OWN, "state": "stopped", "labels": {"cell": "8"}}, HOLDS_5, None, "grip"),
     ],
 )
@@ -236,10 +238,22 @@ def test_a_force_is_reached_from_what_an_own_job_has_left(
     rig = supervisor.supervisor().rig("demo")
     job, kept = rig.reach(ASKED_MN, own=("cell", "7"), hold_s=hold_s, labels={"cell": "7"})
     assert job.id == ("new" if started else "j")
-    assert (kept is not None) == (not started and job.state == "stopped")
+    assert (kept is not None) == (not started and job.state in ("stopped", "paused"))
     if not started:
         return
     body = json.loads(supervisor.asked[-1].content)
     held = {"until_released": True} if hold_s is None else {"hold_s": hold_s}
     expected = {"kind": started, "force_mN": ASKED_MN, "labels": {"cell": "7"}, **held}
     assert expected.items() <= body.items()
+
+
+def test_an_own_job_that_is_paused_without_a_part_is_stopped_before_the_grip() -> None:
+    free: dict[str, Any] = {"progress": None, "allowed_actions": ["resume", "stop", "abort"]}
+    paused = {**OWN, **free, "id": "j", "state": "paused", "values": VALUES}
+    ended = desk.job(**{**paused, "state": "stopped"}, ended_at="now")
+    supervisor = Desk(desk.rig(active_job="j"), desk.job(**paused), ended, desk.job(id="new"))
+    rig = supervisor.supervisor().rig("demo")
+    job, kept = rig.reach(ASKED_MN, own=("cell", "7"))
+    assert (job.id, kept) == ("new", None)
+    assert json.loads(supervisor.asked[-2].content)["type"] == "stop"
+    assert json.loads(supervisor.asked[-1].content)["kind"] == "grip"

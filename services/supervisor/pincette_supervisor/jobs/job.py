@@ -154,12 +154,13 @@ class LiveJob:
 
     @property
     def rests_with_part(self) -> bool:
-        """True while the job does nothing but keep a part at rest until it is released."""
+        """True while the job does nothing but keep a part at rest, until it is told to go on."""
         status, planned = self.status, self.planned
         if not status.held or status.letting_go:
             return False
         endless = planned is not None and planned.planned_s is None
-        return status.terminal or (status.state == "running" and endless and status.phase == "hold")
+        in_hold = status.state == "running" and endless and status.phase == "hold"
+        return status.terminal or status.state == "paused" or in_hold
 
     def update(self, **values: Any) -> None:
         """Replace the status by one with other values."""
