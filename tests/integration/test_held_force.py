@@ -1,11 +1,13 @@
-"""A held part is loaded and unloaded to new forces by the demo rig, without letting it go."""
+"""A held part is loaded and unloaded to new forces by one arm and by two, without letting it go."""
 
 from collections.abc import Callable
 from itertools import pairwise
 from math import fsum
+from statistics import fmean
 
 import pytest
 
+from pincette.api.pairs import PairResult
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette.control.planning.program import Program
@@ -33,8 +35,11 @@ from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Planned, Present
 from pincette_supervisor.results.archive import Take, gather
 from tests.support.rigs import demo_rig
+from tests.support.two_arms import SHORT_PAIR, two_arm_rig
 
 RIG = demo_rig(time="lockstep")
+PAIR = two_arm_rig(SHORT_PAIR)
+RIGS = pytest.mark.parametrize("rig", [RIG, PAIR], ids=["one arm", "two arms"])
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
 MOST, NOISE_SAMPLES = 1.02, 8
 KEPT_TICKS = 100
@@ -63,10 +68,14 @@ class Desk:
         self.loop.bus.call(ACTION, Action(ActionCode(action)))
 
     @property
-    def estimate(self) -> ArmEstimate:
+    def estimates(self) -> tuple[ArmEstimate, ...]:
         newest = self.newest[Estimate]
         assert isinstance(newest, Estimate)
-        return newest.arms[0]
+        return newest.arms
+
+    @property
+    def force_mN(self) -> float:
+        return fmean(arm.force_mN for arm in self.estimates)
 
     @property
     def present(self) -> Present:
@@ -77,8 +86,10 @@ class Desk:
             applied.arms[0].voltage_V,
             position.arms[0].x_um,
             applied.part_held,
-            force_mN=self.estimate.force_mN,
-            force_uncertainty_mN=self.estimate.force_uncertainty_mN,
+            second_V=applied.arms[-1].voltage_V,
+            second_um=position.arms[-1].x_um,
+            force_mN=self.force_mN,
+            force_uncertainty_mN=max(arm.force_uncertainty_mN for arm in self.estimates),
         )
 
     def job(self, request: JobRequest, watch: Watch | None = None) -> Planned:
@@ -104,7 +115,7 @@ class Desk:
 
     def hold(
         self, force_mN: float, watch: Watch | None = None, hold_s: float | None = None
-    ) -> HoldResult:
+    ) -> HoldResult | PairResult:
         """Hold a part with a new force; the result is that of its record."""
         request = HoldJobRequest(
             kind="hold", force_mN=force_mN, load_s=1.0, hold_s=hold_s, release_s=1.0
@@ -113,7 +124,7 @@ class Desk:
         row = JobRow("job", "hold", self.rig.rig.name, "running", {}, {}, "")
         samples = [one for one in self.heard if not isinstance(one, Sample) or one.seq >= 0]
         result = gather(self.rig, row, planned, Take(self.epoch, samples)).result
-        assert isinstance(result, HoldResult)
+        assert isinstance(result, HoldResult | PairResult)
         return result
 
     @property
@@ -127,13 +138,21 @@ class Desk:
     @property
     def forces_mN(self) -> list[float]:
         """Estimated forces, each a mean over a few samples, so that noise makes no peak."""
-        all_mN = [one.arms[0].force_mN for one in self.heard if isinstance(one, Estimate)]
+        all_mN = [
+            fmean(arm.force_mN for arm in one.arms)
+            for one in self.heard
+            if isinstance(one, Estimate)
+        ]
         count = NOISE_SAMPLES
         return [fsum(all_mN[at : at + count]) / count for at in range(len(all_mN) - count + 1)]
 
     @property
     def truths_mN(self) -> list[float]:
-        return [one.arms[0].force_mN for one in self.heard if isinstance(one, GroundTruth)]
+        return [
+            fmean(arm.force_mN for arm in one.arms)
+            for one in self.heard
+            if isinstance(one, GroundTruth)
+        ]
 
 
 def at(phase: str, tick: int, action: str) -> Watch:
@@ -160,22 +179,23 @@ def stopped_then_kept(phase: str, tick: int) -> Watch:
     return watch
 
 
-@pytest.fixture(scope="module")
-def stairs() -> list[tuple[HoldResult, Desk]]:
+Stairs = list[tuple[HoldResult | PairResult, Desk]]
+
+
+@pytest.fixture(scope="module", params=[RIG, PAIR], ids=["one arm", "two arms"])
+def stairs(request: pytest.FixtureRequest) -> Stairs:
     """Each step of the staircase after the grip, with what was heard of it."""
-    desk, steps = Desk(), list[tuple[HoldResult, Desk]]()
+    desk, steps = Desk(request.param), Stairs()
     desk.grip(STAIRCASE_MN[0])
     for force_mN in STAIRCASE_MN[1:]:
         result = desk.hold(force_mN)
         step = Desk.__new__(Desk)
-        step.heard = list(desk.heard)
+        step.heard, step.newest = list(desk.heard), dict(desk.newest)
         steps.append((result, step))
     return steps
 
 
-def test_a_staircase_of_forces_never_loses_the_part(
-    stairs: list[tuple[HoldResult, Desk]],
-) -> None:
+def test_a_staircase_of_forces_never_loses_the_part(stairs: Stairs) -> None:
     for result, step in stairs:
         assert min(step.truths_mN) > 0.8 * min(STAIRCASE_MN)
         assert all(view.held for view in step.views)
@@ -183,15 +203,14 @@ def test_a_staircase_of_forces_never_loses_the_part(
         assert [phase.phase for phase in result.phases] == ["load", "hold"]
 
 
-def test_each_step_holds_its_force_and_has_no_higher_peak(
-    stairs: list[tuple[HoldResult, Desk]],
-) -> None:
+def test_each_step_holds_its_force_and_has_no_higher_peak(stairs: Stairs) -> None:
     befores_mN = STAIRCASE_MN[:-1]
     for before_mN, force_mN, (result, step) in zip(
         befores_mN, STAIRCASE_MN[1:], stairs, strict=True
     ):
         assert max(step.forces_mN) <= MOST * max(before_mN, force_mN)
-        assert result.force_target_mN == force_mN
+        if isinstance(result, HoldResult):
+            assert result.force_target_mN == force_mN
         assert result.force_held_mN is not None
         assert result.force_uncertainty_mN is not None
         assert abs(result.force_held_mN - force_mN) < 0.3
@@ -200,9 +219,7 @@ def test_each_step_holds_its_force_and_has_no_higher_peak(
         assert abs(error_mN) < result.force_uncertainty_mN
 
 
-def test_references_and_voltage_go_on_without_a_jump(
-    stairs: list[tuple[HoldResult, Desk]],
-) -> None:
+def test_references_and_voltage_go_on_without_a_jump(stairs: Stairs) -> None:
     for _, step in stairs:
         changes_V = [abs(b - a) for a, b in pairwise(step.voltages_V)]
         assert max(changes_V[:5]) < 0.02
@@ -213,10 +230,11 @@ def test_references_and_voltage_go_on_without_a_jump(
         assert max(jumps_mN) < 1.5 * per_tick_mN
 
 
-def test_the_age_of_the_zero_goes_on(stairs: list[tuple[HoldResult, Desk]]) -> None:
-    ages_s = [result.zero_age_s for result, _ in stairs]
-    assert None not in ages_s
-    assert ages_s == sorted(ages_s, key=lambda age_s: age_s or 0.0)
+def test_the_age_of_the_zero_goes_on(stairs: Stairs) -> None:
+    ages_s = [[arm.zero_age_s for arm in step.estimates] for _, step in stairs]
+    for of_arm_s in zip(*ages_s, strict=True):
+        assert None not in of_arm_s
+        assert list(of_arm_s) == sorted(of_arm_s, key=lambda age_s: age_s or 0.0)
     uncertain_mN = [result.force_uncertainty_mN or 0.0 for result, _ in stairs]
     assert min(uncertain_mN) > 0.1
 
@@ -237,19 +255,21 @@ def test_a_part_of_another_stiffness_is_loaded_and_unloaded_as_well(share: float
         before_mN = force_mN
 
 
-def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_goes_on() -> None:
-    desk = Desk()
+@RIGS
+def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_goes_on(rig: RigFile) -> None:
+    desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(20.0, stopped_then_kept("load", 25))
     assert (result.outcome, result.force_held_mN) == ("stopped", None)
     assert desk.views[-1].phase == "stopped"
-    assert 8.0 < desk.estimate.force_mN < 17.0
+    assert 8.0 < desk.force_mN < 17.0
     result = desk.hold(20.0)
     assert result.force_held_mN == pytest.approx(20.0, abs=0.3)
 
 
-def test_a_pause_on_the_way_rests_and_goes_on() -> None:
-    desk, paused = Desk(), list[float]()
+@RIGS
+def test_a_pause_on_the_way_rests_and_goes_on(rig: RigFile) -> None:
+    desk, paused = Desk(rig), list[float]()
     desk.grip(5.0)
 
     def watch(on: Desk, view: Telemetry) -> None:
@@ -266,8 +286,9 @@ def test_a_pause_on_the_way_rests_and_goes_on() -> None:
     assert result.force_held_mN == pytest.approx(15.0, abs=0.3)
 
 
-def test_the_hold_ends_with_its_time_and_the_part_is_let_go() -> None:
-    desk = Desk()
+@RIGS
+def test_the_hold_ends_with_its_time_and_the_part_is_let_go(rig: RigFile) -> None:
+    desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(10.0, hold_s=1.5)
     assert (result.outcome, result.held_at_end) == ("released", False)
@@ -275,21 +296,23 @@ def test_the_hold_ends_with_its_time_and_the_part_is_let_go() -> None:
     assert desk.truths_mN[-1] == 0.0
 
 
+@RIGS
 @pytest.mark.parametrize("phase", ["load", "hold"])
-def test_a_release_lets_the_part_go(phase: str) -> None:
-    desk = Desk()
+def test_a_release_lets_the_part_go(rig: RigFile, phase: str) -> None:
+    desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(10.0, at(phase, 20, "release"))
     assert (result.outcome, result.held_at_end) == ("released", False)
     assert desk.truths_mN[-1] == 0.0
 
 
-def test_a_force_without_a_zero_moves_nothing_and_keeps_the_part() -> None:
+@RIGS
+def test_a_force_without_a_zero_moves_nothing_and_keeps_the_part(rig: RigFile) -> None:
     """The estimator has begun an epoch without its zero: the force that it reads may be any."""
-    desk = Desk()
+    desk = Desk(rig)
     desk.grip(15.0)
-    planned = plan_job(HoldJobRequest(kind="hold", force_mN=20.0), RIG, desk.present)
-    desk.loop.bus.call(ARM["estimator"], Arm(99, 1, RIG.digest()))
+    planned = plan_job(HoldJobRequest(kind="hold", force_mN=20.0), rig, desk.present)
+    desk.loop.bus.call(ARM["estimator"], Arm(99, 1, rig.digest()))
     before_V = desk.voltages_V[-1]
 
     def let_go(on: Desk, view: Telemetry) -> None:

@@ -91,8 +91,11 @@ def guard(
         return seek(program, player, segment, arms, x_um)
     if segment.guarded and player.outcome not in UNGUARDED:
         return watch_way(program, player, arms, x_um, period_s)
-    if alone and segment.phase == Phase.LOAD and not (player.pause.active or player.pause.over):
-        return _watch_load(program, player, first, period_s, limits)
+    if segment.phase == Phase.LOAD and not (player.pause.active or player.pause.over):
+        if program.takes_force_over and force_unknown(player, arms):
+            return keep_as_it_is(player)
+        if alone:
+            return _watch_load(program, player, first, period_s, limits)
     if segment.presses and (segment.phase in WATCHED or player.pause.active):
         return _watch_part(program, player, arms, x_um)
     if player.held and player.segment.open_loop and player.outcome == Outcome.POSITION_STEP:
@@ -112,8 +115,6 @@ def _watch_load(
     player = replace(player, line=_line(program, player, estimate))
     to_mN = segment.to_mN if isinstance(segment, Press) else None
     if program.takes_force_over:
-        if force_unknown(player, estimate):
-            return keep_as_it_is(player)
         return _follow_line(program, player, period_s, limits)
     rises = (to_mN or 0.0) > player.entry.ref.force_mN
     if rises and not player.outcome and is_uncertain(estimate, to_mN):

@@ -40,12 +40,14 @@ CARRY = "move"
 def begin(program: Program, arms: Arms, period_s: float) -> Player:
     """Return a player at the first segment, with the arms where they are and the force there."""
     first, held, x_um = program.segments[0], program.begins_held, place_um(arms)
-    if program.takes_force_over:
+    if program.takes_force_over and len(arms) == 1:
         return take_over(program, arms[0], period_s)
     tips_um = tuple([arm.x_um for arm in arms])
     voltages_V = tuple([arm.applied_V for arm in arms])
     forces_mN = [arm.force_mN for arm in arms]
-    began = Began(tips_um, voltages_V, max(forces_mN) if held else 0.0)
+    # A force that is taken over has a zero, so that its limit counts from 0.
+    unknown = held and not program.takes_force_over
+    began = Began(tips_um, voltages_V, max(forces_mN) if unknown else 0.0)
     ref = Reference(x_um, voltages_V=voltages_V)
     if len(arms) == 1:
         return Player(0, first, 0, Entry(ref, period_s), ref, began, voltages_V, held=held)

@@ -1,9 +1,10 @@
-"""Beginning with a part that one arm holds already, at the force that acts on it.
+"""Beginning with a part that is held already, at the force that acts on it.
 
 The references begin where the arm is measured, with the force that is estimated, so that neither
-they nor the voltage jump. The contact line goes through that sample with the stiffness of the
-hardest part, and follows the samples of the load from there, whether the force rises or falls: a
-falling force is then above its reference, and the contact is not lost.
+they nor the voltage jump. The contact line of one arm goes through that sample with the stiffness
+of the hardest part, and follows the samples of the load from there, whether the force rises or
+falls: a falling force is then above its reference, and the contact is not lost. Two arms have no
+contact line: their law leads the force itself.
 
 A force without a zero may hide any force. No voltage is moved for it: the part is kept as it is.
 """
@@ -15,6 +16,8 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Entry, Press, Reference
 from pincette.core.faults import Outcome, Phase
 from pincette.core.messages.arms import ArmEstimate
+from pincette_controller.felt import Arms
+from pincette_controller.force_bounds import is_uncertain
 from pincette_controller.player_state import NO_PAUSE, Began, Player, enter, with_line
 from pincette_controller.slipping import admissible
 
@@ -41,14 +44,13 @@ def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Playe
     return with_line(player, x_um - force_mN / hardest, hardest)
 
 
-def force_unknown(player: Player, estimate: ArmEstimate) -> bool:
+def force_unknown(player: Player, arms: Arms) -> bool:
     """Return whether a held part is moved by a force that has no zero, or whose U is as large."""
     segment = player.segment
     if segment.phase != Phase.LOAD or player.outcome:
         return False
     goal_mN = segment.to_mN if isinstance(segment, Press) else None
-    unsure = goal_mN is not None and estimate.force_uncertainty_mN >= goal_mN
-    return estimate.zero_age_s is None or unsure
+    return any(arm.zero_age_s is None or is_uncertain(arm, goal_mN) for arm in arms)
 
 
 def keep_as_it_is(player: Player) -> Player:

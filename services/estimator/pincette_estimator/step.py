@@ -374,20 +374,18 @@ def handle(
     The force has no zero until the new epoch takes one. The last offset outlives the arming, so
     that a zero which would hide the force of a part is refused, however often it is tried. Only
     ``zero_confirmed``, a person's word that nothing touches the arm, gives it up. With
-    ``zero_kept`` the zero of the epoch before counts for a part that one arm still holds. What no
+    ``zero_kept`` the zero of the epoch before counts for a part that is still held. What no
     program has followed stays unknown to a new model too, until a stroke has wiped it out.
     """
     if not isinstance(request, Arm):
         raise RefusedError(f"the estimator does not answer {type(request).__name__}")
-    carries = request.zero_kept and len(config.arms) == 1
     begun = tuple(
-        _begun(of_arm, arm, request, carries=carries)
-        for of_arm, arm in zip(config.arms, state.arms, strict=True)
+        _begun(of_arm, arm, request) for of_arm, arm in zip(config.arms, state.arms, strict=True)
     )
     return State(begun, request.epoch, state.refused), Ack(0), ()
 
 
-def _begun(config: ArmConfig, state: ArmState, request: Arm, *, carries: bool) -> ArmState:
+def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
     same = config.response == state.model
     response = state.response if same else state.past.replayed(config.response)
     kept = (state.zero_kept or state.observed_seq is not None) and not request.zero_confirmed
@@ -395,7 +393,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm, *, carries: bool) -
         response = response.begin(state.response.position_um())
     unknown = state.unknown if same else config.unknown.led_through(state.past)
     played_s = _played_s(config, state) if kept else 0.0
-    carried = carries and kept and same
+    carried = request.zero_kept and kept and same
     return ArmState(
         response,
         config.response,

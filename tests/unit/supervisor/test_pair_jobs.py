@@ -20,7 +20,9 @@ from tests.support.two_arms import TWO_ARMS
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 RIG = read_rig(TWO_ARMS)
-HELD = Present(1.5, 30.0, True, second_V=1.6, second_um=29.0)
+HELD = Present(
+    1.5, 30.0, True, second_V=1.6, second_um=29.0, force_mN=10.0, force_uncertainty_mN=0.5
+)
 
 
 def plan(body: dict[str, Any], present: Present | None = None, rig: RigFile = RIG) -> Planned:
@@ -40,6 +42,7 @@ def phases(planned: Planned) -> list[str]:
         ({"kind": "track", "place": {"pp_um": 4.0}}, ["settle", "track", "unload", "retreat"]),
         ({"kind": "carry", "by_um": 3.0}, ["move", "rest", "unload"]),
         ({"kind": "hold", "hold_s": 2.0}, ["hold", "unload"]),
+        ({"kind": "hold", "force_mN": 15.0}, ["load", "hold", "unload"]),
         ({"kind": "release"}, ["unload"]),
     ],
 )
@@ -56,6 +59,33 @@ def test_a_carry_is_predicted_from_where_the_part_is_held() -> None:
     assert isinstance(made, PairPlan)
     places_um = made.curves.place_r_um
     assert (places_um[0], places_um[-1]) == pytest.approx((0.5, 3.5))
+
+
+def test_a_new_force_is_predicted_from_the_force_and_the_voltages_that_act() -> None:
+    made = plan({"kind": "hold", "force_mN": 15.0, "hold_s": 1.0, "release_s": 2.0}, HELD).plan
+    assert isinstance(made, PairPlan)
+    curves = made.curves
+    begin = curves.force_r_mN[0], curves.voltage_V[0], curves.second_voltage_V[0]
+    assert begin == pytest.approx((10.0, 1.5, 1.6))
+    assert curves.force_r_mN[-1] == pytest.approx(15.0)
+    assert curves.place_r_um == pytest.approx([0.5] * len(curves.place_r_um))
+    assert curves.x_r_um[-1] > curves.x_r_um[0]
+    assert made.phases[1].voltage_V == pytest.approx(curves.voltage_V[-1], abs=0.01)
+    assert made.phases[-1].start_s == pytest.approx(made.duration_s - 2.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"force_mN": 200.0}, "arm 2: force"),
+        ({"force_mN": 0.5}, "twice the contact force"),
+        ({"load_s": 0.01}, "identified"),
+    ],
+)
+def test_a_new_force_that_cannot_be_held_is_named(changes: dict[str, Any], words: str) -> None:
+    made = plan({"kind": "hold", "force_mN": 15.0, **changes}, HELD).plan
+    (pointer,) = {each.pointer for each in made.violations if words in each.message}
+    assert pointer == f"/{next(iter(changes))}"
 
 
 def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> None:

@@ -1,14 +1,14 @@
 """Common parts of plans of two arms: values of the contact, law and its assessment, curves."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
 from msgspec.structs import replace
 
-from pincette.api.pairs import PairCurves, PairJobRequest, PairPlan
+from pincette.api.pairs import PairCurves, PairPlan
 from pincette.api.plans import Law
-from pincette.api.requests import ContactJobRequest, Gains, JobRequest
+from pincette.api.requests import Gains, JobRequest
 from pincette.config import RigFile, derived
 from pincette.config.derived import X_START_UM
 from pincette.control.laws.parameters import Gain, LawSpec
@@ -18,12 +18,15 @@ from pincette.control.planning.contact_plan import PlannedRig, voltage_range
 from pincette.control.planning.contact_request import MARGIN_UM
 from pincette.control.planning.feasibility import Violation as Broken
 from pincette.control.planning.feasibility import named_violation
+from pincette.control.planning.motion_plan import named_pointer
 from pincette.control.planning.pair_plan import PairRequest
 from pincette.control.planning.pair_prediction import (
+    HeldPair,
     PairCourse,
     after_strokes,
     broken_limits,
     pair_conditioning,
+    predict_held_pair,
     predict_pair,
 )
 from pincette.control.planning.planned_arm import PlannedArm
@@ -38,6 +41,7 @@ from pincette_supervisor.plugin.model_in_use import ModelInUse
 from pincette_supervisor.plugin.planned import Planned, decimated, stride_of
 from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
+    held_warnings,
     planned_phase,
     unconditioned,
     unidentified,
@@ -47,7 +51,6 @@ from pincette_supervisor.plugin.plans import (
 from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
 
-ForPair = PairJobRequest | ContactJobRequest
 STARTS_UM: Pair = (X_START_UM, X_START_UM)
 assessed = lru_cache(maxsize=16)(assess_two_arms)
 
@@ -136,13 +139,14 @@ def most_mN(rig: RigFile) -> float:
 
 
 def pair_job(
-    request: ForPair,
+    request: JobRequest,
     model: ModelInUse,
     program: Program,
     values: dict[str, Any],
     pointers: dict[str, str],
     present: Present,
-    held_um: Pair | None = None,
+    held: HeldPair | None = None,
+    broken: Iterable[Broken] = (),
 ) -> Planned:
     """Add the law to a program; limits that the course of either arm breaks are violations.
 
@@ -151,19 +155,24 @@ def pair_job(
 
     Parameters
     ----------
-    held_um
-        Tips of arms that hold the part as it begins; None: they rest without one.
+    held
+        Arms that hold the part as it begins; None: they rest without one.
+    broken
+        Violations that the caller has found.
     """
     rig = model.rig
     first, second = rig.arms
-    depths_V = [None if held_um else usual_conditioning_V(arm) for arm in rig.arms]
+    depths_V = [None if held else usual_conditioning_V(arm) for arm in rig.arms]
     rigs = (
         derived.planned_rig(first, present.x_um, depths_V[0]),
         derived.planned_rig(second, present.second_um, depths_V[1]),
     )
     # What the voltages alone do comes after the plan's end, for who lets the part go.
     led = replace(program, segments=tuple(s for s in program.segments if not s.open_loop))
-    course = predict_pair(led, rigs, held_um or STARTS_UM, held_um or contacts_um(rig))
+    if held is None:
+        course = predict_pair(led, rigs, STARTS_UM, contacts_um(rig))
+    else:
+        course = predict_held_pair(led, rigs, held)
     strokes = pair_conditioning(rigs)
     if strokes is not None:
         course = after_strokes(course, strokes)
@@ -171,12 +180,15 @@ def pair_job(
     spec, loop = chosen_law(request, rig)
     assessment = assessed(loop)
     violations = [
-        violation_view(named_violation(found, pointers.get(found.phase, ""))).model_copy(
-            update={"message": f"arm {arm}: {named_violation(found, '').message}"}
-        )
-        for arm, found in broken_limits(course, rigs)
+        *map(violation_view, broken),
+        *(
+            violation_view(named_violation(found, named_pointer(found, pointers))).model_copy(
+                update={"message": f"arm {arm}: {named_violation(found, '').message}"}
+            )
+            for arm, found in broken_limits(course, rigs)
+        ),
     ]
-    if held_um is None:
+    if held is None:
         force_mN = max(course.arms[0].force_r_mN)
         load_at_s = next(phase.start_s for phase in course.phases if phase.phase == "load")
         weak = weak_force(
@@ -188,6 +200,7 @@ def pair_job(
         early = pair_hasty(values, rig, force_mN, pointers.get("load", ""))
         violations = [*map(violation_view, (*weak, *early)), *violations]
     violations += unstable(assessment)
+    past = held_warnings(present) if held else _past_warnings(depths_V, rig, present)
     plan = PairPlan(
         kind=request.kind,
         rig=rig.rig.name,
@@ -201,7 +214,7 @@ def pair_job(
             set="identified",
             gains=dict(loop.gains),
             force_age="newest",
-            gains_from="default" if request.gains is None else "request",
+            gains_from="default" if getattr(request, "gains", None) is None else "request",
             **judgement(assessment),
         ),
         warnings=list(
@@ -209,14 +222,14 @@ def pair_job(
                 [
                     *unidentified(first),
                     *unidentified(second),
-                    *(() if held_um else _past_warnings(depths_V, rig, present)),
+                    *past,
                     *unsampled(program.segments, rig.rig.period_s),
                 ]
             )
         ),
     )
     values = {**values, "law": plan.law.model_dump()}
-    planned_range = None if held_um is not None else pair_range(course, rigs, rig)
+    planned_range = None if held else pair_range(course, rigs, rig)
     armed = replace(program, laws=(spec,), planned_range=planned_range)
     return Planned(plan, armed, values, model, pointers=pointers)
 

@@ -333,11 +333,11 @@ def releasing_job(
 ) -> Planned:
     """Plan a motion that begins with a part held and ends with its release at the safe voltage."""
     rig, safe_V = model.rig, model.rig.safety.safe_V
-    release_s = release_s or _release_duration_s(rig, present)
+    release_s = release_s or release_duration_s(rig, present)
     pointers = {"unload slew": "/release_s"}
     made = make(release_s, derived.planned_rig(rig), stand_of(present, rig), safe_V, pointers)
     values = {**values, "release_s": release_s, "safe_V": safe_V}
-    warnings = _held_warnings(present)
+    warnings = held_warnings(present)
     return motion_job(request, model, present, made, values, warnings, meets_part=True)
 
 
@@ -359,7 +359,7 @@ def _unknown(present: Present, rig: RigFile) -> list[str]:
     ]
 
 
-def _release_duration_s(rig: RigFile, present: Present) -> float:
+def release_duration_s(rig: RigFile, present: Present) -> float:
     """As long as a grip unloads, or where the way is far as the slew limit allows."""
     limits, safe_V = rig.limits, rig.safety.safe_V
     way_V = max(limits.voltage_max_V - safe_V, safe_V - limits.voltage_min_V)
@@ -369,7 +369,7 @@ def _release_duration_s(rig: RigFile, present: Present) -> float:
     return max(rig.grip.load_s, minimum_duration(way_V, limits.slew_V_per_s))
 
 
-def _held_warnings(present: Present) -> list[str]:
+def held_warnings(present: Present) -> list[str]:
     """Return what a person should know where the rig does not say that a part is held."""
     if present.held:
         return []

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from pincette.config import RigFile
 from pincette.config.derived import X_START_UM
+from pincette.control.laws.two_arms import Pair
 from pincette.control.planning.recorded_motion import RecordedMotion
 from pincette.core.faults import Fault
 
@@ -30,9 +31,9 @@ class Present:
     pose_um: float | None = None
     """Target or rest of the last move, where the arm still stands there; see ``last_pose``."""
     force_mN: float | None = None
-    """Force of one arm on a part that it holds; None: not known, or no part is held."""
+    """Force on a part that is held, the mean of two arms; None: not known, or none is held."""
     force_uncertainty_mN: float | None = None
-    """Expanded uncertainty of that force."""
+    """Expanded uncertainty of that force; of two arms the larger one."""
 
     def stand_V(self, rig: RigFile) -> float:
         """Return the voltage applied, or where that is not known the rig file's safe voltage."""
@@ -43,6 +44,13 @@ class Present:
         if self.x_um is not None:
             return self.x_um
         return X_START_UM + rig.model.piezo_um_per_V * self.stand_V(rig)
+
+    @property
+    def tips_um(self) -> Pair | None:
+        """Return the positions of both arms; None where one of them is not known."""
+        if self.x_um is None or self.second_um is None:
+            return None
+        return self.x_um, self.second_um
 
     def rest_um(self) -> float | None:
         """Return the position of an arm that rests at 0 V and holds no part; None: not known."""

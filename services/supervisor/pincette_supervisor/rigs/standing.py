@@ -7,6 +7,7 @@ believed. In lockstep time is not that of the clock on the wall: the actuator's 
 """
 
 from math import inf
+from statistics import fmean
 from typing import NamedTuple
 
 from pincette.api.rig_states import PART, Certainty, PartState, ReportedPart, RigState
@@ -130,7 +131,7 @@ def present(context: RigContext) -> Present | None:
     x_um = measured[0].x_um if measured else None
     second = measured[1] if len(measured) > 1 else None
     known = standing(context).part
-    pressed = _pressing(context, applied) if known == "held" else None
+    pressing = _pressing(context, applied) if known == "held" else ()
     return Present(
         applied.arms[0].voltage_V,
         x_um,
@@ -139,19 +140,19 @@ def present(context: RigContext) -> Present | None:
         second_um=second.x_um if second is not None and second.valid else None,
         memory_known=memory_known(context),
         stroke=next(iter(context.health.findings("estimator", FaultCode.MODEL_MISMATCH)), None),
-        force_mN=None if pressed is None else pressed.force_mN,
-        force_uncertainty_mN=None if pressed is None else pressed.force_uncertainty_mN,
+        force_mN=fmean(arm.force_mN for arm in pressing) if pressing else None,
+        force_uncertainty_mN=max((arm.force_uncertainty_mN for arm in pressing), default=None),
     )
 
 
-def _pressing(context: RigContext, applied: Applied) -> ArmEstimate | None:
-    """Return the newest force of one arm in the epoch of a voltage; None without a zero."""
+def _pressing(context: RigContext, applied: Applied) -> tuple[ArmEstimate, ...]:
+    """Return the newest forces in the epoch of a voltage; none where an arm has no zero."""
     estimate = context.observer.newest(Estimate)
     if estimate is None or estimate.epoch != applied.epoch or not estimate.valid:
-        return None
-    if len(estimate.arms) != 1 or estimate.arms[0].zero_age_s is None:
-        return None
-    return estimate.arms[0]
+        return ()
+    if any(arm.zero_age_s is None for arm in estimate.arms):
+        return ()
+    return estimate.arms
 
 
 def memory_known(context: RigContext) -> bool | None:

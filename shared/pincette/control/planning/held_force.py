@@ -1,6 +1,7 @@
-"""A new force on a part that one arm holds: a load or an unload to it, a hold, and the release.
+"""A new force on a part that is held: a load or an unload to it, a hold, and the release.
 
-The references begin where the arm is, with the force that acts, and move along the contact line.
+The references begin where the arms are, with the force that acts. Those of one arm move along the
+contact line; two arms keep the place of the part.
 The voltage is predicted from the one applied: by the identified free response from a memory that
 came to that voltage from below, else by d_p. The range of voltages also covers a memory that came
 to it from above, as after a higher force.
@@ -20,7 +21,12 @@ from pincette.control.planning.contact_plan import (
     voltage_range,
 )
 from pincette.control.planning.contact_request import CONTACT_SAMPLES, MARGIN_UM
-from pincette.control.planning.feasibility import excursions, named_violation
+from pincette.control.planning.feasibility import (
+    PlanLimits,
+    Violation,
+    excursions,
+    named_violation,
+)
 from pincette.control.planning.load_line import LEAST_STIFFNESS
 from pincette.control.planning.motion_plan import Stand, named_pointer
 from pincette.control.planning.planned_arm import SWEPT_STEP_S, SWEPT_STEPS, swept
@@ -98,13 +104,8 @@ def plan_held_force(
     """
     d_p = require_positive("piezoelectric constant", rig.piezo_um_per_V, "µm/V")
     s_p = require_positive("compliance", rig.compliance_um_per_mN, "µm/mN")
-    K_e, force_mN, hold_s = request.stiffness_mN_per_um, request.force_mN, request.hold_s
-    settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
-    segments: tuple[Segment, ...] = (
-        Press("load", request.load_s, to_mN=force_mN),
-        Press("hold", hold_s, to_mN=force_mN, move_s=settle_s),
-        Drive("unload", request.release_s, courses=(Ramp(safe_V),)),
-    )
+    K_e, force_mN = request.stiffness_mN_per_um, request.force_mN
+    segments = held_force_segments(request, safe_V, arms=1)
     change_mN = force_mN - stand.force_mN
     way_um = change_mN * (s_p + 1.0 / K_e)
     ways_V = _voltages_V(rig, stand.voltage_V, way_um)
@@ -125,11 +126,7 @@ def plan_held_force(
     pieces = predict(segments, Entry(begins, rig.period_s, line), follow)
     require_bounded([(piece.segment.phase, piece.duration_s) for piece in pieces])
     course = sample_course(pieces, rig.period_s)
-    broken = [
-        *weak_force(force_mN, request.contact_force_mN, "/force_mN", 0.0),
-        *uncertain_force(force_mN, stand.uncertainty_mN, "/force_mN", "force"),
-        *short_load(request.load_s, rig.period_s),
-    ]
+    broken = unheld_forces(request, stand.uncertainty_mN, rig.period_s)
     for found in excursions(course, rig.limits):
         pointer = named_pointer(found, pointers)
         broken.append(named_violation(found, pointer))
@@ -142,7 +139,7 @@ def plan_held_force(
     )
     program = Program(
         segments,
-        _guards(request, rig),
+        held_guards(request, rig.limits),
         K_e,
         begins_held=True,
         planned_range=planned,
@@ -151,19 +148,45 @@ def plan_held_force(
     return MotionPlan(program, phases, course, tuple(broken))
 
 
-def _guards(request: HeldForceRequest, rig: PlannedRig) -> Guards:
+def held_force_segments(
+    request: HeldForceRequest, safe_V: float, *, arms: int
+) -> tuple[Segment, ...]:
+    """Return the way to the force, the hold and the release."""
+    force_mN, hold_s = request.force_mN, request.hold_s
+    settle_s = SHORTEST_MOVE_S if hold_s is None else min(SHORTEST_MOVE_S, hold_s)
+    return (
+        Press("load", request.load_s, to_mN=force_mN),
+        Press("hold", hold_s, to_mN=force_mN, move_s=settle_s),
+        Drive("unload", request.release_s, courses=(Ramp(safe_V),) * arms),
+    )
+
+
+def unheld_forces(
+    request: HeldForceRequest, uncertainty_mN: float, period_s: float
+) -> list[Violation]:
+    """Return why the force cannot be held: too weak or too uncertain, or too short a way to it."""
+    force_mN = request.force_mN
+    return [
+        *weak_force(force_mN, request.contact_force_mN, "/force_mN", 0.0),
+        *uncertain_force(force_mN, uncertainty_mN, "/force_mN", "force"),
+        *short_load(request.load_s, period_s),
+    ]
+
+
+def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
+    """Return the guards of a part that is held, and of its release."""
     K_e, tolerance = request.stiffness_mN_per_um, request.stiffness_tolerance
     return Guards(
         contact_force_mN=request.contact_force_mN,
         contact_samples=CONTACT_SAMPLES,
-        force_max_mN=rig.limits.force_max_mN,
+        force_max_mN=limits.force_max_mN,
         lost_fraction=LOST_FRACTION,
         lost_samples=LOST_SAMPLES,
         stiffness_min_mN_per_um=K_e * (1.0 - tolerance),
         stiffness_max_mN_per_um=K_e * (1.0 + tolerance),
         zero_wait_s=ZERO_WAIT_S,
-        position_min_um=rig.limits.position_min_um,
-        position_max_um=rig.limits.position_max_um,
+        position_min_um=limits.position_min_um,
+        position_max_um=limits.position_max_um,
     )
 
 

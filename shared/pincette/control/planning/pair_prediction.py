@@ -109,15 +109,44 @@ def tips(ref: Reference) -> Pair:
     return half_um + ref.x_um, half_um - ref.x_um
 
 
+@dataclass(frozen=True, slots=True)
+class HeldPair:
+    """State of two arms that hold a part as a program begins."""
+
+    tips_um: Pair
+    force_mN: float = 0.0
+    """Force that acts on the part; 0 where it is not known."""
+    voltages_V: Pair | None = None
+    """Voltages applied; None: those of the free responses."""
+
+    def touch_um(self, joint_um_per_mN: float) -> Pair:
+        """Return both tips at first touch, by the compliance of part and faces."""
+        half_um = 0.5 * joint_um_per_mN * self.force_mN
+        return self.tips_um[0] - half_um, self.tips_um[1] - half_um
+
+
 def predict_pair(
-    program: Program, rigs: tuple[PlannedRig, PlannedRig], starts_um: Pair, contacts_um: Pair
+    program: Program,
+    rigs: tuple[PlannedRig, PlannedRig],
+    starts_um: Pair,
+    contacts_um: Pair,
+    force_mN: float = 0.0,
 ) -> PairCourse:
-    """Predict a program whose part is where it is expected; raises ValueError for a long one."""
+    """Predict a program whose part is where it is expected; raises ValueError for a long one.
+
+    Parameters
+    ----------
+    force_mN
+        Force that acts on the part as the program begins.
+    """
     period_s = rigs[0].period_s
     pair = PlannedPair(contacts_um, 1.0 / program.contact_stiffness_mN_per_um)
     first_um, second_um = starts_um
     begin = Reference(
-        0.5 * (first_um - second_um), voltages_V=(0.0, 0.0), opening_um=first_um + second_um
+        0.5 * (first_um - second_um),
+        force_mN=force_mN,
+        voltages_V=(0.0, 0.0),
+        opening_um=first_um + second_um,
     )
     entry = Entry(begin, period_s, found_um=(None, None))
     pieces = predict(program.segments, entry, pair.follow, pair.touch)
@@ -129,14 +158,32 @@ def predict_pair(
         t_s.append(at_s)
         names.append(segment.phase)
         refs.append(ref)
-    force_mN = [ref.force_mN for ref in refs]
+    forces_mN = [ref.force_mN for ref in refs]
     first, second = (
-        _course(rig, t_s, names, [tips(ref)[arm] for ref in refs], force_mN)
+        _course(rig, t_s, names, [tips(ref)[arm] for ref in refs], forces_mN)
         for arm, rig in enumerate(rigs)
     )
     ends = [piece._replace(end=piece.end._replace(x_um=tips(piece.end)[0])) for piece in pieces]
     phases = planned_phases(ends, near_end(pieces, first.voltage_V, period_s))
     return PairCourse(phases, [ref.x_um for ref in refs], (first, second))
+
+
+def predict_held_pair(
+    program: Program, rigs: tuple[PlannedRig, PlannedRig], held: HeldPair
+) -> PairCourse:
+    """Predict a program that begins with a held part; raises ValueError for a long one."""
+    touch_um = held.touch_um(1.0 / program.contact_stiffness_mN_per_um)
+    course = predict_pair(program, rigs, held.tips_um, touch_um, held.force_mN)
+    if held.voltages_V is None:
+        return course
+    # What an arm remembers of its grip is not known: the voltages go on from those applied.
+    first, second = (
+        replace(arm, voltage_V=[one - arm.voltage_V[0] + from_V for one in arm.voltage_V])
+        for arm, from_V in zip(course.arms, held.voltages_V, strict=True)
+    )
+    shift_V = first.voltage_V[0] - course.arms[0].voltage_V[0]
+    phases = tuple(replace(one, voltage_V=one.voltage_V + shift_V) for one in course.phases)
+    return replace(course, phases=phases, arms=(first, second))
 
 
 def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:

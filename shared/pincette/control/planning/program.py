@@ -5,7 +5,7 @@ from typing import Literal
 from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.repetition import Corrections
-from pincette.control.planning.segments import Seek, Segment
+from pincette.control.planning.segments import Press, Seek, Segment
 from pincette.control.quantities import (
     Hertz,
     Items,
@@ -102,9 +102,9 @@ class Program(FrozenRecord, frozen=True):
 
     @property
     def takes_force_over(self) -> bool:
-        """Whether it begins with a force of one arm on a part that the arm already holds."""
+        """Whether it begins by loading or unloading a held part to a force."""
         first = self.segments[0] if self.segments else None
-        return self.begins_held and first is not None and first.presses and first.arms != 2
+        return self.begins_held and isinstance(first, Press) and first.to_mN is not None
 
     def __post_init__(self) -> None:
         require_positive("contact stiffness K_e", self.contact_stiffness_mN_per_um, "mN/µm")

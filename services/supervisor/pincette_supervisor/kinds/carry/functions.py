@@ -1,12 +1,10 @@
 """Plan of a held part that is moved by both arms."""
 
-import dataclasses
-
 from msgspec.structs import replace
 
-from pincette.control.laws.two_arms import Pair
 from pincette.control.planning.calibration_programs import FREE
 from pincette.control.planning.pair_plan import carry_program
+from pincette.control.planning.pair_prediction import HeldPair
 from pincette_supervisor.kinds.carry import CarryJobRequest
 from pincette_supervisor.kinds.pairs import evaluate, plot
 from pincette_supervisor.plugin import (
@@ -26,9 +24,7 @@ MORE_TOUCHES = 2.0
 def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:
     """Plan a carry from where both tips stand."""
     rig = model.rig
-    tips: Pair | None = None
-    if present.x_um is not None and present.second_um is not None:
-        tips = present.x_um, present.second_um
+    tips = present.tips_um
     by_um = request.by_um or 0.0
     if request.to_um is not None:
         if tips is None:
@@ -53,12 +49,8 @@ def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Plann
     )
     pointer = "/to_um" if request.to_um is not None else "/by_um"
     values |= {"by_um": by_um, "to_um": request.to_um}
-    held_um = tips or contacts_um(rig)
-    planned = pair_job(request, model, program, values, {"move": pointer}, present, held_um)
-    if tips is not None and present.held:
-        return planned
-    words = "that a part is held is not told by the rig: the operator is taken at their word"
-    return dataclasses.replace(planned, plan=planned.plan.model_copy(update={"warnings": [words]}))
+    held = HeldPair(tips or contacts_um(rig))
+    return pair_job(request, model, program, values, {"move": pointer}, present, held)
 
 
 FUNCTIONS = JobFunctions(plan=plan, evaluate=evaluate, plot=plot)

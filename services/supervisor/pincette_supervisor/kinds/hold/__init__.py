@@ -6,6 +6,7 @@ from pydantic import model_validator
 
 from pincette.api import example
 from pincette.api.job_kinds import FieldSpec, JobKind, number
+from pincette.api.pairs import PairPlan, PairResult
 from pincette.api.plans import MotionPlan
 from pincette.api.requests import Duration, PolicyRequest, Positive, check_one_hold
 from pincette.api.results import COMMON, MotionResult
@@ -24,7 +25,7 @@ class HoldJobRequest(PolicyRequest, frozen=True):
 
     kind: Literal["hold"]
     force_mN: Positive | None = None
-    """Force to load or unload the held part to; one arm only. None: the voltage stays as it is."""
+    """Force to load or unload the held part to. None: the voltage stays as it is."""
     load_s: Duration | None = None
     """Time of the way to ``force_mN``; left out, as long as a grip loads."""
     hold_s: Duration | None = None
@@ -78,34 +79,36 @@ KIND = JobKind(
     summary="Go on holding what is in the gripper, as it is or with a new force.",
     request=HoldJobRequest,
     plan=MotionPlan,
+    pair_plan=PairPlan,
     result=HoldResult,
+    pair_result=PairResult,
     functions="pincette_supervisor.kinds.hold.functions:FUNCTIONS",
     form=(
-        *fields.for_arms(
-            1,
-            FieldSpec(name="force_mN", label="Force", limit="force_max", placeholder="as it is"),
-            FieldSpec(name="load_s", label="Load over", advanced=True),
-        ),
+        FieldSpec(name="force_mN", label="Force", limit="force_max", placeholder="as it is"),
+        FieldSpec(name="load_s", label="Load over", advanced=True),
         FieldSpec(name="hold_s", label="Hold", placeholder="until released"),
         fields.RELEASE,
         *fields.POLICIES,
     ),
     figures=(
-        *fields.MOTION,
-        number(
-            "force_held_mN",
-            "force held",
-            uncertainty="force_uncertainty_mN",
-            assumed="force_assumed",
-            optional=True,
+        *fields.for_arms(
+            1,
+            *fields.MOTION,
+            number(
+                "force_held_mN",
+                "force held",
+                uncertainty="force_uncertainty_mN",
+                assumed="force_assumed",
+                optional=True,
+            ),
+            number("force_target_mN", "force asked for", optional=True),
+            number("force_error_mN", "force error", optional=True),
+            number("peak_force_mN", "peak force", optional=True),
         ),
-        number("force_target_mN", "force asked for", optional=True),
-        number("force_error_mN", "force error", optional=True),
-        number("peak_force_mN", "peak force", optional=True),
+        *fields.for_arms(2, *fields.PAIR_FIGURES),
     ),
     begins_held=True,
     from_present=True,
     arms=(1, 2),
-    only={1: frozenset({"force_mN", "load_s"})},
     place=40,
 )
