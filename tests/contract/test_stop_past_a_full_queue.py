@@ -19,7 +19,7 @@ from pincette.core.faults import Cause
 from pincette.core.messages import Ack, JobNotice, Message, Trip
 from pincette.core.topics import JOB, TRIP, Request
 from pincette.engine.process import loop_services
-from pincette_supervisor.rigs.actuator_trip import TRIP_S, ActuatorTrip
+from pincette_supervisor.rigs.rig_context import TRIP_S, ActuatorTrip
 from tests.support.foreign import declared, outsider
 from tests.support.rigs import demo_rig
 from tests.support.routed import until

@@ -22,8 +22,7 @@ from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.recorded_jobs import motion_of
 from pincette_supervisor.plugin import RESIDUALS, Evaluation, ModelInUse, Planned, Present, Run
 from pincette_supervisor.plugin.functions import functions_of, kind_of
-from pincette_supervisor.plugin.model_in_use import rig_file_alone
-from pincette_supervisor.plugin.residuals import armed_with, merged, table_for
+from pincette_supervisor.plugin.model_in_use import armed_with, merged, rig_file_alone, table_for
 from tests.support.calibrating import opened_benches
 from tests.support.rigs import demo_rig
 

@@ -27,8 +27,7 @@ from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.recorded_jobs import motion_of
 from pincette_supervisor.plugin import RESIDUALS, Planned, Present, Run
 from pincette_supervisor.plugin.functions import functions_of, kind_of
-from pincette_supervisor.plugin.model_in_use import rig_file_alone
-from pincette_supervisor.plugin.residuals import motion_digest
+from pincette_supervisor.plugin.model_in_use import motion_digest, rig_file_alone
 
 FORCE_MAX_MN = 1e3
 REST_S = 0.5

@@ -11,7 +11,7 @@ from pincette.core.faults import Mode
 from pincette.core.messages import Position, Trip
 from pincette.core.messages.arms import ArmPosition
 from pincette_supervisor.attention import GRID_S, Attention, share_words
-from pincette_supervisor.rigs.actuator_trip import ActuatorTrip
+from pincette_supervisor.rigs.rig_context import ActuatorTrip
 
 from .canned import ANSWERING, PROGRAMS
 from .harness import Harness

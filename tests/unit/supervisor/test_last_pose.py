@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from pincette_supervisor.jobs.planner import last_pose_um
 from pincette_supervisor.journal.tables import JobRow
-from pincette_supervisor.planning.last_pose import last_pose_um
 from pincette_supervisor.plugin import Present
 
 from .test_motions import RIG, plan

@@ -8,7 +8,7 @@ from pincette.control.planning.repetition import Corrections
 from pincette_supervisor.journal.library import LEARNED_MAX, LearnedRepository, LearnedRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.plugin import RESIDUALS
-from pincette_supervisor.plugin.residuals import merged
+from pincette_supervisor.plugin.model_in_use import merged
 
 from .harness import Harness
 

@@ -14,7 +14,7 @@ from pincette.config import RigFile, read_rig
 from pincette.core.messages import Applied, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning import dry_run, rig_emulator
+from pincette_supervisor.planning import dry_run
 from pincette_supervisor.planning.dry_run import stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.prediction import CURVE_POINTS, played, with_prediction
@@ -240,7 +240,7 @@ def test_nothing_is_predicted_of_a_swept_sine() -> None:
     planned = plan(rig, kind="calibrate", calibration="frequency_response")
     prediction = with_prediction(planned, played(planned)).plan.prediction
     assert prediction is not None
-    assert prediction.cut == rig_emulator.SWEEP
+    assert prediction.cut == dry_run.SWEEP
     assert not prediction.complete
 
 

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning import prediction_cache, rig_emulator
+from pincette_supervisor.planning import dry_run, prediction_cache
 from pincette_supervisor.planning.dry_run import DryRun, stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.prediction_cache import PredictionCache
@@ -32,7 +32,7 @@ def plan(rig: RigFile, present: Present | None = None, **wishes: Any) -> Planned
 
 
 def nothing() -> DryRun:
-    return DryRun(rig_emulator.Samples(), "gripped", "", stated_instruments(straight()))
+    return DryRun(dry_run.Samples(), "gripped", "", stated_instruments(straight()))
 
 
 def test_a_plan_is_checked_before_a_job_is_made_of_it() -> None:

@@ -33,7 +33,7 @@ from pincette_supervisor.plugin import (
     UnsupportedError,
     value_of,
 )
-from pincette_supervisor.plugin.quantities import values_of
+from pincette_supervisor.plugin.model_in_use import values_of
 from pincette_supervisor.problems import ProblemError, not_found
 
 # Proposals of calibrations: what they say, and what becomes of them.

@@ -14,9 +14,13 @@ from pincette.config.calibration import CALIBRATED, OF_SECOND
 from pincette_supervisor.journal.store import Store, utc_now
 from pincette_supervisor.model.model_file import ModelFiles, StoredModel
 from pincette_supervisor.plugin import ModelInUse
-from pincette_supervisor.plugin.model_in_use import RIG_FILE_ALONE, Acceptance, rig_file_alone
-from pincette_supervisor.plugin.quantities import values_of
-from pincette_supervisor.plugin.residuals import merged
+from pincette_supervisor.plugin.model_in_use import (
+    RIG_FILE_ALONE,
+    Acceptance,
+    merged,
+    rig_file_alone,
+    values_of,
+)
 
 # When a calibration is to be made again: its time is over, or it was made with other instruments.
 #

@@ -1,11 +1,50 @@
-"""A plan played by the services of the loop against the arm as the model in use has it."""
+"""A plan played by the services of the loop against the arm as the model in use has it.
 
-from dataclasses import dataclass
+The same engine as on the rig plays it in one thread, in lockstep and on a bus in memory.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from msgspec.structs import replace
 
 from pincette.api.job_kinds import job_kinds
 from pincette.api.results import JobResult
-from pincette.config import RigFile
+from pincette.bus.memory import MemoryBus
+from pincette.bus.protocol import RefusalError
+from pincette.config import RigFile, derived
+from pincette.control.planning.program import Program, Segment
+from pincette.core import plugins
+from pincette.core.faults import TRIPPED, ActionCode
+from pincette.core.messages import (
+    Action,
+    Applied,
+    Command,
+    Message,
+    Position,
+    Reset,
+    Telemetry,
+)
+from pincette.core.messages.arms import ArmApplied, ArmPosition
+from pincette.core.topics import (
+    ACTION,
+    APPLIED,
+    COMMAND,
+    ESTIMATE,
+    LOOP,
+    POSITION,
+    RESET,
+    TELEMETRY,
+    Topic,
+)
+from pincette.core.wording import applied_text
+from pincette.engine.arming import arm as arm_loop
+from pincette.engine.instrument import Device, of_arms
+from pincette.engine.loop import Loop
+from pincette.engine.runner import Runner
 from pincette.engine.timing_budget import stated_output
+from pincette.instruments.protocols import Block
 from pincette.records.columns import columns
 from pincette_supervisor.planning.identified_arms import (
     IdentifiedArm,
@@ -15,9 +54,203 @@ from pincette_supervisor.planning.identified_arms import (
     identified_pair,
 )
 from pincette_supervisor.planning.predicted_samples import Samples
-from pincette_supervisor.planning.rig_emulator import RigEmulator
 from pincette_supervisor.plugin import Planned, Present, Run
 from pincette_supervisor.plugin.functions import functions_of
+
+SWEEP = "a swept sine is played by the output alone"
+
+
+@dataclass(slots=True)
+class EmulatedInstruments:
+    """Sensor and output of each arm; what is put out moves the arms once the tick is over."""
+
+    rig: RigFile
+    arms: IdentifiedArm | IdentifiedPair
+    put_V: dict[int, float] = field(default_factory=dict[int, float])
+    """Put out in this tick, by the index of the arm."""
+    plays_wave: bool = False
+    missed_um: float | None = None
+    """What the model misses at the tick that is put out, where a residual table knows it; there are
+    none of two arms."""
+
+    @property
+    def device(self) -> Device:
+        """Each arm's sensor and output at once."""
+        return of_arms([EmulatedDevice(self, arm) for arm in range(len(self.arms.targets_V))])
+
+    def settle(self) -> None:
+        """Let the arms follow what was put out in this tick."""
+        if not self.put_V:
+            return
+        voltages_V = [self.put_V.get(arm, at_V) for arm, at_V in enumerate(self.arms.targets_V)]
+        if isinstance(self.arms, IdentifiedArm):
+            self.arms = self.arms.moved(voltages_V[0], self.missed_um)
+        else:
+            self.arms = self.arms.moved((voltages_V[0], voltages_V[1]))
+        self.put_V = {}
+
+    def begun(self, applied: Applied) -> tuple[Applied, Position] | None:
+        """Return what the estimator is to have heard of arms that stand away from 0 V."""
+        first_V, *others_V = self.arms.targets_V
+        if not first_V and not any(others_V):
+            return None
+        outputs = (applied.arms[0], *(ArmApplied(one_V, 0) for one_V in others_V))
+        tips = tuple(ArmPosition(x_um, valid=True) for x_um in self.arms.tips_um)
+        return replace(applied, epoch=0, seq=-1, arms=outputs), Position(0, 0, 0.0, tips)
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatedDevice:
+    """Sensor and output of one arm."""
+
+    instruments: EmulatedInstruments
+    arm: int
+    """Index of the arm."""
+
+    def read_um(self) -> float:
+        """Return what the sensor shows of where the arm stands, in µm."""
+        sensor = self.instruments.rig.arms[self.arm].sensor
+        return sensor.offset_um + sensor.direction * self.instruments.arms.tips_um[self.arm]
+
+    def begin_capture(self, rate_hz: float) -> None:
+        """Acquire one sample a tick, whatever the rate: a sweep is not emulated."""
+
+    def read_block(self) -> Block:
+        """Return the sample of this tick."""
+        return Block((self.read_um(),), (self.read_V(),))
+
+    def end_capture(self) -> None:
+        """Acquire no more."""
+
+    def read_V(self) -> float:
+        """Return the voltage that the arm goes to."""
+        return self.instruments.arms.targets_V[self.arm]
+
+    def write_V(self, voltage_V: float) -> None:
+        """Put out a voltage."""
+        self.instruments.put_V[self.arm] = voltage_V
+
+    def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
+        """Put out a step, whose parts the arm knows."""
+        self.write_V(voltages_V[-1])
+
+    def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
+        """Note that a wave is played, which is not emulated."""
+        self.instruments.plays_wave = True
+
+    def look(self) -> None:
+        """The wave goes on."""
+
+    def close(self) -> None:
+        """Have nothing to give back."""
+
+
+class RigEmulator:
+    """The four services and the arm, or both; ``tick`` takes all on by one sample."""
+
+    def __init__(self, rig: RigFile, arm: IdentifiedArm | IdentifiedPair, program: Program) -> None:
+        self.samples = Samples(len(rig.arms))
+        self.heard: list[Message] = []
+        """All that was said, of two arms."""
+        self.ended = False
+        self.told: Telemetry | None = None
+        self._rig, self._program = rig, program
+        self._residual = derived.residual(rig.model)
+        self._instruments = EmulatedInstruments(rig, arm)
+        self._bus = MemoryBus()
+        # A plan is emulated too where the rig's instruments are too slow for it to be armed.
+        runners = [
+            Runner(
+                service,
+                rig,
+                self._instruments.device if service.instrument else None,
+                check_timing=False,
+            )
+            for service in (plugins.load(plugins.SERVICES, name) for name in LOOP)
+        ]
+        self._loop = Loop(runners, self._bus, inline=True)
+        self._bus.step_when_empty(self._loop.step)
+        self._command: Command | None = None
+        self._applied: Applied | None = None
+        heard = (POSITION, ESTIMATE) if self.samples.arms == 2 else ()
+        for topic in (COMMAND, TELEMETRY, APPLIED, *heard):
+            self._bus.subscribe(topic, self._hear)
+        self._begin()
+
+    def _hear(self, _topic: Topic, message: Message) -> None:
+        if self.samples.arms == 2:
+            self.heard.append(message)
+        if isinstance(message, Command):
+            self._command = message
+        elif isinstance(message, Telemetry):
+            self.told = message
+        elif isinstance(message, Applied):
+            self._applied = message
+
+    def hang(self, weight_mN: float, arm: int) -> None:
+        """Hang a weight at the tip of arm 1 or 2."""
+        self._instruments.arms = self._instruments.arms.hang(weight_mN, arm)
+
+    @property
+    def outcome(self) -> str:
+        """How the program ends, as far as it is known."""
+        if self._applied is not None and self._applied.state in TRIPPED:
+            return "tripped"
+        return "" if self.told is None else self.told.outcome
+
+    @property
+    def segment(self) -> Segment | None:
+        """The segment of the program that plays."""
+        return self._program.segments[self.place] if self.place >= 0 else None
+
+    @property
+    def place(self) -> int:
+        """Number of that segment; -1 where none of the program plays."""
+        number = -1 if self.told is None else self.told.segment
+        return number if number < len(self._program.segments) else -1
+
+    def _begin(self) -> None:
+        """Let all services begin where the arm stands."""
+        self._bus.call(RESET, Reset(acknowledge=True))
+        rest = self._bus.latest(APPLIED)
+        begun = None if rest is None else self._instruments.begun(cast(Applied, rest))
+        if begun is not None:
+            # The estimator has followed the arm to where it stands, as on a rig that was in use.
+            estimator = self._loop.runner("estimator")
+            for message in begun:
+                estimator.take(message, 0.0)
+            estimator.fire(0.0)
+        arm_loop(self._bus, self._program, epoch=1, digest=self._rig.digest())
+
+    def tick(self, seq: int) -> str:
+        """Return one sample; returns why nothing can be predicted beyond it."""
+        while (self._applied is None or self._applied.seq < seq) and self._bus.pump():
+            pass
+        applied, command = self._applied, self._command
+        if applied is None or command is None:
+            return "the services have not answered"
+        if self.told is not None:
+            arms, at_s = self._instruments.arms, seq * self._rig.rig.period_s
+            self.samples.add(at_s, arms.tips_um, arms.forces_mN, (command, applied, self.told))
+        if self._instruments.plays_wave:
+            return SWEEP
+        if self._residual is not None and command.segment is not None:
+            known = self._residual.at(command.segment, command.segment_tick)
+            self._instruments.missed_um = None if known is None else known.value_um
+        self._instruments.settle()
+        self.ended = applied.final
+        if applied.state in TRIPPED:
+            return f"the actuator trips: {applied_text(applied)}"
+        return ""
+
+    def act(self, action: str) -> str:
+        """Ask the controller for an action; returns why it refuses."""
+        try:
+            self._bus.call(ACTION, Action(ActionCode(action)))
+        except RefusalError as error:
+            return str(error)
+        return ""
+
 
 LONGEST_S, LONGEST_SAMPLES = 120.0, 30_000
 """Limits of the part of a plan that is played, by time and by samples: the shorter one counts."""

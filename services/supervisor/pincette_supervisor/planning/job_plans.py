@@ -16,11 +16,11 @@ from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.library import RecipeRow
 from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Planned, Present
 from pincette_supervisor.plugin.functions import functions_of, kind_of
-from pincette_supervisor.plugin.model_in_use import rig_file_alone
-from pincette_supervisor.plugin.residuals import (
+from pincette_supervisor.plugin.model_in_use import (
     armed_with,
     learning_digest,
     motion_digest,
+    rig_file_alone,
     table_for,
 )
 

@@ -18,11 +18,16 @@ from pincette_supervisor.plugin.functions import (
     NextJob,
     Run,
 )
-from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.model_in_use import (
+    ASSUMED,
+    RESIDUALS,
+    UNITS,
+    ModelInUse,
+    learning_digest,
+    value_of,
+)
 from pincette_supervisor.plugin.planned import Planned, Wait
 from pincette_supervisor.plugin.present import Present
-from pincette_supervisor.plugin.quantities import ASSUMED, UNITS, value_of
-from pincette_supervisor.plugin.residuals import RESIDUALS, learning_digest
 
 __all__ = [
     "ASSUMED",

@@ -15,10 +15,9 @@ from pincette.core import plugins
 from pincette.core.messages import Message
 from pincette.records.columns import Columns
 from pincette_supervisor.plugin.drawing import Picture
-from pincette_supervisor.plugin.model_in_use import ModelInUse
+from pincette_supervisor.plugin.model_in_use import ModelInUse, assumed_for_force
 from pincette_supervisor.plugin.planned import Planned
 from pincette_supervisor.plugin.present import Present
-from pincette_supervisor.plugin.quantities import assumed_for_force
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ from pincette.control.planning.prediction import require_bounded
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import PlayedSweep, Seek
 from pincette.records.columns import Columns
-from pincette_supervisor.kinds.calibrate.calibration import functions_of
-from pincette_supervisor.kinds.calibrate.one_arm import (
+from pincette_supervisor.kinds.calibrate.calibration import (
+    functions_of,
     model_of_arm,
     named_of_arm,
     program_for_both,
