@@ -11,10 +11,15 @@ from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
 from pincette.cli.options import DATA, MOMENTS, Limit, moment, text_option
-from pincette.cli.output_file import write_output
+from pincette.cli.output_file import (
+    NOT_BOTH,
+    ForSpreadsheet,
+    NumbersAlone,
+    for_spreadsheet,
+    write_output,
+)
 from pincette.cli.readers import choice
 from pincette.cli.results import outcome
-from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
 from pincette.cli.terminal import STATE_COLOURS, clock, command, named, patience, table
 from pincette.core.files import make_folder
 

@@ -1,9 +1,64 @@
-"""Files that a person names for the output of a command."""
+"""Files that a person names for the output of a command, and CSV as spreadsheets read it.
 
+Spreadsheets read UTF-8 with its mark, and the separators of a country.
+"""
+
+import csv
+import io
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
+
+from typer import Option
 
 from pincette.cli import CliError
+from pincette.cli.readers import choice
 from pincette.core.files import replace_file
+
+SEPARATORS: Mapping[str, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
+"""Separators by their names on the command line."""
+COMMENT = "#"
+ForSpreadsheet = Annotated[
+    str | None,
+    Option(
+        "--spreadsheet",
+        parser=choice(tuple(SEPARATORS)),
+        metavar="|".join(SEPARATORS),
+        help="write UTF-8 with its mark and this separator; semicolon: with decimal commas",
+    ),
+]
+
+NumbersAlone = Annotated[
+    bool,
+    Option("--numbers", help="numbers alone, and a file of metadata that says what they mean"),
+]
+NOT_BOTH = "give --numbers or --spreadsheet, not both"
+
+
+def for_spreadsheet(content: bytes, separator: str) -> bytes:
+    """Return a CSV with the mark of UTF-8 and another separator between its cells.
+
+    With a semicolon, numbers have a decimal comma, as spreadsheets expect where a semicolon
+    separates. A line of comment becomes one cell.
+    """
+    sign = SEPARATORS[separator]
+    target = io.StringIO()
+    writer = csv.writer(target, delimiter=sign, lineterminator="\r\n")
+    text = content.decode("utf-8-sig")
+    while text.startswith(COMMENT):
+        line, _, text = text.partition("\n")
+        writer.writerow([line])
+    for row in csv.reader(io.StringIO(text, newline="")):
+        writer.writerow([_with_comma(cell) for cell in row] if separator == "semicolon" else row)
+    return target.getvalue().encode("utf-8-sig")
+
+
+def _with_comma(cell: str) -> str:
+    try:
+        float(cell)
+    except ValueError:
+        return cell
+    return cell.replace(".", ",")
 
 
 def write_output(path: Path, content: bytes) -> None:

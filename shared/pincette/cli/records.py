@@ -9,9 +9,15 @@ from typer import Argument, Option
 from pincette import __version__
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
-from pincette.cli.output_file import write_output
+from pincette.cli.found import JobName
+from pincette.cli.output_file import (
+    NOT_BOTH,
+    ForSpreadsheet,
+    NumbersAlone,
+    for_spreadsheet,
+    write_output,
+)
 from pincette.cli.readers import choice
-from pincette.cli.spreadsheet import NOT_BOTH, ForSpreadsheet, NumbersAlone, for_spreadsheet
 from pincette.cli.terminal import Json, command, emit, group, patience, screen, table
 from pincette.core import plugins
 from pincette.engine.replay.steps import STEPS
@@ -23,7 +29,6 @@ if TYPE_CHECKING:
 
 SAMPLES, SNAPSHOT = "samples.csv", "snapshot.mcap"
 NUMBERS = ("numbers.csv", "numbers.csv-metadata.json")
-JobName = Annotated[str, Argument(metavar="JOB", help="its id, or `last`")]
 Out = Annotated[
     Path | None,
     Option("--out", metavar="FOLDER", help="where to; a folder named as the job if not given"),

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pincette.cli.spreadsheet import SEPARATORS, for_spreadsheet
+from pincette.cli.output_file import SEPARATORS, for_spreadsheet
 from pincette.cli.terminal import clock
 
 CONTENT = """# force [mN]: of the part, with a ";"
