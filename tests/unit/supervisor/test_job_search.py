@@ -75,6 +75,9 @@ def matches(job: JobRow, wanted: JobFilter) -> bool:
         return job.labels.get(name) == value
     if wanted.outcome is not None:
         return (job.result or {}).get("outcome") == wanted.outcome
+    columns = ("kind", "state", "rig", "sample", "batch")
+    if any(getattr(wanted, name) not in (None, getattr(job, name)) for name in columns):
+        return False
     early = wanted.created_from is not None and job.created_at < wanted.created_from
     late = wanted.created_to is not None and job.created_at >= wanted.created_to
     return not early and not late and wanted.pinned in (None, job.pinned)
@@ -89,6 +92,10 @@ FILTERS = (
     JobFilter(created_from="2026-03-10", created_to="2026-03-20"),
     JobFilter(created_to="2000"),
     JobFilter(pinned=True),
+    JobFilter(kind="grip", pinned=True),
+    JobFilter(kind="grip", pinned=False, created_to="2026-03-20"),
+    JobFilter(rig="demo", state="failed"),
+    JobFilter(rig="demo", state="succeeded", sample="Größe B7"),
 )
 
 
@@ -184,6 +191,9 @@ COSTS = (
     *(JobFilter(pinned=pinned) for pinned in (False, True)),
     *(JobFilter(rig="demo", created_to=time) for time in ("2000", "2040")),
     JobFilter(sample="none"),
+    JobFilter(rig="demo", kind="grip", state="failed"),
+    JobFilter(kind="grip", sample="none"),
+    JobFilter(state="succeeded", rig="other", created_from="2000"),
 )
 
 

@@ -33,7 +33,6 @@ BY_COLUMN = (
     JobFilter(batch="w12"),
     JobFilter(operator="ann"),
     JobFilter(pinned=True),
-    JobFilter(rig="demo", state="succeeded", before_number=9),
     JobFilter(rig="demo", created_from="2026-03-01", created_to="2026-03-02"),
 )
 BY_WORDS = (
@@ -47,6 +46,12 @@ BY_TIME = (
     JobFilter(created_from="2026-03-01"),
     JobFilter(created_to="2026-03-01"),
     JobFilter(created_from="2026-03-01", created_to="2026-03-02", before_number=9),
+)
+BY_SEVERAL = (
+    JobFilter(rig="demo", state="succeeded"),
+    JobFilter(rig="demo", state="succeeded", before_number=9),
+    JobFilter(kind="grip", state="failed", rig="demo"),
+    JobFilter(kind="grip", pinned=True, created_from="2026-03-01"),
 )
 
 
@@ -67,6 +72,19 @@ def test_a_search_reads_only_jobs_of_the_full_text_index(store: Store, wanted: J
 def test_a_filter_by_time_reads_times_in_an_index(store: Store, wanted: JobFilter) -> None:
     (step,) = plan(store, newest(wanted))
     assert "jobs USING INDEX ix_jobs_number_created_at" in step, step
+
+
+@pytest.mark.parametrize("wanted", BY_SEVERAL)
+def test_a_filter_by_several_columns_reads_one_index(store: Store, wanted: JobFilter) -> None:
+    jobs, _, numbers = plan(store, newest(wanted))
+    assert jobs.startswith("SEARCH jobs USING INDEX"), jobs
+    assert "jobs USING COVERING INDEX ix_jobs_listed" in numbers, numbers
+
+
+def test_a_filter_by_a_sample_and_more_reads_the_index_of_the_sample(store: Store) -> None:
+    wanted = JobFilter(rig="demo", kind="grip", sample="B7", before_number=9)
+    *_, numbers = plan(store, newest(wanted))
+    assert numbers.startswith("SEARCH jobs USING INDEX ix_jobs_sample_number"), numbers
 
 
 def test_what_is_asked_for_all_the_time_reads_no_job_and_no_event(store: Store) -> None:

@@ -68,6 +68,7 @@ def test_what_was_learned_moves_from_notes_into_its_table(tmp_path: Path) -> Non
     newer = {**before, "program": "b", "best_um": [0.2], "quiet": 2}
     with closing(sqlite3.connect(path)) as base:
         base.execute("DROP TABLE learned")
+        base.execute("DROP INDEX ix_jobs_listed")
         base.execute("UPDATE alembic_version SET version_num = '0005'")
         notes = [
             ("learned: demo", json.dumps([before, newer])),

@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Integer, Select, String, cast, literal_column, or_
+from sqlalchemy import ColumnElement, Integer, Select, String, cast, literal_column, or_, select
 from sqlalchemy.dialects.postgresql import JSONB
 
 from pincette.api.states import JobState
@@ -13,6 +13,8 @@ from pincette_supervisor.journal.tables import JOB_SEARCH, JOBS
 
 COLUMNS = ("kind", "state", "rig", "sample", "batch", "operator", "pinned")
 """Conditions on one column each, which has an index."""
+LISTED = ("kind", "state", "rig", "pinned")
+"""Those that ``ix_jobs_listed`` has too; most jobs of a laboratory may have the same values."""
 FIRST, LAST = "", "9999-12-31T24"
 """Texts before and after every time of the journal."""
 UNINDEXED_NUMBER = literal_column("+jobs.number", Integer)
@@ -56,12 +58,16 @@ class JobFilter:
     def newest(self, limit: int, dialect: str) -> Select[Any]:
         """Return the query of the newest jobs that match, for an SQL dialect."""
         columns = {name: getattr(self, name) for name in COLUMNS}
+        found = self._found_in_file() if dialect == "sqlite" else []
+        several = sum(value is not None for value in columns.values()) > 1
+        if dialect == "sqlite" and several and not found:
+            return self._newest_by_several(limit, columns)
         query = matching(JOBS.select(), **columns).where(*self._conditions())
         number: ColumnElement[int] = JOBS.c.number
         before = number
         if dialect != "sqlite":
             query = query.where(*self._found_on_server())
-        elif found := self._found_in_file():
+        elif found:
             query = query.join(JOB_SEARCH, JOB_SEARCH.c.rowid == JOBS.c.number).where(*found)
             number = before = JOB_SEARCH.c.rowid
         elif self.created_from is not None or self.created_to is not None:
@@ -69,6 +75,26 @@ class JobFilter:
         if self.before_number is not None:
             query = query.where(before < self.before_number)
         return query.order_by(number.desc()).limit(limit)
+
+    def _newest_by_several(self, limit: int, columns: dict[str, Any]) -> Select[Any]:
+        """Return the query for conditions on several columns in a file.
+
+        By the index of one of them SQLite would read every job with its value. It reads only
+        ``ix_jobs_listed``, or the index of a sample, batch or operator, and then the jobs found.
+        """
+        listed = {name: columns.pop(name) for name in LISTED}
+        numbers = matching(select(JOBS.c.number), **columns).where(
+            *(
+                literal_column(f"+jobs.{name}", JOBS.c[name].type) == value
+                for name, value in listed.items()
+                if value is not None
+            ),
+            *self._conditions(),
+        )
+        if self.before_number is not None:
+            numbers = numbers.where(JOBS.c.number < self.before_number)
+        numbers = numbers.order_by(JOBS.c.number.desc()).limit(limit).correlate(None)
+        return JOBS.select().where(JOBS.c.number.in_(numbers)).order_by(JOBS.c.number.desc())
 
     def _conditions(self) -> list[ColumnElement[bool]]:
         """Return the exact conditions, which no index has to support."""

@@ -171,11 +171,11 @@ class Store(Database):
 
     def queued(self, rig: str) -> list[JobRow]:
         """Return jobs of a rig that wait for their turn, the next first."""
-        waits = and_(JOBS.c.state == "queued", JOBS.c.rig == rig)
+        query = select(JOBS).where(JOBS.c.state == "queued")
         with self.reading() as connection:
-            return _select(
-                connection, select(JOBS).where(waits).order_by(JOBS.c.place, JOBS.c.number)
-            )
+            found = _select(connection, query.order_by(JOBS.c.place, JOBS.c.number))
+        # With the rig in the query SQLite would read all jobs of the rig.
+        return [job for job in found if job.rig == rig]
 
     def counted(self) -> dict[tuple[str, str, str], int]:
         """Return how many jobs there are, by rig, kind and state; none where there is none."""

@@ -53,6 +53,7 @@ JOBS = Table(
         for name in ("rig", "state", "kind", "sample", "batch", "operator", "pinned")
     ),
     Index("ix_jobs_number_created_at", "number", "created_at"),
+    Index("ix_jobs_listed", "number", "created_at", "rig", "kind", "state", "pinned"),
     Index("ix_jobs_counted", "rig", "kind", "state"),
 )
 """``number`` rises with every job, ``revision`` with every change; ``place`` is in the queue."""

@@ -1,0 +1,12 @@
+"""One index of all that lists of jobs are often filtered by, in the order of the lists."""
+
+from alembic import op
+
+revision = "0007"
+down_revision = "0006"
+
+
+def upgrade() -> None:
+    """Create the index, for filters by several of its columns."""
+    columns = ["number", "created_at", "rig", "kind", "state", "pinned"]
+    op.create_index("ix_jobs_listed", "jobs", columns)
