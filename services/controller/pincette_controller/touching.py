@@ -36,7 +36,7 @@ RETREAT_S = 2.0
 """Duration of the way back if a program has none."""
 BACK_UM, BACK_SHARE = 2.0, 0.1
 """Distance of the way out after a touch on the way back, in µm, or as a share of the voltage."""
-BEND_FORCES = 5.0
+BEND_FORCES = 10.0
 """Contact forces above which a kink is no bend of the arm itself, however soft it is."""
 DRIFT_S = 0.2
 """Over which the force of a free approach is averaged."""

@@ -31,6 +31,8 @@ class ArmConfig:
 
     A simulated arm that starts with the programs is new, but not every new arm is as the model's.
     """
+    approach_tells: bool
+    """Whether the approach of a free arm narrows an unknown past; see ``derived``."""
     residual: ResidualTable | None
     """What x_1 misses along the program that is armed; None: nobody has measured it."""
     observer: ForceObserver
@@ -107,6 +109,7 @@ def _of_arm(rig: RigFile) -> ArmConfig:
         plant=discretize(model.arm(), period_s),
         response=response,
         unknown=unknown.judged(response),
+        approach_tells=derived.approach_tells(rig),
         residual=derived.residual(model),
         observer=observer,
         compliance_um_per_mN=s_p,

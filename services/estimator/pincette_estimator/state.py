@@ -143,6 +143,9 @@ class ArmState(FrozenRecord, frozen=True):
     None: there is none."""
     zero_kept: bool = False
     """True where x_1 still goes through a zero, or a first sample, of an earlier epoch."""
+    zeroed: bool = False
+    """True where x_1 goes through a zero, of this epoch or of an earlier one, and not only through
+    the place where the arm was found."""
     kept_age_s: float = 0.0
     """Time that earlier epochs have played since that zero; the time between them is not known."""
     zero_confirmed: bool = False

@@ -184,7 +184,8 @@ def _begin(config: ArmConfig, state: ArmState, x_um: float, applied: Applied) ->
         if applied.part_held or ahead_um <= most_um:
             return state
     response = response.begin(x_um)
-    return replace(state, response=response, unknown=state.unknown.rezero(response))
+    unknown = state.unknown.rezero(response)
+    return replace(state, response=response, unknown=unknown, zeroed=False)
 
 
 def _begun_detector(
@@ -192,11 +193,12 @@ def _begun_detector(
 ) -> ContactDetector:
     """Begin the search for a touch at the first sample of an epoch.
 
-    The ground up to there counts as free, so that a kink on it is one of the arm's own. Not so of
-    an arm that holds a part or may do so: where no response is identified, nothing shows that no
-    part presses the arm as it is found. Such an arm meets the part again once it has been lower.
+    The ground up to there counts as free, so that a kink on it is one of the arm's own, where x_1
+    goes through an earlier zero: the force then shows a part that presses the arm as it is found.
+    Without such a zero nothing shows it, and an arm that holds a part is not free either. Such an
+    arm meets the part again once it has been lower.
     """
-    known = state.response.remembers and not applied.part_held
+    known = state.response.remembers and state.zeroed and not applied.part_held
     return ContactDetector(nominal_um, x_um, free_to_um=x_um if known else -inf)
 
 
@@ -272,6 +274,7 @@ def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Appli
         reversal_memory=ReversalMemory(voltage_V),
         zero_s=t_s,
         zero_kept=False,
+        zeroed=True,
         kept_age_s=0.0,
         zero_refusal=None,
     )
@@ -403,6 +406,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
         highest_V=state.highest_V,
         known_V=state.highest_V,
         zero_kept=kept,
+        zeroed=kept and state.zeroed,
         zero_confirmed=request.zero_confirmed or (kept and state.zero_confirmed),
         kept_age_s=played_s,
         zero_s=-played_s if carried and state.zero_s is not None else None,

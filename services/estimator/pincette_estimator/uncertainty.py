@@ -124,15 +124,8 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
 
 
 def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
-    """Return what a free arm has told of its past since the last zero; nothing before the first.
-
-    An arm that can be conditioned is believed after its strokes alone: its approach does not show
-    what an unknown past makes of the force.
-    """
-    response = state.response
-    if state.zero_s is None:
-        return state.unknown
-    if isinstance(response, IdentifiedResponse) and response.branch is not None:
+    """Return what a free arm has told of its past since the last zero; nothing before the first."""
+    if state.zero_s is None or not config.approach_tells:
         return state.unknown
     response, count = state.response, config.zero_limits.rest_samples
     standard_um = hypot(

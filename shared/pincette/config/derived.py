@@ -78,6 +78,20 @@ def conditioning_V(rig: RigFile) -> float | None:
     return stroke_depth_V(None if taught is None else taught.taught_V, rig.limits.voltage_min_V)
 
 
+def approach_tells(rig: RigFile) -> bool:
+    """Return whether the approach of a free arm may narrow an unknown past.
+
+    It does not show what the past makes of the force: arms of relays come by the same way from
+    pasts that differ by several mN. So neither an arm that strokes can condition is believed by it,
+    nor one without voltages below rest. It counts only beside a model whose identified voltages are
+    not known.
+    """
+    taught = rig.model.free_response
+    if rig.limits.voltage_min_V >= 0.0:
+        return False
+    return taught is None or (taught.taught_V is None and taught.branch is None)
+
+
 def _strokes(model: Model) -> int:
     """Return the number of conditioning strokes that the model in use was measured after."""
     branch = None if model.free_response is None else model.free_response.branch

@@ -232,8 +232,8 @@ def test_a_touch_below_the_contact_force_is_none() -> None:
 
 @pytest.mark.parametrize(
     ("x_um", "touch_mN", "outcome"),
-    [(15.0, 6.0, ""), (12.0, 6.0, "contact"), (40.0, 11.0, "contact"), (15.0, -6.0, "contact")],
-    ids=["soft", "as hard as a part", "beyond five contact forces", "pulled"],
+    [(15.0, 6.0, ""), (12.0, 6.0, "contact"), (40.0, 21.0, "contact"), (15.0, -6.0, "contact")],
+    ids=["soft", "as hard as a part", "beyond ten contact forces", "pulled"],
 )
 def test_a_soft_kink_is_a_bend_where_the_guards_admit_bends(
     x_um: float, touch_mN: float, outcome: str

@@ -69,11 +69,15 @@ def test_a_part_is_felt_by_its_kink_as_ever(seed: int, K_e: float, gain: float) 
     assert 0.5 < felt_mN < 5.0
 
 
-@pytest.mark.parametrize(("config", "held"), [(LINEAR, False), (LINEAR, True), (CONFIG, True)])
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("config", [LINEAR, CONFIG])
 def test_a_part_that_pressed_the_arm_as_it_was_found_is_met_on_the_way_up(
     config: EstimatorConfig, held: bool
 ) -> None:
-    """The place where the arm was found is no ground that is known to be free."""
+    """The place where the arm was found is no ground that is known to be free.
+
+    With a model in use a part that nobody held was pressed up to the limit of the force.
+    """
     bench, contact_um, kappa = Bench(config), -8.0, S_P * K_E
     voltages_V = (*np.arange(0.0, -1.0, -0.01), *np.arange(-1.0, 2.0, 0.01))
     for tick, voltage_V in enumerate(voltages_V):

@@ -118,6 +118,25 @@ def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -
     assert abs(held[True].arms[0].force_mN) < held[True].arms[0].force_uncertainty_mN < 1.0
 
 
+@pytest.mark.parametrize("low_V", [0.0, -1.0])
+def test_the_approach_tells_nothing_where_strokes_are_impossible_or_come_first(
+    free: PlantParameters, low_V: float
+) -> None:
+    """By its zeros before and after the approach, a quarter of the unknown past was left in U."""
+    model = DEMO.model
+    assert model.free_response is not None
+    taught = model.free_response.model_copy(update={"taught_V": (low_V, 3.0)})
+    limits = DEMO.limits.model_copy(update={"voltage_min_V": low_V})
+    changed = {"limits": limits, "model": model.model_copy(update={"free_response": taught})}
+    stated_mN: list[float] = []
+    for from_zero in (False, True):
+        arm = FreeArm(free)
+        arm.bench = Bench(configure(DEMO.model_copy(update=changed)))
+        held = arm.stroke(1, from_zero=from_zero)[-1].arms[0]
+        stated_mN.append(held.force_uncertainty_mN)
+    assert stated_mN[1] > 0.5 * stated_mN[0]
+
+
 def test_a_stroke_makes_less_of_what_is_unknown(free: PlantParameters) -> None:
     arm = FreeArm(free)
     first, second = arm.stroke(1), arm.stroke(2)

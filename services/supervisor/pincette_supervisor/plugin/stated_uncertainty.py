@@ -81,15 +81,17 @@ def past_uncertainty_mN(rig: RigFile, force_mN: float) -> float:
 def hidden_by_past(rig: RigFile, force_mN: float, pointer: str) -> tuple[Violation, ...]:
     """Return the violation of a force that the arm's unknown past would cover.
 
-    Such a load ends as ``uncertain_force``. Only for arms that conditioning strokes would help.
+    Such a load ends as ``uncertain_force``, unless the approach narrows the past.
     """
     uncertainty_mN = past_uncertainty_mN(rig, force_mN)
-    if force_mN > uncertainty_mN or derived.conditioning_V(rig) is None:
+    if force_mN > uncertainty_mN or derived.approach_tells(rig):
         return ()
+    remedy = 'let conditioning strokes come first (condition = "auto")'
+    if derived.conditioning_V(rig) is None:
+        remedy = "move the arm over its whole range without the part first"
     message = (
         f"force = {force_mN:g} mN is not above {uncertainty_mN:.3g} mN, the expanded uncertainty "
-        "of the force by the arm's past, which is not known: let conditioning strokes come first "
-        '(condition = "auto"), or state more than that'
+        f"of the force by the arm's past, which is not known: {remedy}, or state more than that"
     )
     return (Violation(pointer, "force", force_mN, uncertainty_mN, "mN", 0.0, message),)
 

@@ -51,7 +51,7 @@ class Guards(FrozenRecord, frozen=True):
     admitted."""
     bend_mN_per_um: MillinewtonPerMicrometre = 0.0
     """Stiffness below which a kink beyond the place where the program began counts as a bend of the
-    free arm itself, up to five times the contact force; 0: each kink counts as a touch."""
+    free arm itself, up to ten times the contact force; 0: each kink counts as a touch."""
 
 
 class PlannedRange(FrozenRecord, frozen=True):

@@ -45,11 +45,10 @@ SOFTER = 1.5
 """Compliance of an arm by which weights hang, over that of the model in use, at most."""
 WIDEST_LOOP = 0.5
 """Width of the hysteresis loop of an arm that no model knows, as a share of its stroke."""
-CONFIRMED_FORCES = 2.0
-"""Touch limit where a person has confirmed that no part is there, over the contact force."""
 BEND_SHARE = 0.7
-"""Stiffness below which a kink is then a bend of the arm, over that of the softest part. It allows
-for a loop that makes the arm move more as it goes on, by which a part seems softer."""
+"""Stiffness below which a kink is a bend of the arm where a person has confirmed that no part is
+there, over that of the softest part. It allows for a loop that makes the arm move more as it goes
+on, by which a part seems softer."""
 WIDEST = 150
 """Letters of a statement that have room."""
 BY_HAND = "a person begins it again from its start, since it presses a part"
@@ -121,16 +120,15 @@ def _guarded(
     taken for such a bend. People err, so that what is as hard as a part still ends the motion.
     """
     limits, guards, part = rig.limits, program.guards, rig.part
-    contact_mN, bend = rig.grip.contact_force_mN, 0.0
+    bend = 0.0
     if no_part:
-        contact_mN = min(CONFIRMED_FORCES * contact_mN, limits.force_max_mN)
         bend = BEND_SHARE * part.stiffness_mN_per_um * (1.0 - part.stiffness_tolerance)
     if not any(isinstance(segment, Seek) for segment in program.segments):
         guards = replace(
             guards,
             force_max_mN=limits.force_max_mN * (SOFTER if weights else 1.0)
             + _unknown_loop_mN(rig, range_V),
-            contact_force_mN=contact_mN,
+            contact_force_mN=rig.grip.contact_force_mN,
             contact_samples=CONTACT_SAMPLES,
             bend_mN_per_um=bend,
         )
