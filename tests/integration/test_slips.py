@@ -25,13 +25,13 @@ def stays_within_the_plan(job: Played) -> bool:
     assert planned is not None
     assert planned.position_max_um is not None
     assert planned.position_max_um < 52.0
-    assert planned.voltage.max_V < 3.4
+    assert planned.voltages[0].max_V < 3.4
     reached_V = max(applied.arms[0].voltage_V for applied in job.applied)
     reached_um = max(view.arms[0].x_r_um for view in job.views)
-    print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} of {planned.voltage.max_V:.2f} V")
+    print(f"peak {job.peak_mN:.2f} mN, {reached_V:.2f} of {planned.voltages[0].max_V:.2f} V")
     assert reached_um <= planned.position_max_um
     assert max(view.force_r_mN for view in job.views if view.phase == "load") <= 1.05 * PLANNED_MN
-    return job.peak_mN < 1.1 * PLANNED_MN and reached_V <= planned.voltage.max_V
+    return job.peak_mN < 1.1 * PLANNED_MN and reached_V <= planned.voltages[0].max_V
 
 
 @pytest.mark.parametrize("profile", ["quick", "gentle"])

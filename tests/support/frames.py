@@ -28,7 +28,7 @@ BY_NAME = {kind.__name__: kind for kind in sorted(KINDS, key=lambda kind: kind._
 EPOCH, OWNER = 7, 1
 """Of the arming that frames belong to, mostly."""
 NOT_NEGATIVE = ("duration_s", "move_s", "run_up_s", "contact_stiffness_mN_per_um")
-BY_ARM = ("to_um", "sides", "courses", "arms")
+BY_ARM = ("to_um", "sides", "courses", "arms", "voltages")
 """Tuples with one item for each arm."""
 WORDS = ("", "a", "stop", "estop", "no command", "µm", "hold", "free", "part", "remove", "off")
 SELF_CHECKED: dict[type, tuple[Any, ...]] = {

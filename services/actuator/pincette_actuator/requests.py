@@ -46,7 +46,7 @@ def _arm(limits: SafetyLimits, state: State, request: Arm, now: float) -> Answer
         epoch=request.epoch,
         owner=request.owner,
         now=now,
-        planned=(request.voltage, request.second_voltage),
+        planned=request.voltages,
     )
     state = replace(state, pending=None, sweep=None, answered_seq=-1)
     return state, Ack(-1), (applied_of(state, -1),)

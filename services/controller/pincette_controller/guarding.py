@@ -37,12 +37,7 @@ STOP_S = 0.3
 """Time in which a stop brings x_r to rest."""
 FREE = 2.0
 """Stated uncertainties within which the force of an arm that has lost its part lies."""
-UNGUARDED = (
-    Outcome.CONTACT,
-    Outcome.SENSOR_JUMP,
-    Outcome.POSITION_STEP,
-    Outcome.ZERO_REFUSED,
-)
+UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
 """Outcomes after which a free way is not watched: it leads back, or the force is not known."""
 CONFIRMED_PERIODS = 0.5
 """Age, in periods, that a zero which answers the newest request stays below."""

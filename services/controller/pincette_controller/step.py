@@ -183,7 +183,7 @@ def _planned_V(
         return measured.applied_V
     if planned is None:
         return wanted_V
-    low_V, high_V = planned.voltage.from_voltage(measured.applied_V)
+    low_V, high_V = planned.voltages[0].from_voltage(measured.applied_V)
     return min(max(wanted_V, low_V), high_V)
 
 

@@ -146,7 +146,8 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
     """Turn back where an arm meets something; what it still left behind it must clear first.
 
     A touch is what the estimator has found, or a jump of the force on a quick way to the stand-off.
-    The strongest counts.
+    The strongest counts. On the way back from a refused zero an arm whose own zero was refused is
+    not watched, since its force is not known.
     """
     guards, segment = program.guards, player.segment
     approaches = segment.phase == Phase.APPROACH and arms[0].zero_age_s is not None
@@ -157,6 +158,8 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
     side, strongest_mN = 0, 0.0
     for arm, estimate in enumerate(arms):
         touch_mN = estimate.touch_mN or 0.0
+        if player.outcome == Outcome.ZERO_REFUSED and estimate.zero_refusal is not None:
+            continue
         if segment.phase == Phase.RETREAT:
             # Away from the part only what is behind the arm can be met.
             touch_mN = min(touch_mN, 0.0)

@@ -73,7 +73,7 @@ def untested_drivers(drivers: Iterable[tuple[str, str]]) -> Iterator[Finding]:
 def timing(rig: RigFile) -> Finding:
     """Check whether a tick fits into the control period, by the sum of all durations."""
     needed = budget(rig)
-    notes = [note for note in (needed.sensor.note, needed.output.note) if note]
+    notes = dict.fromkeys(one.note for one in (*needed.sensors, *needed.outputs) if one.note)
     words = "; ".join([f"timing, as the drivers state it: {needed.words()}", *notes])
     return Finding(
         needed.fits,
@@ -88,7 +88,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
     Judged by the path of ``[track]``, if it is a sinusoid: its steps are the largest where it is
     fastest.
     """
-    buffered = budget(rig).output.buffered_hz is not None
+    buffered = budget(rig).outputs[0].buffered_hz is not None
     if rig.output.shaping and not buffered:
         yield Finding(
             False,

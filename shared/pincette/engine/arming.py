@@ -54,8 +54,7 @@ def arm(
             Document(calibration),
             program.capture_hz,
             zero_confirmed,
-            None if planned is None else planned.voltage,
-            None if planned is None else planned.second_voltage,
+            () if planned is None else planned.voltages,
             program.takes_force_over,
         )
         bus.call(ARM[service], request)

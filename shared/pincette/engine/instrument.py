@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, inf
@@ -353,25 +353,20 @@ def open_for_measurement(service: AnyService, rig: RigFile) -> Device:
 def open_device(service: AnyService, rig: RigFile, at_most_s: float = inf) -> Device:
     """Open a service's instrument, a sensor within ``at_most_s``; None if it has none.
 
-    On a rig of two arms both are opened, or none stays open; at one url they share a line.
+    The instruments of all arms are opened, or none stays open; at one url they share a line.
     """
-    first, *others = rig.arms
-    if not others:
-        return _open(service, first, at_most_s)
-    with one_line_for_each_url():
-        return _open_both(service, first, others[0], at_most_s)
-
-
-def _open_both(service: AnyService, first: RigFile, second: RigFile, at_most_s: float) -> Device:
-    one = _open(service, first, at_most_s)
-    if one is None:
-        return None
-    try:
-        two = _open(service, second, at_most_s)
-    except BaseException:
-        one.close()
-        raise
-    return None if two is None else (one, two)
+    if len(rig.arms) == 1:
+        return _open(service, rig.arms[0], at_most_s)
+    opened: list[PositionSensor | VoltageOutput] = []
+    with one_line_for_each_url(), ExitStack() as stack:
+        for arm in rig.arms:
+            device = _open(service, arm, at_most_s)
+            if device is None:
+                return None
+            stack.callback(device.close)
+            opened.append(device)
+        stack.pop_all()
+    return of_arms(opened)
 
 
 def _open(

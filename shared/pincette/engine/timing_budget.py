@@ -26,40 +26,43 @@ answers: with less to spare, each answer would come too late."""
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Durations of all parts of a tick."""
+    """Durations of all parts of a tick; instruments of several arms are used one after the other.
+
+    Tuples have one item for each arm, the first arm first.
+    """
 
     period_s: float
-    sensor: Timing
-    output: Timing
+    sensors: tuple[Timing, ...]
+    """Timing of each sensor, as its driver states it."""
+    outputs: tuple[Timing, ...]
+    """Timing of each output, likewise."""
     computing_s: float
-    second: tuple[Timing, Timing] | None = None
-    """Durations of the second arm's sensor and output, which are used after the first's."""
     parts_s: float = 0.0
     """Time from the first to the last part of a voltage step; 0: it has one part."""
-    sensor_measured_s: tuple[float, ...] = ()
-    """Measured duration of a reading, for each arm; empty where nothing was measured."""
-    output_measured_s: tuple[float, ...] = ()
+    sensors_measured_s: tuple[float, ...] = ()
+    """Measured duration of a reading; empty where nothing was measured."""
+    outputs_measured_s: tuple[float, ...] = ()
     """Measured duration of an exchange with the output, likewise."""
 
     @property
-    def sensor_s(self) -> float:
-        """Return the larger of the stated and the measured duration of a reading, in s."""
-        return max(self.sensor.exchange_s, *self.sensor_measured_s[:1], 0.0)
+    def sensors_s(self) -> tuple[float, ...]:
+        """Return the larger of the stated and the measured duration of each reading, in s."""
+        return _longest_s(self.sensors, self.sensors_measured_s)
 
     @property
-    def output_s(self) -> float:
-        """Return the larger of the stated and the measured duration of an output's exchange."""
-        return max(self.output.exchange_s, *self.output_measured_s[:1], 0.0)
+    def outputs_s(self) -> tuple[float, ...]:
+        """Return the larger of the stated and the measured duration of each output's exchange."""
+        return _longest_s(self.outputs, self.outputs_measured_s)
 
     @property
-    def second_s(self) -> float:
-        """Return the durations of the second arm's exchanges; see ``sensor_s`` and ``output_s``."""
-        if self.second is None:
-            return 0.0
-        sensor, output = self.second
-        return max(sensor.exchange_s, *self.sensor_measured_s[1:], 0.0) + max(
-            output.exchange_s, *self.output_measured_s[1:], 0.0
-        )
+    def sensor_response_s(self) -> float:
+        """Return the response time of the slowest sensor, in s."""
+        return max(one.response_s for one in self.sensors)
+
+    @property
+    def output_response_s(self) -> float:
+        """Return the response time of the slowest output, in s."""
+        return max(one.response_s for one in self.outputs)
 
     def measured(
         self, sensors: Sequence[ExchangeTimes], outputs: Sequence[ExchangeTimes]
@@ -67,27 +70,19 @@ class Budget:
         """Return this budget with the medians of the measured durations, for each arm."""
         return replace(
             self,
-            sensor_measured_s=tuple(one.median_s for one in sensors),
-            output_measured_s=tuple(one.median_s for one in outputs),
+            sensors_measured_s=tuple(one.median_s for one in sensors),
+            outputs_measured_s=tuple(one.median_s for one in outputs),
         )
 
     @property
     def total_s(self) -> float:
         """Return the sum of all parts."""
-        return (
-            self.sensor_s
-            + self.sensor.response_s
-            + self.output_s
-            + self.output.response_s
-            + self.parts_s
-            + self.second_s
-            + self.computing_s
-        )
+        return sum(part_s for _, part_s, _ in self._parts())
 
     @property
     def loop_s(self) -> float:
         """Return the time that the loop waits and computes, in s: all but the output's response."""
-        return self.total_s - self.output.response_s - self.parts_s
+        return self.total_s - self.output_response_s - self.parts_s
 
     @property
     def fits(self) -> bool:
@@ -96,27 +91,31 @@ class Budget:
         As the drivers state it, a sample, its command and the output's response must end within the
         period. Measured exchanges are longer by what the machine takes.
         """
-        as_stated = replace(self, sensor_measured_s=(), output_measured_s=())
+        as_stated = replace(self, sensors_measured_s=(), outputs_measured_s=())
         return as_stated.total_s <= self.period_s and self.loop_s <= self.period_s
 
     @property
     def bandwidth_hz(self) -> float:
         """Return the highest frequency at which these instruments can identify the arm."""
-        return min(self.sensor.bandwidth_hz, self.output.bandwidth_hz)
+        return min(one.bandwidth_hz for one in (*self.sensors, *self.outputs))
+
+    def _parts(self) -> tuple[tuple[str, float, str], ...]:
+        """Return the name of each part, its duration in s, and the origin of that duration."""
+        readings_s, exchanges_s = self.sensors_s, self.outputs_s
+        return (
+            ("sensor exchange", readings_s[0], _source(self.sensors[0], self.sensors_measured_s)),
+            ("sensor response", self.sensor_response_s, ""),
+            ("command exchange", exchanges_s[0], _source(self.outputs[0], self.outputs_measured_s)),
+            ("output response", self.output_response_s, ""),
+            ("parts of a step", self.parts_s, ""),
+            ("second arm's exchanges", sum(readings_s[1:]) + sum(exchanges_s[1:]), ""),
+            ("computing", self.computing_s, ""),
+        )
 
     def words(self) -> str:
         """Return sum and parts, in ms; for exchanges both the stated and the measured durations."""
-        parts = (
-            ("sensor exchange", self.sensor_s, _source(self.sensor, self.sensor_measured_s[:1])),
-            ("sensor response", self.sensor.response_s, ""),
-            ("command exchange", self.output_s, _source(self.output, self.output_measured_s[:1])),
-            ("output response", self.output.response_s, ""),
-            ("parts of a step", self.parts_s, ""),
-            ("second arm's exchanges", self.second_s, ""),
-            ("computing", self.computing_s, ""),
-        )
         shown = " + ".join(
-            f"{name} {1e3 * part:.1f}{source}" for name, part, source in parts if part
+            f"{name} {1e3 * part_s:.1f}{source}" for name, part_s, source in self._parts() if part_s
         )
         period = f"the control period of {1e3 * self.period_s:g} ms"
         total = f"{shown} = {1e3 * self.total_s:.1f} ms"
@@ -128,6 +127,13 @@ class Budget:
             f"{total}; the loop needs {1e3 * self.loop_s:.1f} ms, within {period}, and the "
             "output's response ends in the next one"
         )
+
+
+def _longest_s(stated: tuple[Timing, ...], measured_s: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the larger of the stated and the measured duration for each arm, in s."""
+    return tuple(
+        max(one.exchange_s, *measured_s[arm : arm + 1], 0.0) for arm, one in enumerate(stated)
+    )
 
 
 def _source(stated: Timing, measured_s: Sequence[float]) -> str:
@@ -144,13 +150,10 @@ def budget(rig: RigFile) -> Budget:
 
     Raises PluginError or ConfigError.
     """
-    first, *others = [
-        (stated(plugins.POSITION_SENSORS, arm.sensor), stated(plugins.VOLTAGE_OUTPUTS, arm.output))
-        for arm in rig.arms
-    ]
-    second = others[0] if others else None
+    sensors = tuple(stated(plugins.POSITION_SENSORS, arm.sensor) for arm in rig.arms)
+    outputs = tuple(stated(plugins.VOLTAGE_OUTPUTS, arm.output) for arm in rig.arms)
     parts_s = LAST * (rig.shaping_s or 0.0)
-    return Budget(rig.rig.period_s, *first, rig.realtime.computing_s, second, parts_s)
+    return Budget(rig.rig.period_s, sensors, outputs, rig.realtime.computing_s, parts_s)
 
 
 def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
@@ -202,10 +205,9 @@ def stated_output(rig: RigFile) -> OutputTiming:
         timing = budget(rig)
     except (ConfigError, plugins.PluginError):
         return OutputTiming()
-    delay_s = timing.sensor.exchange_s + timing.computing_s + timing.output.exchange_s
-    return OutputTiming(
-        min(delay_s, rig.rig.period_s), timing.output.response_s / RESPONSE_TIME_CONSTANTS
-    )
+    sensor, output = timing.sensors[0], timing.outputs[0]
+    delay_s = sensor.exchange_s + timing.computing_s + output.exchange_s
+    return OutputTiming(min(delay_s, rig.rig.period_s), output.response_s / RESPONSE_TIME_CONSTANTS)
 
 
 def known_budget(rig: RigFile) -> Budget | None:

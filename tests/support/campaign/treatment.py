@@ -242,7 +242,7 @@ def _beyond(watched: Watched, program: Program) -> str:
         return ""
     furthest_um = max(truth.x_um for truth in truths)
     voltages_V = [truth.voltage_V for truth in truths]
-    high_um, voltage = planned.position_max_um, planned.voltage
+    high_um, voltage = planned.position_max_um, planned.voltages[0]
     found: list[str] = []
     if high_um is not None and furthest_um > high_um + RANGE_UM:
         found.append(f"position {furthest_um:.3g} > {high_um:.3g} µm")

@@ -17,10 +17,10 @@ from .bench import ARM, CONFIG, EPOCH, OWNER, command, play, position, with_volt
 PLANNED = VoltageRange(-0.2, 2.5)
 
 
-def armed(planned: VoltageRange | None, present_V: float = 0.0) -> State:
+def armed(*planned: VoltageRange, present_V: float = 0.0) -> State:
     state, _, _ = handle(CONFIG, start(CONFIG), Reset(acknowledge=True), 0.0)
     state = with_voltages(state, present_V)
-    return handle(CONFIG, state, Arm(EPOCH, OWNER, "", voltage=planned), 0.0)[0]
+    return handle(CONFIG, state, Arm(EPOCH, OWNER, "", voltages=planned), 0.0)[0]
 
 
 def asked(state: State, *voltages_V: float) -> list[tuple[float, int]]:
@@ -45,7 +45,7 @@ def test_no_command_leads_out_of_the_plan() -> None:
 
 
 def test_without_a_plan_the_limits_of_the_rig_hold() -> None:
-    assert asked(armed(None), 2.0, 3.9) == [(2.0, 0), (3.9, 0)]
+    assert asked(armed(), 2.0, 3.9) == [(2.0, 0), (3.9, 0)]
 
 
 def test_a_plan_widens_no_limit_of_the_rig() -> None:
@@ -72,7 +72,7 @@ def test_the_next_arming_brings_its_own_range() -> None:
 
 def test_each_arm_of_two_has_its_own_range() -> None:
     state, _, _ = handle(two.BOTH, start(two.BOTH), Reset(acknowledge=True), 0.0)
-    request = Arm(EPOCH, OWNER, "", voltage=PLANNED, second_voltage=VoltageRange(0.0, 0.7))
+    request = Arm(EPOCH, OWNER, "", voltages=(PLANNED, VoltageRange(0.0, 0.7)))
     state, _, _ = handle(two.BOTH, state, request, 0.0)
     told = two.command(0, 1.5, ArmCommand(1.5))
     state, _ = two.play(state, (two.position(0), 0.0), (told, 0.004))

@@ -18,7 +18,7 @@ from pincette.control.planning.pair_plan import (
 from pincette.control.planning.path_shapes import sinusoid
 from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Move, Ramp, Stay
-from pincette.core.faults import ActionCode, FaultCode, Outcome
+from pincette.core.faults import ActionCode, Fault, FaultCode, Outcome
 from pincette.core.messages import Command, Estimate, Load, Telemetry
 from pincette.core.service import RefusedError
 from pincette_controller import SERVICE
@@ -295,6 +295,26 @@ def test_an_arm_that_meets_something_behind_it_without_a_law_moves_out_of_it(arm
     pair.play()
     assert pair.voltages_V[arm] > met_V + 0.03
     assert pair.voltages_V[1 - arm] == pytest.approx(met_V, abs=0.02)
+
+
+@pytest.mark.parametrize(("behind", "outcome"), [(0, "zero_refused"), (1, "contact")])
+def test_after_a_refused_zero_each_arm_whose_zero_is_known_is_watched_on_its_way_back(
+    behind: int, outcome: str
+) -> None:
+    """The zero of the first arm was refused, so that its force is not known."""
+    pair = IdealPair(grip())
+    refusal = Fault(FaultCode.ZERO_OFFSET)
+    pair.change = lambda estimate: with_arm(estimate, zero_refusal=refusal)
+    told = pair.tick()[1]
+    while told.phase != "retreat":
+        told = pair.tick()[1]
+    assert told.outcome == Outcome.ZERO_REFUSED
+    for _ in range(3):
+        pair.tick()
+    pair.change = lambda estimate: with_arm(
+        with_arm(estimate, zero_refusal=refusal), behind, touch_x_um=1.0, touch_mN=-3.0
+    )
+    assert pair.play()[-1].outcome == outcome
 
 
 def carry() -> IdealPair:

@@ -32,7 +32,7 @@ def program(retries: int) -> Program:
     load = segments[LOAD]
     segments[LOAD] = replace(load, duration_s=LOAD_S, move_s=LOAD_S)
     planned = PlannedRange(
-        voltage=VoltageRange(-1.0, 4.0), position_max_um=FURTHEST_UM, force_max_mN=LOAD_MN
+        voltages=(VoltageRange(-1.0, 4.0),), position_max_um=FURTHEST_UM, force_max_mN=LOAD_MN
     )
     return replace(
         QUICK,

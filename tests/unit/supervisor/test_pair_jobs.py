@@ -254,9 +254,9 @@ def test_both_arms_make_strokes_before_they_meet_a_part(body: dict[str, Any]) ->
     assert min(curves.second_voltage_V) == pytest.approx(-0.5, abs=0.01)
     planned = stroked.program.planned_range
     assert planned is not None
-    assert planned.second_voltage is not None
-    assert planned.voltage.min_V < -0.8
-    assert planned.second_voltage.min_V < -0.5
+    first, second = planned.voltages
+    assert first.min_V < -0.8
+    assert second.min_V < -0.5
 
 
 def test_an_arm_that_cannot_be_conditioned_rests_meanwhile_and_the_plan_warns() -> None:

@@ -255,11 +255,11 @@ def pair_range(
     part, force_mN = rig.part, max(course.arms[0].force_r_mN)
     deeper_um = force_mN / part.stiffness_mN_per_um * part.stiffness_tolerance
     on_um = part.contact_tolerance_um + MARGIN_UM + deeper_um
-    first, second = (
+    voltages = tuple(
         voltage_range([*arm.voltage_V, max(arm.voltage_V) + on_um / of.piezo_um_per_V], of)
         for arm, of in zip(course.arms, rigs, strict=True)
     )
-    return PlannedRange(voltage=first, second_voltage=second, force_max_mN=force_mN)
+    return PlannedRange(voltages, force_max_mN=force_mN)
 
 
 def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:

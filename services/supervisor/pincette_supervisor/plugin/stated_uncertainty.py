@@ -222,6 +222,6 @@ def _shapes(rig: RigFile) -> bool:
     if rig.second is not None:
         return False
     try:
-        return budget(rig).output.buffered_hz is not None
+        return budget(rig).outputs[0].buffered_hz is not None
     except (ConfigError, plugins.PluginError):
         return False

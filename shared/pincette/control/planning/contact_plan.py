@@ -271,7 +271,7 @@ def _range(
     voltages_V = arm.voltages_V(places_um, forces_mN, rig.period_s) + course.voltage_V
     back_um = min(arm.x_start_um, *course.x_r_um) - MARGIN_UM
     return PlannedRange(
-        voltage=voltage_range(voltages_V, rig),
+        voltages=(voltage_range(voltages_V, rig),),
         position_min_um=back_um,
         position_max_um=x_um + MARGIN_UM,
         force_max_mN=force_mN,

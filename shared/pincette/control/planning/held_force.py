@@ -132,7 +132,7 @@ def plan_held_force(
         broken.append(named_violation(found, pointer))
     softest = LEAST_STIFFNESS * K_e
     planned = PlannedRange(
-        voltage=voltage_range([safe_V, *(one for way in ways_V for one in way)], rig),
+        voltages=(voltage_range([safe_V, *(one for way in ways_V for one in way)], rig),),
         position_min_um=stand.x_um + min(0.0, change_mN) / softest - MARGIN_UM,
         position_max_um=stand.x_um + max(0.0, change_mN) / softest + MARGIN_UM,
         force_max_mN=max(force_mN, stand.force_mN + stand.uncertainty_mN),

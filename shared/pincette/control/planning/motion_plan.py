@@ -286,7 +286,7 @@ def _plan(
         named_violation(found, named_pointer(found, pointers))
         for found in excursions(course, rig.limits)
     ]
-    planned = PlannedRange(voltage=_voltages(segments, course.voltage_V, rig))
+    planned = PlannedRange(voltages=(_voltages(segments, course.voltage_V, rig),))
     program = Program(
         tuple(segments),
         guards,

@@ -7,6 +7,7 @@ from pincette.control.laws.parameters import LawSpec
 from pincette.control.planning.repetition import Corrections
 from pincette.control.planning.segments import Press, Seek, Segment
 from pincette.control.quantities import (
+    Arms,
     Hertz,
     Items,
     Micrometre,
@@ -61,9 +62,8 @@ class PlannedRange(FrozenRecord, frozen=True):
     within it from the arming on.
     """
 
-    voltage: VoltageRange
-    second_voltage: VoltageRange | None = None
-    """Voltages of the second arm; None: there is one arm, or its range is not stated."""
+    voltages: Arms[VoltageRange]
+    """Voltages of each arm, the first arm first; none are stated for an arm that is left out."""
     position_min_um: Micrometre | None = None
     """Lowest position reference of a pressed part; None: none is stated."""
     position_max_um: Micrometre | None = None

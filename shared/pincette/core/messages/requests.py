@@ -31,10 +31,9 @@ class Arm(FrozenRecord, frozen=True):
     """Rate of buffered acquisition, as in the program that is played."""
     zero_confirmed: bool = False
     """A person has said that nothing touches the arm: zeros of earlier epochs are dropped."""
-    voltage: VoltageRange | None = None
-    """Range of voltages that the plan states; None: the limits of the rig."""
-    second_voltage: VoltageRange | None = None
-    """Range of voltages of the second arm, likewise."""
+    voltages: Items[VoltageRange] = ()
+    """Range of voltages that the plan states for each arm, the first arm first; the limits of the
+    rig hold for an arm that is left out."""
     zero_kept: bool = False
     """Whether the force of a part that is still held keeps the zero of the previous epoch."""
 

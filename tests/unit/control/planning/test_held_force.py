@@ -45,7 +45,7 @@ def test_the_program_takes_the_force_over_within_its_range() -> None:
     program = planned().program
     assert program.takes_force_over
     assert program.planned_range is not None
-    assert program.planned_range.voltage.max_V > max(planned().course.voltage_V)
+    assert program.planned_range.voltages[0].max_V > max(planned().course.voltage_V)
     assert program.planned_range.force_max_mN == 15.0
 
 

@@ -77,8 +77,8 @@ def _require_sweep(rig: RigFile, to_hz: float, capture_hz: float) -> None:
     """
     timing = budget(rig)
     parts = (
-        _part("sensor", rig.sensor.driver, timing.sensor),
-        _part("output", rig.output.driver, timing.output),
+        _part("sensor", rig.sensor.driver, timing.sensors[0]),
+        _part("output", rig.output.driver, timing.outputs[0]),
     )
     faults = [_fault(part, capture_hz) for part in parts]
     bandwidth_hz = timing.bandwidth_hz
