@@ -2,12 +2,12 @@
 of the tick out."""
 
 from importlib import import_module
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
 from pincette.config import RigFile
 from pincette.control.faults import Fault, FaultCode, fault
+from pincette.control.record import FrozenRecord
 from pincette.control.safety.admission import (
     CommandFacts,
     early,
@@ -52,7 +52,7 @@ ANSWER_PERIODS = 0.75
 Outputs = tuple[Message | DeviceCommand, ...]
 
 
-class Inputs(NamedTuple):
+class Inputs(FrozenRecord, frozen=True):
     """``device`` is the instrument's fault, what it says that it puts out, or what kept the program
     from a look at the clock."""
 

@@ -23,21 +23,20 @@ class ArmMemory(FrozenRecord, frozen=True):
     followed_seq: int = -1
     """The sample up to which ``response`` has followed the voltage."""
 
-    def follow(self, estimate: Estimate, arm: int, period_s: float) -> "ArmMemory":
-        """Take in the voltage applied to the arm of this index.
+    def follow(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
+        """Take in the voltage applied to this arm.
 
         Where it is missing, the next one counts for longer.
         A sample that has been followed already is not followed again.
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self
-        seq, voltage_V = estimate.seq, estimate.arms[arm].applied_V
-        passed_s = (seq - self.followed_seq) * period_s
+        passed_s = (estimate.seq - self.followed_seq) * period_s
         return ArmMemory(
             self.response.follow(voltage_V, passed_s),
             self.model,
             self.past.follow(voltage_V, passed_s),
-            seq,
+            estimate.seq,
         )
 
     def armed(self, model: FreeResponse) -> "ArmMemory":

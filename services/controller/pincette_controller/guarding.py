@@ -12,7 +12,7 @@ from pincette.control.force.position_steps import StepLimits
 from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.load_line import line_share, stiffest_line, stiffness_bounds
 from pincette.control.planning.program import Guards, Program
-from pincette.control.planning.segments import Move, PlayedSweep, Press, Rest, Seek
+from pincette.control.planning.segments import Move, Press, Rest, Seek
 from pincette.core.faults import KEPT, Outcome, Phase
 from pincette.core.messages.arms import ArmEstimate
 from pincette_controller.felt import Arms
@@ -138,7 +138,7 @@ def _line(program: Program, player: Player, estimate: ArmEstimate) -> ContactLin
 
 def _too_much(program: Program, player: Player, arms: Arms) -> bool:
     """Return whether a force is beyond its limit; within a sweep the force is unknown."""
-    if isinstance(player.segment, PlayedSweep):
+    if player.segment.hides_force:
         return False
     pressed_mN = sure_force_mN(arms[0])
     if player.felt is not None:

@@ -42,8 +42,10 @@ def check_cycle(program: Program, period_s: float) -> None:
 
 def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: float) -> Learning:
     """Take in x - x_r of the newest sample, whose references the tick before has set."""
+    if learning.learner is None:
+        return learning
     path = _cyclic_path(before.segment)
-    if learning.learner is None or path is None:
+    if path is None:
         return learning
     t_s, slack_s = before.ticks * period_s, 0.5 * period_s
     if not path.full_from_s - slack_s <= t_s < path.full_to_s - slack_s:
@@ -58,8 +60,10 @@ def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: f
 
 def correct(learning: Learning, player: Player, period_s: float) -> Learning:
     """Update the correction of the next x_r; it blends in and out as the path does."""
+    if learning.learner is None:
+        return learning
     path = _cyclic_path(player.segment)
-    if learning.learner is None or path is None or player.ended:
+    if path is None or player.ended:
         return replace(learning, correction_um=0.0) if learning.correction_um else learning
     share = path.share(player.ticks * period_s)
     value_um = share * learning.learner.corrections.at(player.ticks)

@@ -34,7 +34,7 @@ OF_ARMS = ("", "second.")
 def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
     """The force that an arm's hard limit is held against, as the guards take it; None within a
     sweep."""
-    if not estimate.valid or (player is not None and isinstance(player.segment, PlayedSweep)):
+    if not estimate.valid or (player is not None and player.segment.hides_force):
         return None
     return sure_force_mN(estimate.arms[arm])
 

@@ -77,7 +77,8 @@ def watch_steps(
     program: Program, player: Player, estimate: ArmEstimate, limits: StepLimits | None
 ) -> Player:
     """Judge the newest sample of a pressed part; ``suspect`` freezes the voltage for one tick."""
-    if limits is None or not _watched(program, player, estimate):
+    along_path = bool(paths_of(player.segment))
+    if limits is None or not _watched(program, player, estimate, along_path=along_path):
         if player.slip.suspect is None and not player.slip.steps.x_um:
             return player
         return with_slip(player, suspect=None, steps=StepWatch())
@@ -93,11 +94,11 @@ def watch_steps(
     if seen is not None and player.segment.open_loop and seen.samples < AVERAGED:
         shown_um = unexplained_um(seen.step, x_um, free_um, kappa)
         return with_slip(player, confirmed=seen.averaged(shown_um, estimate.force_mN))
-    step = watch.step(limits, kappa, along_path=bool(paths_of(player.segment)))
+    step = watch.step(limits, kappa, along_path=along_path)
     return player if step is None else with_slip(player, suspect=step)
 
 
-def _watched(program: Program, player: Player, estimate: ArmEstimate) -> bool:
+def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_path: bool) -> bool:
     """Return whether a part is pressed, so that the position follows from voltage and stiffness.
 
     Along a path it is not where the force is less than that of a touch: the arm may be free there.
@@ -107,8 +108,7 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate) -> bool:
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.felt is not None:
         return False
-    on_path = bool(paths_of(segment))
-    return not on_path or estimate.force_mN >= program.guards.contact_force_mN
+    return not along_path or estimate.force_mN >= program.guards.contact_force_mN
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:

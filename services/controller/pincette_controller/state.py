@@ -1,6 +1,6 @@
 """Inputs of the controller, and its state between samples."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -17,7 +17,7 @@ from pincette_controller.outputs import invalid_command, number_out_of_bounds
 from pincette_controller.player_state import Player
 
 
-class Inputs(NamedTuple):
+class Inputs(FrozenRecord, frozen=True):
     """The estimate of the newest sample."""
 
     estimate: Estimate | None

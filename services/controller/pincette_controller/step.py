@@ -80,8 +80,8 @@ def _answer(
     if estimate.epoch != state.epoch or len(estimate.arms) != len(config.arms):
         return replace(state, refused=state.refused + 1), ()
     memories: tuple[ArmMemory, ...] = ()
-    for memory in state.memories:
-        memories += (memory.follow(estimate, len(memories), config.period_s),)
+    for memory, arm in zip(state.memories, estimate.arms, strict=True):
+        memories += (memory.follow(estimate, arm.applied_V, config.period_s),)
     state = replace(state, memories=memories)
     if state.playing and estimate.valid and not estimate.tripped and state.program is not None:
         return _play(config, state, state.program, estimate)

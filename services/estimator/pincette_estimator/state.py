@@ -6,7 +6,6 @@ says nothing. It does where the arm was meant to move by much more than the nois
 """
 
 from math import copysign, inf
-from typing import NamedTuple
 
 from msgspec import field
 
@@ -105,14 +104,14 @@ class FreeMotion(FrozenRecord, frozen=True):
         return FreeMotion((*self.older, *newer)[-FREE_SAMPLES:])
 
 
-class Inputs(NamedTuple):
+class Inputs(FrozenRecord, frozen=True):
     """``applied`` is that of the sample before; None where it did not come in time."""
 
     position: Position | None
     applied: Applied | None
 
 
-class Ringing(NamedTuple):
+class Ringing(FrozenRecord, frozen=True):
     """Ring of the mode after the steps of the voltage so far."""
 
     free_um: float = 0.0

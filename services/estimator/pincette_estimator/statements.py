@@ -60,19 +60,14 @@ def estimate(
     )
 
 
-def within(range_: tuple[float, float], value: float) -> bool:
-    """Return whether a value is a number within a range; no comparison holds of what is none."""
-    return range_[0] <= value <= range_[1]
-
-
 def degraded(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Estimate:
     """An estimate that must not be used for control: the voltage or the measurement is missing."""
-    x_um = position.arms[config.arm].x_um
+    x_um, (low_um, high_um) = position.arms[config.arm].x_um, config.position_um
     output = None if applied is None else applied.arms[config.arm]
     arm = ArmEstimate(
-        x_um=x_um if within(config.position_um, x_um) else 0.0,
+        x_um=x_um if low_um <= x_um <= high_um else 0.0,
         force_mN=0.0,
         force_uncertainty_mN=0.0,
         perturbation_mN=0.0,

@@ -26,7 +26,7 @@ from pincette_estimator.both_arms import joined, moving_V
 from pincette_estimator.config import ArmConfig, EstimatorConfig, configure
 from pincette_estimator.following import follow_voltage, unfollowed
 from pincette_estimator.state import ArmState, FreeMotion, Inputs, State, stroke_fault
-from pincette_estimator.statements import degraded, estimate, within
+from pincette_estimator.statements import degraded, estimate
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
 AHEAD_SHARE = 0.5
@@ -62,9 +62,11 @@ def step(
     arms: tuple[ArmState, ...] = ()
     for of_arm, before in zip(config.arms, state.arms, strict=True):
         told = applied
-        if told is not None and not within(of_arm.voltage_V, told.arms[of_arm.arm].voltage_V):
-            # Followed once, it would stay in the memory of the arm.
-            refused, told = refused + 1, None
+        if told is not None:
+            low_V, high_V = of_arm.voltage_V
+            if not low_V <= told.arms[of_arm.arm].voltage_V <= high_V:
+                # Followed once, it would stay in the memory of the arm.
+                refused, told = refused + 1, None
         arm, one = _estimated(of_arm, before, position, told)
         arms += (arm,)
         found = one if found is None else joined(found, one)
@@ -88,7 +90,8 @@ def _estimated(
         return state, degraded(config, state, position, None)
     state = follow_voltage(config, state, applied)
     sample = position.arms[config.arm]
-    measured = sample.valid and within(config.position_um, sample.x_um)
+    low_um, high_um = config.position_um
+    measured = sample.valid and low_um <= sample.x_um <= high_um
     if measured:
         voltage_V, held = applied.arms[config.arm].voltage_V, False
         if config.moving is not None and applied.part_held:

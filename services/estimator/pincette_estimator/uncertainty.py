@@ -8,7 +8,11 @@ from pincette.control.response.error_growth import TURN_V
 from pincette.control.response.free_response import FreeResponse, MemoryResponse, rest_mean
 from pincette.control.response.identified_response import IdentifiedResponse
 from pincette.control.response.reversal_memory import forgotten_share
-from pincette.control.response.unknown_past import UnknownPast, standard_uncertainty_um
+from pincette.control.response.unknown_past import (
+    ROOT_3,
+    UnknownPast,
+    standard_uncertainty_um,
+)
 from pincette_estimator.config import ArmConfig
 from pincette_estimator.state import ArmState, Ringing
 
@@ -23,7 +27,7 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
     missed, response = state.missed, state.response
     age_s = t_s if zero_s is None else t_s - zero_s
     # Any drift up to the largest is equally likely.
-    drift_um = config.drift_um_per_s * max(0.0, age_s) / sqrt(3.0)
+    drift_um = config.drift_um_per_s * max(0.0, age_s) / ROOT_3
     free_um = _free_error_um(config, response)
     share = forgotten_share(state.reversal_memory.total_V, config.forgotten_scale_V)
     lost_mN = share * config.forgotten_mN
@@ -93,9 +97,9 @@ def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
     The free response is corrected for it. Where the sensor was the cause, the force is still off
     by g·F, and position and voltage do not tell sensor and actuator apart.
     """
-    if not isinstance(response, IdentifiedResponse):
+    if not isinstance(response, IdentifiedResponse) or response.factor == 1.0:
         return 0.0
-    return abs(response.factor - 1.0) * abs(F_mN) / sqrt(3.0)
+    return abs(response.factor - 1.0) * abs(F_mN) / ROOT_3
 
 
 def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> float:

@@ -1,7 +1,6 @@
 """The sensor as a service: one reading, one numbered sample."""
 
 from math import isfinite
-from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -24,7 +23,7 @@ from pincette.core.topics import APPLIED, ARM, BURST, IDLE, POSITION, STATUS, TI
 from pincette_sensor.config import ArmSensor, SensorConfig, configure
 
 
-class Inputs(NamedTuple):
+class Inputs(FrozenRecord, frozen=True):
     """``device`` is the instrument's reading of this tick."""
 
     device: Reading | None

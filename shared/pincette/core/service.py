@@ -117,7 +117,7 @@ class Input:
 class Service(Generic[R, C, S, I]):
     """One program of the loop: data and pure functions.
 
-    ``inputs_type`` is a NamedTuple whose fields are ``device`` (if there is an instrument) followed
+    ``inputs_type`` is a record whose fields are ``device`` (if there is an instrument) followed
     by the topics of ``inputs`` whose role is trigger or join, in their order. In a step triggered
     by a timer all of them are None.
     """

@@ -162,9 +162,10 @@ class Instrument:
         confirmed_V, self._confirmed_V = self._confirmed_V, None
         try:
             if isinstance(order, SetVoltage):
-                began_s, voltage_V = self._now_s(), order.voltages_V[self._arm]
+                voltage_V = order.voltages_V[self._arm]
                 write = partial(self._device.write_V, voltage_V)
-                if self._done_again(write, confirmed_V, voltage_V):
+                began_s = self._done_again(write, confirmed_V, voltage_V)
+                if began_s is not None:
                     self._note_exchange(began_s)
                 self._confirmed_V = voltage_V
             elif isinstance(order, WriteParts):
@@ -198,13 +199,13 @@ class Instrument:
             return fault_of(error)
         return None
 
-    def _done_again(self, act: Callable[[], None], *expected_V: float | None) -> bool:
+    def _done_again(self, act: Callable[[], None], *expected_V: float | None) -> float | None:
         """Call the driver, and once more if the line was lost and the output keeps its voltage.
 
         A device server that ends its client's connection, or that is restarted, leaves the output
         as it is. So the voltage is read back over the new connection, and only one of the expected
         voltages counts: an output that has lost its supply or was tripped has another one. Returns
-        whether the first call succeeded.
+        the time at which the call began; None where it was repeated.
         """
         began_s = self._now_s()
         try:
@@ -224,8 +225,8 @@ class Instrument:
             self.counts.retried += 1
             _log.warning("%s; it keeps %.3f V, and works on after %.3f s", found, found_V, took_s)
             act()
-            return False
-        return True
+            return None
+        return began_s
 
     def recover(self) -> float:
         """For a reset: clear the trip of a watched output, and return its voltage."""
@@ -312,8 +313,8 @@ class Instrument:
 
 
 def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
-    """Return the outputs without those that were meant for the instrument."""
-    return tuple([output for output in outputs if not isinstance(output, ORDERS)])
+    """Return the outputs without the first one, where that was meant for the instrument."""
+    return outputs[1:] if outputs and isinstance(outputs[0], ORDERS) else outputs
 
 
 def driver_error(error: Exception) -> InstrumentError:

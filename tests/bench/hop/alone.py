@@ -26,7 +26,7 @@ class NullBus:
     """A bus that brings bytes when it is told to, and takes bytes to nowhere."""
 
     def __init__(self) -> None:
-        self._sinks: dict[Topic, Sink] = {}
+        self._sinks: dict[str, Sink] = {}
         self.sent = b""
         self.noted: Callable[[], None] | None = None
         """Called once a message has been sent."""
@@ -37,7 +37,7 @@ class NullBus:
             self.noted()
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
-        self._sinks[topic] = sink
+        self._sinks[topic.name] = sink
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
         """Nobody asks."""
@@ -49,7 +49,7 @@ class NullBus:
         """Nothing to leave."""
 
     def deliver(self, topic: Topic, payload: bytes) -> None:
-        self._sinks[topic](topic, decode(topic.message, payload))
+        self._sinks[topic.name](topic, decode(topic.message, payload))
 
 
 class Alone:

@@ -33,6 +33,6 @@ def test_a_trip_by_age_names_late_answers_that_show_after_it(found: Fault, named
     before = len(tripped.faults)
     later = position(5).position
     assert later is not None
-    lost = position(5)._replace(position=with_arm(later, valid=False, fault=found))
+    lost = replace(position(5), position=with_arm(later, valid=False, fault=found))
     state, _ = play(tripped, (lost, 0.11), (lost, 0.12))
     assert len(state.faults) == before + named

@@ -157,7 +157,7 @@ def test_in_lockstep_a_ramp_that_no_tick_will_end_is_ended_by_the_reset() -> Non
 def test_a_part_handed_over_by_the_last_command_is_kept() -> None:
     given = command(1, held=True)
     assert given.command is not None
-    final = given._replace(command=replace(given.command, final=True))
+    final = replace(given, command=replace(given.command, final=True))
     state, _ = play(holding(held=True), (position(1), 0.02), (final, 0.024))
     state = waking(state, 0.024, 2.0)
     assert (state.mode, state.part_held, state.arms[0].voltage_V) == ("idle", True, 1.0)

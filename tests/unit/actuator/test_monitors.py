@@ -127,7 +127,7 @@ def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
 
 def test_one_that_comes_with_the_sample_does_not_either() -> None:
     state, _ = play(armed(), (told(0), 0.001))
-    both = told(0, owner=9, voltage_V=3.0)._replace(position=position(0).position)
+    both = replace(told(0, owner=9, voltage_V=3.0), position=position(0).position)
     _, outputs = play(state, (both, 0.002))
     assert outputs[0] == SetVoltage((1.0,))
 

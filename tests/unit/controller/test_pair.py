@@ -303,8 +303,11 @@ def test_after_a_refused_zero_each_arm_whose_zero_is_known_is_watched_on_its_way
 ) -> None:
     """The zero of the first arm was refused, so that its force is not known."""
     pair = IdealPair(grip())
-    refusal = Fault(FaultCode.ZERO_OFFSET)
-    pair.change = lambda estimate: with_arm(estimate, zero_refusal=refusal)
+
+    def refused(estimate: Estimate) -> Estimate:
+        return with_arm(estimate, zero_refusal=Fault(FaultCode.ZERO_OFFSET), zero_age_s=None)
+
+    pair.change = refused
     told = pair.tick()[1]
     while told.phase != "retreat":
         told = pair.tick()[1]
@@ -312,7 +315,7 @@ def test_after_a_refused_zero_each_arm_whose_zero_is_known_is_watched_on_its_way
     for _ in range(3):
         pair.tick()
     pair.change = lambda estimate: with_arm(
-        with_arm(estimate, zero_refusal=refusal), behind, touch_x_um=1.0, touch_mN=-3.0
+        refused(estimate), behind, touch_x_um=1.0, touch_mN=-3.0
     )
     assert pair.play()[-1].outcome == outcome
 

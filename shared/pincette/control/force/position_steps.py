@@ -110,7 +110,7 @@ class StepLimits:
         return replace(self, noise_um=noise_um) if noise_um > self.noise_um else self
 
 
-class Kappa(NamedTuple):
+class Kappa(FrozenRecord, frozen=True):
     """s_p·K_e of the part that is pressed."""
 
     value: float

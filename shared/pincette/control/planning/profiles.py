@@ -1,9 +1,9 @@
 """Smooth moves of a reference, in position or in force: the unit is the caller's."""
 
-from dataclasses import dataclass
 from math import sqrt
 
 from pincette.control.checks import require_not_negative, require_positive
+from pincette.control.record import FrozenRecord
 
 PEAK_SPEED = 15.0 / 8.0
 """Peak of |q'(s)| of the quintic from rest to rest, at s = 1/2."""
@@ -25,8 +25,7 @@ def quintic(s: float) -> float:
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 
-@dataclass(frozen=True, slots=True)
-class Quintic:
+class Quintic(FrozenRecord, frozen=True):
     """Polynomial x(t) = x_0 + v_0 t + c_3 s³ + c_4 s⁴ + c_5 s⁵, s = t/duration.
 
     Acceleration vanishes at both ends. Before and after, x rests at its end points.

@@ -78,6 +78,8 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     """Whether the voltage is given without a law."""
     ends_moving: ClassVar[bool] = False
     """Whether the references have no rest, not even at the end of the segment."""
+    hides_force: ClassVar[bool] = False
+    """Whether the force is not known while the segment plays."""
 
     @property
     def arms(self) -> int | None:
@@ -229,7 +231,7 @@ class Press(SegmentBase, frozen=True, tag="press"):
         x_to_um = x_e_um + to_mN / K_e
         share = quintic(t_s / duration_s) if duration_s else 1.0
         speed, acceleration, rate = 0.0, 0.0, 0.0
-        if duration_s:
+        if duration_s and t_s < duration_s:
             _, speed, acceleration = _motion(move(ref.x_um, 0.0, x_to_um, 0.0, duration_s), t_s)
             rate = move(ref.force_mN, 0.0, to_mN, 0.0, duration_s).speed(t_s)
         return Reference(
@@ -414,6 +416,7 @@ class PlayedSweep(SegmentBase, frozen=True, tag="sweep", kw_only=True):
 
     open_loop: ClassVar[bool] = True
     ends_moving: ClassVar[bool] = True
+    hides_force: ClassVar[bool] = True
 
     @property
     def arms(self) -> int | None:

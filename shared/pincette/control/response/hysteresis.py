@@ -149,7 +149,8 @@ def _yielded(
     plays, before = state.plays_V, state.voltage_V
     if u == before:
         return plays, state.static_um
-    back_V, sign = -abs(u - before), -1.0 if u > before else 1.0
+    sign = -1.0 if u > before else 1.0
+    back_V = sign * (u - before)
     moved = list(plays)
     static_um = model.curvature_um_per_V2 * u * u
     fadings = model.fadings_per_V or repeat(0.0)

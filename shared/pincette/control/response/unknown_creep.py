@@ -97,10 +97,9 @@ def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeRespons
         return Spread()
     at, low, high = response.memory, lowest.memory, highest.memory
     weights = response.model.weights_um_per_V
-    apart_um = sum(
-        abs(w) * (abs(b - a) + abs(c - a))
-        for w, a, b, c in zip(weights, at.plays_V, low.plays_V, high.plays_V, strict=True)
-    )
+    apart_um = 0.0
+    for w, a, b, c in zip(weights, at.plays_V, low.plays_V, high.plays_V, strict=True):
+        apart_um += abs(w) * (abs(b - a) + abs(c - a))
     if apart_um > TOGETHER_UM:
         return Spread()
     fractions = response.model.creep_fractions

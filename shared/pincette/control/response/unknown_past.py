@@ -30,6 +30,7 @@ from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
 """A rest after which creep is over: the furthest that it can be from the model's."""
+ROOT_3 = sqrt(3.0)
 SURE = 2.0
 """Standard uncertainties within which a comparison excludes nothing."""
 
@@ -200,4 +201,4 @@ def _share(parted_um: float, residual_um: float, allowed_um: float) -> float:
 
 def standard_uncertainty_um(error_um: float) -> float:
     """Return the standard uncertainty if only a largest error is known (JCGM 100:2008, 4.3.7)."""
-    return error_um / sqrt(3.0)
+    return error_um / ROOT_3

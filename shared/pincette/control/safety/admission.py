@@ -73,9 +73,10 @@ def sampled(
     x_um
         Position of each arm; None where it was no measurement.
     """
-    if seq <= newest_seq(state.arrivals):
+    arrivals = with_sample(state.arrivals, seq, now, x_um)
+    if arrivals is state.arrivals:
         return state
-    state = replace(state, arrivals=with_sample(state.arrivals, seq, now, x_um))
+    state = replace(state, arrivals=arrivals)
     if state.mode != Mode.ARMED:
         return state
     for index, (own, measured_um) in enumerate(zip(limits.arms, x_um, strict=False)):

@@ -152,6 +152,8 @@ def watch_command(
 
 def finding(limits: MonitorLimits, watches: Watches) -> Finding | None:
     """Return the most serious limit that acts; None if none does."""
+    if watches.force is QUIET and watches.position is QUIET and watches.following is QUIET:
+        return None
     if found := watches.force.found(limits.force_samples):
         return Finding(Cause.FORCE, found)
     if found := watches.position.found(limits.position_samples):

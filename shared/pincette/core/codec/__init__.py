@@ -36,7 +36,10 @@ def encode(message: Message) -> bytes:
     A text field that is too long is cut, so that the rest is delivered.
     """
     payload = _pack(message)
-    return payload if len(payload) <= MAX_TEXT else _pack(_cut(message))
+    if len(payload) <= MAX_TEXT:
+        return payload
+    cut = _cut(message)
+    return payload if cut is message else _pack(cut)
 
 
 def decode(kind: type[M], payload: bytes) -> M:
