@@ -122,8 +122,10 @@ def position_excess(limits: MonitorLimits, x_um: float) -> Fault | None:
 
 def watch_position(limits: MonitorLimits, watches: Watches, x_um: float) -> Watches:
     """Follow a measured sample."""
-    position = watches.position.follow(position_excess(limits, x_um))
-    return watches if position is watches.position else replace(watches, position=position)
+    excess = position_excess(limits, x_um)
+    if excess is None and watches.position is QUIET:
+        return watches
+    return replace(watches, position=watches.position.follow(excess))
 
 
 def watch_command(
