@@ -17,7 +17,7 @@ from pincette.control.safety.monitors import Watches, finding, watch_command, wa
 from pincette.core.codec.refusals import largest_floats
 from pincette.core.faults import Acted, Fault, FaultCode, fault
 from pincette.core.messages import Command, Estimate, Telemetry
-from pincette.core.messages.arms import ArmCommand, ArmTelemetry
+from pincette.core.messages.arms import ARM_PREFIXES, ArmCommand, ArmTelemetry
 from pincette_controller.config import ArmConfig
 from pincette_controller.control_laws import Wanted
 from pincette_controller.force_bounds import sure_force_mN
@@ -27,8 +27,6 @@ NUMBERS, ARM_NUMBERS = largest_floats(Telemetry), largest_floats(ArmTelemetry)
 """Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder takes."""
 NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
 ARM_NUMBERS_OF = attrgetter(*[name for name, _ in ARM_NUMBERS])
-OF_ARMS = ("", "second.")
-"""Beginning of a number's name in a fault, for each arm."""
 
 
 def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
@@ -131,7 +129,7 @@ def telemetry_of(
 
 def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
     """Fault of a law that has made a number that a decoder would refuse; None without one."""
-    for arm, of_arm in zip(OF_ARMS, telemetry.arms, strict=False):
+    for arm, of_arm in zip(ARM_PREFIXES, telemetry.arms, strict=False):
         for (name, most), number in zip(ARM_NUMBERS, ARM_NUMBERS_OF(of_arm), strict=True):
             if not -most <= number <= most:
                 return fault(FaultCode.LAW_NUMBER, **{f"{arm}{name}": number})

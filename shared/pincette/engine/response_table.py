@@ -13,6 +13,7 @@ from pincette.config import ConfigError, RecordedFreeResponse, read_rig
 from pincette.control.response.identification import Identification
 from pincette.control.response.recording import Recording
 from pincette.core.files import replace_file
+from pincette.core.messages.arms import ARM_PREFIXES
 from pincette.engine import teaching
 
 SOURCES = ("identified", "recorded")
@@ -58,7 +59,7 @@ def response_tables(path: Path, source: str) -> str:
             "measures the free response"
         )
     text, to_limits = "", file.second is not None
-    for prefix, arm in zip(("", "second."), file.arms, strict=False):
+    for prefix, arm in zip(ARM_PREFIXES, file.arms, strict=False):
         if source == "identified":
             found = teaching.teach(arm, to_limits=to_limits)
             table, how = as_toml(found), "fitted"

@@ -4,6 +4,9 @@ from pincette.control.quantities import Micrometre, Millinewton, Number, Second,
 from pincette.control.record import FrozenRecord
 from pincette.core.faults import Fault
 
+ARM_PREFIXES = ("", "second.")
+"""Beginning of the names of each arm's quantities, in tables, rig files and faults."""
+
 
 class ArmPosition(FrozenRecord, frozen=True):
     """Measured position of one arm's tip."""

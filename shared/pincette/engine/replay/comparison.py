@@ -7,13 +7,12 @@ from math import copysign
 from typing import Any, cast
 
 from pincette.core.messages import Applied, Message, Sample
+from pincette.core.messages.arms import ARM_PREFIXES
 from pincette.core.service import AnyService
 from pincette.core.topics import TOPIC_OF
 
 CLOCKED = ("command_age_s", "refused")
 """Fields that depend on the actuator's clock in real time."""
-OF_ARMS = ("", "second.")
-"""Beginning of the name of a field of each arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +108,7 @@ def values_of(sample: Sample) -> dict[str, Any]:
         if name != "arms":
             values[name] = getattr(sample, name)
     arms: tuple[Any, ...] = getattr(sample, "arms", ())
-    for prefix, arm in zip(OF_ARMS, arms, strict=False):
+    for prefix, arm in zip(ARM_PREFIXES, arms, strict=False):
         for name in arm.__struct_fields__:
             values[prefix + name] = getattr(arm, name)
     return values
