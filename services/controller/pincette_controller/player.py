@@ -24,7 +24,6 @@ from pincette_controller.player_state import (
     Began,
     Pause,
     Player,
-    at_tick,
     follow,
     jump,
     with_line,
@@ -92,21 +91,17 @@ def advance(
     player = guard(program, player, arms, x_um, period_s, limits)
     if player.slip.suspect is not None:
         return player
-    player = _move_on(program, player, arms, x_um, period_s)
-    if player.ended or player.pause.active:
-        return player
-    moved = at_tick(player, player.ticks + 1)
-    return within_plan(program, moved, x_um) if moved.held and felt is None else moved
-
-
-def _move_on(program: Program, player: Player, arms: Arms, x_um: float, period_s: float) -> Player:
-    """Leave the segments that have run their time, and begin a pause at a safe point."""
     if player.pause.over:
         player = replace(player, pause=replace(player.pause, over=False))
     player = _pause_at_rest(player, period_s)
     while not player.ended and not player.pause.active and is_over(player, period_s):
         player = _pause_at_rest(_next(program, player, arms, x_um), period_s)
-    return player
+    if player.ended or player.pause.active:
+        return player
+    ticks, entry = player.ticks + 1, player.entry
+    ref = player.segment.reference(ticks * entry.period_s, entry)
+    player = replace(player, ticks=ticks, ref=ref)
+    return within_plan(program, player, x_um) if player.held and felt is None else player
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:

@@ -147,13 +147,6 @@ class Player(FrozenRecord, frozen=True):
         return self.entry.line is not None or self.entry.held_at_um is not None
 
 
-def at_tick(player: Player, ticks: int) -> Player:
-    """Return the player at ``ticks`` of its segment, with the references of the next sample."""
-    entry = player.entry
-    ref = player.segment.reference(ticks * entry.period_s, entry)
-    return replace(player, ticks=ticks, ref=ref)
-
-
 def enter(player: Player, index: int, segment: Segment) -> Player:
     """Return the player at the begin of a segment; references and voltages do not change.
 

@@ -312,7 +312,7 @@ class Instrument:
             self._device.close()
 
 
-def published(outputs: tuple[Message | DeviceCommand, ...]) -> tuple[Message, ...]:
+def published(outputs: tuple[Any, ...]) -> tuple[Message, ...]:
     """Return the outputs without the first one, where that was meant for the instrument."""
     return outputs[1:] if outputs and isinstance(outputs[0], ORDERS) else outputs
 

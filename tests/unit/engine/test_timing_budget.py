@@ -41,8 +41,8 @@ def test_the_sum_is_that_of_the_bytes_and_of_the_response(
     sensor_baud: int, output: Tree, parts_ms: tuple[float, float, float]
 ) -> None:
     found = budget(rig(sensor_baud, output))
-    (sensor,), (output,) = found.sensors, found.outputs
-    parts = (sensor.exchange_s, output.exchange_s, output.response_s)
+    (laser,), (device,) = found.sensors, found.outputs
+    parts = (laser.exchange_s, device.exchange_s, device.response_s)
     assert [1e3 * part for part in parts] == pytest.approx(parts_ms, abs=0.06)
     assert found.total_s == pytest.approx(sum(parts) + found.computing_s)
     assert found.fits == (sum(parts_ms) + 1e3 * found.computing_s <= 20.0)

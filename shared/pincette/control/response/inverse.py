@@ -4,13 +4,10 @@ With H_{k-1}(u) the displacement after a period at u, creep included and with th
 stands at k-1, u = H_{k-1}⁻¹(x) is sought by the secant and, once two voltages enclose it, by false
 position (Illinois): G. Dahlquist and Å. Björck, Numerical Methods, Prentice-Hall 1974, section 6.4.
 H rises with u, so that there is one u. Two to four evaluations are usual; ``MOST`` bounds them.
-
-The search is a record and a pure step from one evaluation to the next.
 """
 
 from collections.abc import Sequence
 
-from pincette.control.record import FrozenRecord
 from pincette.control.response.hysteresis import (
     HysteresisModel,
     HysteresisState,
@@ -33,61 +30,6 @@ LEAST_SLOPE = 0.25
 """Smallest slope of H that an extrapolation assumes, as a share of the mean slope."""
 
 
-class Search(FrozenRecord, frozen=True):
-    """State of the search: two voltages that were tried, with H less the wanted displacement."""
-
-    voltage_V: float
-    """Next voltage to try; the result if ``done``."""
-    done: bool
-    tried: int
-    wanted_um: float
-    um_per_V: float
-    """Mean slope of H."""
-    one_V: float
-    one_um: float
-    other_V: float
-    """The one tried last."""
-    other_um: float
-
-
-def begin_search(
-    from_V: float, displacement_um: float, wanted_um: float, um_per_V: float
-) -> Search:
-    """Begin at a voltage in V that leads to ``displacement_um``; ``um_per_V`` is above 0."""
-    off_um = displacement_um - wanted_um
-    done = abs(off_um) <= TOLERANCE_UM
-    voltage_V = from_V if done else from_V - off_um / um_per_V
-    return Search(voltage_V, done, 0, wanted_um, um_per_V, from_V, off_um, from_V, off_um)
-
-
-def go_on(search: Search, displacement_um: float) -> Search:
-    """Take in where ``search.voltage_V`` leads."""
-    found_V, found_um = search.voltage_V, displacement_um - search.wanted_um
-    one_V, one_um = search.other_V, search.other_um
-    if search.one_um * search.other_um < 0.0 and not found_um * search.other_um < 0.0:
-        # An end that stays counts half, which ends the crawl of plain false position.
-        one_V, one_um = search.one_V, 0.5 * search.one_um
-    tried = search.tried + 1
-    if one_um * found_um < 0.0:
-        next_V = (one_V * found_um - found_V * one_um) / (found_um - one_um)
-    else:
-        slope = max((found_um - one_um) / (found_V - one_V), LEAST_SLOPE * search.um_per_V)
-        further = 1.0 if tried < EXTRAPOLATED else 2.0
-        next_V = found_V - further * found_um / slope
-    done = abs(found_um) <= TOLERANCE_UM or tried >= MOST or next_V == found_V
-    return Search(
-        found_V if done else next_V,
-        done,
-        tried,
-        search.wanted_um,
-        search.um_per_V,
-        one_V,
-        one_um,
-        found_V,
-        found_um,
-    )
-
-
 def voltage_for(
     model: HysteresisModel,
     memory: HysteresisState,
@@ -103,14 +45,31 @@ def voltage_for(
     um_per_V
         Mean slope of the response, above 0, from which the search begins.
     """
-    from_V = memory.voltage_V
     displacement_at = displacements_after(model, memory, period_s)
-    at_um = displacement_at(from_V)
-    search = begin_search(from_V, at_um, wanted_um, um_per_V)
-    while not search.done:
-        found_um = displacement_at(search.voltage_V)
-        search = go_on(search, found_um)
-    return search.voltage_V
+    found_V = other_V = memory.voltage_V
+    other_um = displacement_at(other_V) - wanted_um
+    if abs(other_um) <= TOLERANCE_UM:
+        return other_V
+    # Two voltages that were tried, each with H less the displacement; ``other_V`` is the newer one.
+    one_V, one_um = other_V, other_um
+    next_V = other_V - other_um / um_per_V
+    for tried in range(1, MOST + 1):
+        found_V, found_um = next_V, displacement_at(next_V) - wanted_um
+        if one_um * other_um < 0.0 and not found_um * other_um < 0.0:
+            # An end that stays counts half, which ends the crawl of plain false position.
+            one_um *= 0.5
+        else:
+            one_V, one_um = other_V, other_um
+        if one_um * found_um < 0.0:
+            next_V = (one_V * found_um - found_V * one_um) / (found_um - one_um)
+        else:
+            slope = max((found_um - one_um) / (found_V - one_V), LEAST_SLOPE * um_per_V)
+            further = 1.0 if tried < EXTRAPOLATED else 2.0
+            next_V = found_V - further * found_um / slope
+        if abs(found_um) <= TOLERANCE_UM or next_V == found_V:
+            break
+        other_V, other_um = found_V, found_um
+    return found_V
 
 
 def free_voltages(

@@ -1,5 +1,6 @@
 """The inverse of the free response: it leads where it should, in few steps."""
 
+from collections.abc import Callable
 from statistics import median
 
 import numpy as np
@@ -15,7 +16,7 @@ from pincette.control.response.hysteresis import (
     start,
     step,
 )
-from pincette.control.response.inverse import MOST, TOLERANCE_UM, begin_search, go_on, voltage_for
+from pincette.control.response.inverse import MOST, TOLERANCE_UM, voltage_for
 from tests.support.rigs import demo_rig
 
 PERIOD_S, UM_PER_V = 0.02, 19.0
@@ -97,13 +98,24 @@ def test_the_voltage_rises_with_the_displacement(
 
 
 def evaluations(memory: HysteresisState, wanted_um: float) -> int:
-    displacement_at = displacements_after(TAUGHT_MODEL, memory, PERIOD_S)
-    at_um = displacement_at(memory.voltage_V)
-    search = begin_search(memory.voltage_V, at_um, wanted_um, UM_PER_V)
-    while not search.done:
-        found_um = displacement_at(search.voltage_V)
-        search = go_on(search, found_um)
-    return search.tried
+    """Return the number of voltages that are tried beside the present one."""
+    tried_V: list[float] = []
+
+    def counted(
+        model: HysteresisModel, state: HysteresisState, dt_s: float
+    ) -> Callable[[float], float]:
+        displacement_at = displacements_after(model, state, dt_s)
+
+        def displacement(voltage_V: float) -> float:
+            tried_V.append(voltage_V)
+            return displacement_at(voltage_V)
+
+        return displacement
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("pincette.control.response.inverse.displacements_after", counted)
+        inverted(TAUGHT_MODEL, memory, wanted_um)
+    return len(tried_V) - 1
 
 
 def test_few_evaluations_are_enough() -> None:
