@@ -120,7 +120,7 @@ up: venv ## start a whole rig and its supervisor; Ctrl-C ends it
 	@$(BIN)/pincette up $(SECURELY) $(ARGS)
 
 # Types are checked beside the parallel tests, on whichever core is idle; what is said comes after.
-test: dev ## lint and a fair check of everything, in ten minutes on two cores
+test: dev ## lint and a fair check of everything, in seven minutes on two cores
 	@$(MAKE) --no-print-directory lint > $(VENV)/lint.log 2>&1 & lint=$$!; \
 	$(BIN)/python requirements/system_programs.py; \
 	$(call tested,$(TEST),wait $$lint; linted=$$?; cat $(VENV)/lint.log;); \

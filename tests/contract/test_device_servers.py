@@ -46,7 +46,7 @@ def refusal(url: str) -> InstrumentError:
     return caught.value
 
 
-@pytest.mark.parametrize("banner", [r"Port \\d at \\B\\r\\n", r"MS,01,+0099.00\\r", r"login: "])
+@pytest.mark.parametrize("banner", [r"MS,01,+0099.00\\r", r"login: "])
 def test_a_banner_is_no_answer(banner: str, laser: Wire, tmp_path: Path) -> None:
     with (
         ser2net(laser.url, tmp_path, options=f"banner: '{banner}'") as server,
@@ -55,7 +55,7 @@ def test_a_banner_is_no_answer(banner: str, laser: Wire, tmp_path: Path) -> None
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-@pytest.mark.parametrize("accepter", ["telnet,tcp", "telnet(rfc2217),tcp"])
+@pytest.mark.parametrize("accepter", ["telnet(rfc2217),tcp"])
 def test_a_telnet_port_is_named(accepter: str, laser: Wire, tmp_path: Path) -> None:
     with ser2net(laser.url, tmp_path, accepter=accepter) as server:
         error = refusal(server.url)
@@ -142,15 +142,8 @@ def test_an_answer_to_an_earlier_client_is_no_answer(laser: Wire) -> None:
             peer.close()
 
 
-@pytest.mark.parametrize("timeout_s", [0.2, 1.0])
 @pytest.mark.parametrize(
-    ("banner", "at_once"),
-    [
-        (b"Welcome\r\n", False),
-        (b"\r\n", False),
-        (b"port 1\r\nlogin: ", True),
-        (b"login: ", True),
-    ],
+    ("banner", "at_once", "timeout_s"), [(b"\r\n", False, 1.0), (b"login: ", True, 0.2)]
 )
 def test_a_banner_of_a_port_that_is_opened_again_costs_no_further_exchange(
     banner: bytes, timeout_s: float, *, at_once: bool, laser: Wire
@@ -210,7 +203,7 @@ MOST_MORE_S = 1.5e-3
 """Longest time that a device server may add to a reading, in s."""
 
 
-@pytest.mark.parametrize("server", ["ser2net", "socat", "socat nodelay"])
+@pytest.mark.parametrize("server", ["ser2net", "socat"])
 def test_a_reading_behind_a_server_costs_little_more(server: str, tmp_path: Path) -> None:
     """At 9600 baud the bytes come one by one; the same terminal directly is measured in turns."""
 
@@ -222,7 +215,7 @@ def test_a_reading_behind_a_server_costs_little_more(server: str, tmp_path: Path
     def wire(name: str) -> Wire:
         return serve(str(tmp_path / name), SimulatedKeyence(lambda: X_UM), baud=9600)
 
-    options = {"ser2net": "chardelay: false", "socat": "", "socat nodelay": ",nodelay"}[server]
+    options = {"ser2net": "chardelay: false", "socat": ""}[server]
     start = ser2net if server == "ser2net" else socat
     with (
         wire("near") as near,

@@ -288,7 +288,7 @@ def check_recovers(driver: Driven) -> None:
 def test_answers_that_all_come_equally_late(
     make: Callable[[Clock], Made], timeout_s: float
 ) -> None:
-    for tenths in (*range(0, 31, 3), 9, 11, 42, 73, 172):
+    for tenths in (0, 6, 9, 11, 15, 30, 73, 172):
         with driven(make, timeout_s) as driver:
             accepted = check_ages(driver, constant(0.1 * tenths * timeout_s))
             assert accepted == 0 or tenths <= 10
@@ -300,7 +300,7 @@ def test_answers_that_all_come_equally_late(
 @every_timeout
 @every_driver
 def test_answers_that_come_late_by_chance(make: Callable[[Clock], Made], timeout_s: float) -> None:
-    for seed in range(6):
+    for seed in range(3):
         for split in (False, True):
             with driven(make, timeout_s, split=split) as driver:
                 lost = 0.1 * (seed % 3)
@@ -312,7 +312,7 @@ def test_answers_that_come_late_by_chance(make: Callable[[Clock], Made], timeout
 @every_timeout
 @every_driver
 def test_one_answer_that_comes_late(make: Callable[[Clock], Made], timeout_s: float) -> None:
-    for tenths in (8, 11, 15, 21, 25, 30):
+    for tenths in (8, 11, 21, 30):
         with driven(make, timeout_s) as driver:
             quick_s = min(QUICK_S, 0.2 * timeout_s)
             accepted = check_ages(driver, single(0.1 * tenths * timeout_s, 20, quick_s), 100)
@@ -322,7 +322,7 @@ def test_one_answer_that_comes_late(make: Callable[[Clock], Made], timeout_s: fl
 @every_timeout
 @every_driver
 def test_answers_that_never_come(make: Callable[[Clock], Made], timeout_s: float) -> None:
-    for every in (3, 5, 30):
+    for every in (3, 30):
         with driven(make, timeout_s) as driver:
 
             def delays(number: int, every: int = every) -> list[float]:
@@ -341,7 +341,7 @@ def test_answers_that_come_twice(make: Callable[[Clock], Made], timeout_s: float
     with driven(make, timeout_s) as driver:
         check_ages(driver, lambda _number: [0.1 * timeout_s, 0.1 * timeout_s])
         check_recovers(driver)
-    for seed in range(4):
+    for seed in range(2):
         with driven(make, timeout_s) as driver:
             print(f"seed {seed}")
             check_ages(driver, drawn(2.0 * timeout_s, seed, lost=0.1, doubled=0.05), 150)

@@ -88,11 +88,10 @@ def said(words: str, first_message: bytes) -> bytes:
     }[words]
 
 
-KINDS = ("silent", "garbage", "half", "whole")
-
-
-@pytest.mark.parametrize("stay", [True, False], ids=["staying", "leaving"])
-@pytest.mark.parametrize("words", KINDS)
+@pytest.mark.parametrize(
+    ("words", "stay"),
+    [("silent", True), ("garbage", False), ("half", True), ("whole", False)],
+)
 @pytest.mark.parametrize("rounds", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_flood_of_strangers_delays_no_link(
     router: tuple[int, int],
@@ -122,8 +121,10 @@ def test_a_flood_of_strangers_delays_no_link(
     until(lambda: descriptors(process) <= before + 5, 30.0)
 
 
-@pytest.mark.parametrize("stopped_s", [0.5, 3.0, pytest.param(10.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("stay", [True, False], ids=["staying", "leaving"])
+@pytest.mark.parametrize(
+    ("stopped_s", "stay"),
+    [(0.5, True), (3.0, False), pytest.param(10.0, True, marks=pytest.mark.slow)],
+)
 def test_links_are_back_after_a_router_stood_still_with_a_full_accept_queue(
     router: tuple[int, int],
     first_message: bytes,

@@ -435,7 +435,7 @@ def test_a_pipe_in_place_of_a_lock_file_keeps_no_program_waiting(laser: Wire, lo
         assert sensor.read_um() == pytest.approx(X_UM)
 
 
-@pytest.mark.parametrize("other", ["127.0.0.1", "localhost", "[::ffff:127.0.0.1]", "127.1"])
+@pytest.mark.parametrize("other", ["localhost", "[::ffff:127.0.0.1]"])
 def test_one_server_under_two_names_is_opened_once(other: str, laser: Wire, tmp_path: Path) -> None:
     with (
         ser2net(laser.url, tmp_path, options="max-connections: 2") as server,

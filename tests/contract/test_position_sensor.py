@@ -130,6 +130,7 @@ class TestKeyenceMicrometres(PositionSensorContract):
         return keyence_lkg.open_sensor(settings(url), link)
 
 
+@pytest.mark.parametrize("reach", ["memory"], indirect=True)
 class TestKeyenceMillimetres(PositionSensorContract):
     step_um, far_um, tells_causes = 0.01, 10_000.0, True
 

@@ -138,6 +138,7 @@ class TestI7024(VoltageOutputContract):
         return icpdas_i7024.open_output(settings(url), link)
 
 
+@pytest.mark.parametrize("reach", ["memory"], indirect=True)
 class TestI7024WithChecksum(VoltageOutputContract):
     step_V, limit_V = 0.001, 10.0
 
@@ -159,6 +160,7 @@ class TestDC205(VoltageOutputContract):
         return srs_dc205.open_output(Output(driver="srs_dc205", url=url, timeout_s=TIMEOUT_S), link)
 
 
+@pytest.mark.parametrize("reach", ["memory"], indirect=True)
 class TestDC205WithNumbersInItsLargeRange(TestDC205):
     """The instrument says 1 where it else says ON."""
 
@@ -174,6 +176,7 @@ class TestDC205WithNumbersInItsLargeRange(TestDC205):
         return srs_dc205.open_output(chosen, link)
 
 
+@pytest.mark.parametrize("reach", ["memory"], indirect=True)
 class TestI7024WithoutWatchdog(TestI7024):
     def open(self, url: str, link: Link | None) -> VoltageOutput:
         return icpdas_i7024.open_output(settings(url, watchdog_s=0), link)

@@ -187,11 +187,8 @@ def test_strokes_make_the_first_grip_after_a_restart_true(name: str) -> None:
     assert abs(errors_mN["never"]) > abs(errors_mN["auto"])
 
 
-@pytest.mark.parametrize("name", CLASSES)
-def test_a_changed_amplifier_is_found_in_the_next_grip_and_renewed_by_a_gain_check(
-    name: str,
-) -> None:
-    lab = Laboratory(identified(name))
+def test_a_changed_amplifier_is_found_in_the_next_grip_and_renewed_by_a_gain_check() -> None:
+    lab = Laboratory(identified("relays"))
     taught = lab.rig.model.free_response
     assert taught is not None
     assert taught.taught_V is not None
@@ -200,7 +197,7 @@ def test_a_changed_amplifier_is_found_in_the_next_grip_and_renewed_by_a_gain_che
     assert before.stroke_change is not None
     assert before.stroke_limit is not None
     assert abs(before.stroke_change) < before.stroke_limit < 0.02
-    lab.rewire({**CLASSES[name], "amplifier": {"gain_ratio": 1.03}})
+    lab.rewire({**RELAYS, "amplifier": {"gain_ratio": 1.03}})
     found = first_grip(lab, "auto")
     assert found.stroke_change is not None
     assert found.stroke_limit is not None

@@ -76,11 +76,10 @@ def test_what_is_expected_of_the_true_force_is_what_it_does() -> None:
     assert 0.4 < sources(plain()).force_mN.total / result.true_force_mN.rmse < 3.0
 
 
-@pytest.mark.parametrize("frequency_hz", [0.5, 2.0, 5.0])
-@pytest.mark.parametrize("arm", [{}, RELAYS], ids=["as taught", "relays"])
+@pytest.mark.parametrize(("frequency_hz", "arm"), [(0.5, RELAYS), (5.0, {})])
 def test_the_squares_of_the_causes_add_up(frequency_hz: float, arm: Tree) -> None:
     rig = demo_rig(SLEW | arm, time="lockstep")
-    cycles = {0.5: 4, 2.0: 8, 5.0: 20}[frequency_hz]
+    cycles = {0.5: 4, 5.0: 20}[frequency_hz]
     path = TRACK.model_copy(update={"frequency_hz": frequency_hz, "cycles": cycles})
     found = sources(played(path, rig)).position_um
     added_um = sqrt(sum(getattr(found, cause) ** 2 for cause in CAUSES))

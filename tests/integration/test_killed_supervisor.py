@@ -110,7 +110,7 @@ def test_a_rig_that_was_armed_but_for_its_sensor_is_armed_anew(
 
 @pytest.mark.parametrize(
     ("asked", "state"),
-    [(None, "failed"), ("pause", "failed"), ("stop", "stopped"), ("abort", "aborted")],
+    [(None, "failed"), ("abort", "aborted")],
 )
 def test_a_refused_arming_ends_the_job_and_its_record(
     rig: VirtualRig, tmp_path: Path, asked: ActionType | None, state: str

@@ -63,15 +63,6 @@ def errors_um(found: Evaluation) -> list[float]:
     return [error for error in errors if error is not None]
 
 
-def test_what_was_learned_is_no_noise_of_the_sensor() -> None:
-    """Where an error comes from is told of the end, when little changes from cycle to cycle."""
-    found = result_of(learned()).error_sources
-    assert found is not None
-    print(found.position_um)
-    assert found.position_um.total < 0.6 * max(errors_um(learned()))
-    assert found.position_um.noise < 2.0 * rig().sensor.noise_um
-
-
 def test_the_error_falls_from_cycle_to_cycle() -> None:
     errors = errors_um(learned())
     assert len(errors) == TRACK.cycles

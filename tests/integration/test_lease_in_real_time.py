@@ -80,14 +80,6 @@ def test_one_that_is_busy_for_most_of_the_lease_changes_nothing(state: str) -> N
     assert not tripped(loop, begun_s)
 
 
-def test_without_a_lease_a_pause_lasts_for_as_long_as_it_is_let() -> None:
-    loop = place("paused").loop.fork(1)
-    begun_s = loop.now_s
-    loop.run(begun_s + LONG_S)
-    assert not asked(loop, begun_s)
-    assert told(loop, begun_s)[-1][1].paused
-
-
 def test_a_trip_ends_the_lease_and_needs_no_second_word() -> None:
     loop = granted("hold", 0.3)
     begun_s = loop.now_s

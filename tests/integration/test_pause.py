@@ -1,18 +1,15 @@
 """A grip of the demo rig that is paused in its hold, by the whole loop in one process."""
 
-from itertools import pairwise
 from math import fsum
 
 import pytest
 
-from pincette.control.planning.path_shapes import peaks
 from pincette.control.planning.program import Program
 from pincette.core.faults import Acted, ActionCode
 from pincette.core.messages import Action, Estimate, GroundTruth, Message, Telemetry
 from pincette.core.topics import ACTION, TELEMETRY, Topic
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import demo_rig
 
@@ -74,47 +71,3 @@ def test_it_goes_on_to_its_end_and_holds_as_long_as_without_a_pause(
     assert [view.acted for view in views if view.acted] == [(Acted.PAUSE,), (Acted.RESUME,)]
     going = [view for view in views if view.phase == "hold" and not view.paused]
     assert len(going) == pytest.approx(1.0 / T, abs=2)
-
-
-def test_the_references_rest_and_nothing_else_differs(in_hold: list[Message]) -> None:
-    """Until the pause the samples are those of a grip without one, bit for bit."""
-    plain = ComposedLoop(RIG).play(PROGRAM)
-    began = next(view.seq for view in telemetry(in_hold) if view.acted == (Acted.PAUSE,))
-    before = [view for view in telemetry(in_hold) if view.seq < began]
-    assert before == telemetry(plain)[: len(before)]
-    resting = [(v.arms[0].x_r_um, v.force_r_mN) for v in telemetry(in_hold) if v.paused][1:]
-    assert len(set(resting)) == 1
-
-
-@pytest.mark.parametrize("phase", ["approach", "contact", "load", "unload"])
-def test_a_pause_asked_for_in_any_phase_is_taken_up_and_ended(phase: str) -> None:
-    views = telemetry(played(phase))
-    assert [view.acted for view in views if view.acted] == [(Acted.PAUSE,), (Acted.RESUME,)]
-    assert views[-1].outcome == "gripped"
-
-
-@pytest.mark.parametrize("shape", ["sinusoid", "triangle", "step"])
-def test_a_path_rests_where_it_turns_and_its_force_with_it(shape: str) -> None:
-    wish = {"kind": "track", "shape": shape, "load_s": 1.0}
-    planned = plan_job(TrackJobRequest.model_validate(wish), RIG)
-    messages = played("track", planned.program)
-    views = telemetry(messages)
-    assert views[-1].outcome == "tracked"
-    resting = [view for view in views if view.paused and view.phase == "track"]
-    assert len(resting) == pytest.approx(PAUSE_S / T, abs=2)
-    # The law needs some samples to come to rest where the path turns.
-    settled = {view.seq: view.force_r_mN for view in resting[25:]}
-    errors = [
-        message.arms[0].force_mN - settled[message.seq]
-        for message in messages
-        if isinstance(message, Estimate) and message.seq in settled
-    ]
-    assert max(abs(error) for error in errors) < WITHIN_MN
-    jumps = [
-        abs(b.arms[0].x_r_um - a.arms[0].x_r_um)
-        for a, b in pairwise(views)
-        if b.phase == "track" == a.phase
-    ]
-    assert planned.path is not None
-    fastest = peaks(planned.path).rate / RIG.part.stiffness_mN_per_um
-    assert max(jumps) <= 1.05 * fastest * T

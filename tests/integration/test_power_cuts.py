@@ -22,7 +22,7 @@ from tests.support.virtual_rig import VirtualRig
 GRIP = GripJobRequest(kind="grip", autostart=True, hold_s=0.2)
 CHANGES = {**SHORT, "recorder": {"min_free_MB": 4.0}}
 DOCUMENTS = ("grip.png", folder.REPORT, folder.RESULT, folder.REQUEST)
-STAGES = {"approach": 40, "load": 75, "hold": 92, "unload": 105}
+STAGES = {"load": 75, "unload": 105}
 """Ticks after which a grip is there."""
 ENDED = 400
 """Ticks after which it has ended."""

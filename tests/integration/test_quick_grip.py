@@ -72,7 +72,7 @@ def test_a_gentle_grip_is_another() -> None:
     assert grip.at_touch_mN < 0.15 * FORCE_MN
 
 
-@pytest.mark.parametrize("factor", [0.5, 0.75, 1.25, 2.0])
+@pytest.mark.parametrize("factor", [0.5, 1.25, 2.0])
 def test_another_stiffness_than_planned_does_not_press_harder(factor: float) -> None:
     grip = gripped({"environment_stiffness_mN_per_um": 2.17 * factor}, hold_s=0.5)
     assert grip.outcome == ("gripped" if 0.7 < factor < 1.3 else "wrong_stiffness")
@@ -81,7 +81,7 @@ def test_another_stiffness_than_planned_does_not_press_harder(factor: float) -> 
     assert grip.peak_mN < 1.15 * FORCE_MN
 
 
-@pytest.mark.parametrize("contact_um", [9.0, 15.0, 21.0])
+@pytest.mark.parametrize("contact_um", [9.0, 21.0])
 def test_a_part_far_nearer_than_planned_is_felt_on_the_approach(contact_um: float) -> None:
     grip = gripped({"bead_contact_um": contact_um}, hold_s=0.5)
     assert grip.outcome == "contact"

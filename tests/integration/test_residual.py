@@ -182,16 +182,12 @@ def cover(table: Columns) -> float:
     return sum(within) / len(within)
 
 
-@pytest.mark.parametrize("frequency_hz", [0.5, 2.0])
 @pytest.mark.parametrize(
-    "arm",
+    ("arm", "frequency_hz"),
     [
-        pytest.param({}, id="as taught"),
-        pytest.param(LAGLESS, id="no lag"),
-        pytest.param(SKEWED, id="skewed"),
-        pytest.param(laid_over(SKEWED, LAGLESS), id="skewed, no lag"),
-        pytest.param(DRIFT, id="drift"),
-        pytest.param(NOISE, id="noise"),
+        pytest.param(laid_over(SKEWED, LAGLESS), 2.0, id="skewed, no lag"),
+        pytest.param(DRIFT, 0.5, id="drift"),
+        pytest.param(NOISE, 2.0, id="noise"),
     ],
 )
 def test_a_table_helps_and_u_covers_as_before_or_none_is_kept(

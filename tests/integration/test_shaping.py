@@ -5,12 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pincette.core.messages import Applied, Estimate, GroundTruth, Message, Telemetry
+from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.kinds.track import TrackJobRequest
-from pincette_supervisor.planning.identified_arms import Instruments, identified_arm
 from pincette_supervisor.planning.job_plans import plan_job
-from tests.support.fast_output import DELAY_S, Kind, fast_rig
+from tests.support.fast_output import Kind, fast_rig
 
 PP_MN = 16.0
 TRACK = TrackJobRequest(
@@ -59,26 +58,3 @@ def test_three_writes_or_an_rc_do_not(kind: Kind, most_percent: float) -> None:
     error_percent, cover = errors(kind)
     assert error_percent < most_percent
     assert cover > 0.9
-
-
-def test_the_age_of_each_command_counts_the_last_part() -> None:
-    rig = fast_rig("three writes")
-    assert rig.shaping_s is not None
-    applied = [one for one in played("three writes") if isinstance(one, Applied)]
-    ages_s = {one.command_age_s for one in applied if one.answered}
-    assert ages_s == {2.0 * rig.shaping_s}
-    assert DELAY_S + 2.0 * rig.shaping_s < rig.rig.period_s
-
-
-def test_the_prediction_knows_the_parts() -> None:
-    """Its arm has the mode: without the parts it would ring as that of one write does."""
-    left = dict[Kind, float]()
-    for kind in ("one write", "three writes"):
-        arm = identified_arm(fast_rig(kind), Instruments(0.0055, 0.0), 0.0, None)
-        missed_um = list[float]()
-        for tick in range(50):
-            arm = arm.moved(0.02 * tick)
-            missed_um.append(abs(arm.tips_um[0] - arm.response.position_um()))
-        left[kind] = max(missed_um)
-    assert left["one write"] > 0.1
-    assert left["three writes"] < 0.1 * left["one write"]

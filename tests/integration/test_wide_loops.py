@@ -88,8 +88,8 @@ def test_a_part_in_the_way_of_an_arm_with_a_wide_loop_is_found(seed: int, relays
     require_found(seed, relays=relays)
 
 
-@pytest.mark.parametrize(("seed", "relays"), [*product(range(200, 206), (False, True))])
-def test_twelve_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bool) -> None:
+@pytest.mark.parametrize(("seed", "relays"), [*product((200, 201), (False, True))])
+def test_four_unknown_arms_find_a_part_and_go_a_free_way(seed: int, relays: bool) -> None:
     require_found(seed, relays=relays)
     require_free(seed, relays=relays)
 

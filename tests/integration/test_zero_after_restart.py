@@ -37,8 +37,7 @@ def part(rig: LastingRig) -> PartState:
     return standing(rig.office.manager.context).part
 
 
-@pytest.mark.parametrize("place_um", [PRESSES_UM, 2.0])
-@pytest.mark.parametrize("profile", ["quick", "gentle"])
+@pytest.mark.parametrize(("profile", "place_um"), [("quick", 2.0), ("gentle", PRESSES_UM)])
 def test_a_part_before_its_planned_place_is_not_pressed_with_more_than_was_planned(
     rig: LastingRig, profile: str, place_um: float
 ) -> None:

@@ -42,7 +42,7 @@ class Rig(Bench):
 
 @pytest.mark.parametrize(
     ("contact_um", "drift_um_per_min"),
-    [(-2.5, 0.0), (-4.0, 0.0), (-9.8, 0.0), (-4.0, 0.1), (-9.8, 1.0)],
+    [(-2.5, 0.0), (-9.8, 1.0)],
 )
 def test_a_part_that_presses_at_rest_stops_every_grip(
     tmp_path: Path, contact_um: float, drift_um_per_min: float
@@ -59,7 +59,7 @@ def test_a_part_that_presses_at_rest_stops_every_grip(
     assert max(pressed_mN) < pressed_mN[0] + 1.0
 
 
-@pytest.mark.parametrize("contact_um", [-0.3, -1.0, -1.5])
+@pytest.mark.parametrize("contact_um", [-0.3, -1.5])
 def test_a_part_that_presses_less_than_a_touch_is_met_on_the_way(
     tmp_path: Path, contact_um: float
 ) -> None:

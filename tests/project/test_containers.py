@@ -54,23 +54,6 @@ def test_there_is_a_service_for_each_program(services: dict[str, Tree]) -> None:
         assert services[name]["network_mode"] == f"service:{HOLDS_THE_NETWORK}"
 
 
-def test_each_runs_from_the_smallest_image_that_has_it(services: dict[str, Tree]) -> None:
-    small = {name for name, service in services.items() if service["image"] == "pincette-loop"}
-    assert small == {*OF_THE_LOOP, HOLDS_THE_NETWORK}
-    assert {services[name]["image"] for name in set(services) - small} == {"pincette"}
-
-
-def test_one_service_builds_each_image_and_none_is_pulled(services: dict[str, Tree]) -> None:
-    built = {name: one["build"] for name, one in services.items() if "build" in one}
-    assert {services[name]["image"]: build["target"] for name, build in built.items()} == {
-        "pincette-loop": "pincette-loop",
-        "pincette": "pincette",
-    }
-    assert len(built) == 2
-    for name in contained():
-        assert services[name]["pull_policy"] == "never"
-
-
 def test_every_container_is_bounded_and_has_no_rights(every: dict[str, Tree]) -> None:
     for name, service in every.items():
         assert service["read_only"] is True, name
@@ -83,11 +66,6 @@ def test_every_container_is_bounded_and_has_no_rights(every: dict[str, Tree]) ->
         assert service["memswap_limit"] == service["mem_limit"], name
         assert 8 <= service["pids_limit"] <= 256, name
         assert not service.get("privileged"), name
-
-
-def test_the_loop_weighs_more_than_what_stands_beside_it(services: dict[str, Tree]) -> None:
-    least = min(services[name]["cpu_shares"] for name in OF_THE_LOOP)
-    assert least >= 8 * max(services[name]["cpu_shares"] for name in ("recorder", "supervisor"))
 
 
 def test_health_is_asked_for_where_the_rig_file_has_the_programs(
@@ -106,13 +84,6 @@ def test_health_is_asked_for_where_the_rig_file_has_the_programs(
         assert set(asked[2:place]) == wanted.get(name, set()), name
         assert asked[place:] == ([] if name == "router" else ["--to", router]), name
     assert f":{rig.supervisor.port}/readyz" in services["supervisor"]["healthcheck"]["test"][-1]
-
-
-def test_health_is_asked_for_soon_at_first_and_seldom_later(every: dict[str, Tree]) -> None:
-    for name, service in every.items():
-        health = service["healthcheck"]
-        assert (health["start_interval"], health["interval"]) == ("1s", "30s"), name
-        assert health["start_period"] == "60s", name
 
 
 def test_programs_start_after_what_they_lean_on(services: dict[str, Tree]) -> None:

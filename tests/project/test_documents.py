@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pincette.config import ConfigError, parse_rig
+from pincette.config import parse_rig
 from pincette.config.reading import laid_over
 from tests.support.document_register import SITTINGS
 from tests.support.documents import FENCE, GENERATED, Block, blocks_of, named, pages
@@ -79,11 +79,6 @@ def test_a_rig_file_within_a_command_is_sound(root: Path) -> None:
     assert found
     for text in found:
         rig_of(tomllib.loads(text), root)
-
-
-def test_a_wrong_table_is_seen(root: Path) -> None:
-    with pytest.raises(ConfigError, match="perod_s"):
-        rig_of({"rig": {"perod_s": 0.01}}, root)
 
 
 def test_json_is_json_and_python_compiles() -> None:

@@ -115,15 +115,3 @@ def test_names_and_tests_of_a_page_exist(root: Path, page: str) -> None:
     for path in CODE.findall(text):
         resolve(path)
     assert missing_tests(root, text) == []
-
-
-def test_what_is_not_there_is_found(root: Path) -> None:
-    with pytest.raises(ModuleNotFoundError):
-        resolve("pincetto.control")
-    with pytest.raises(AttributeError):
-        resolve("pincette.control.arm.plant.discretise")
-    text = "`tests/project/none.py` `tests/project/conftest.py::test_none`"
-    assert missing_tests(root, text) == text.replace("`", "").split()
-    assert names_equation("(16) to (32)", 20)
-    assert not names_equation("(16) to (32), and 33", 33)
-    assert not names_equation("(116)", 16)

@@ -35,13 +35,6 @@ def test_no_file_names_an_index_or_this_machine(files: list[Path], root: Path) -
     assert found == []
 
 
-def test_the_search_for_foreign_names_finds_them() -> None:
-    index = "https://index.example/" + "simple/"
-    for line in (index, "registry." + "npmjs.org", "pypi" + ".org", "/ro" + "ot/.cache"):
-        assert FOREIGN.search(line), line
-    assert not FOREIGN.search("packages = ['shared/pincette']  # framework/a, rooted")
-
-
 def anchors(path: Path) -> set[str]:
     """Anchors of the headings of a Markdown file, as they are made from their words."""
     headings = re.findall(r"^#+ +(.*)$", text_of(path), re.MULTILINE)
@@ -64,12 +57,6 @@ def test_no_document_has_a_dead_link(files: list[Path], root: Path) -> None:
     assert root / "README.md" in documents
     dead = {str(path.relative_to(root)): list(dead_links(path)) for path in documents}
     assert {name: targets for name, targets in dead.items() if targets} == {}
-
-
-def test_dead_links_are_found(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("# A head\n[a](#a-head) [b](#b) [c](page.md#a-head) [`d`](none.md) `[e](e)`\n")
-    assert list(dead_links(page)) == ["#b", "none.md"]
 
 
 def undocumented(tree: ast.AST) -> Iterator[str]:

@@ -73,15 +73,6 @@ def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -
         assert IN_STYLE.findall(path.read_text(encoding="utf-8")) == [], path.name
 
 
-def test_what_is_loaded_from_elsewhere_is_seen() -> None:
-    page = Page('<script src="https://cdn.example/a.js"></script><link href="//fonts.example/b">')
-    assert [bool(REMOTE.match(place)) for place in page.loads] == [True, True]
-    assert IN_STYLE.findall('@import "https://a/b.css"; x{y:url(//c/d.woff)}') == [
-        "https://a/b.css",
-        "//c/d.woff",
-    ]
-
-
 def followed(path: Path, page: Page) -> dict[Path, set[str]]:
     """The files that a page links, with the places in them."""
     found: dict[Path, set[str]] = {}

@@ -8,8 +8,6 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 FILES = sorted(path for part in ("shared", "services") for path in (ROOT / part).rglob("*.py"))
 SCRIPTS = sorted((ROOT / "services").rglob("*.js"))
@@ -140,49 +138,3 @@ def test_the_page_reads_no_text_for_people() -> None:
         if (lines := texts_read_by_script(path.read_text(encoding="utf-8")))
     }
     assert not found, f"use a code instead: {found}"
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        "if 'owner' in detail: pass",
-        "status.detail.startswith('latched')",
-        "if 'late' in job['fault'].lower(): pass",
-        "same = reply.cause == 'abort'",
-        "same = reply.get('reason') != f'of {name}'",
-        "known = job.cause in ('abort', 'estop')",
-        "re.search('refused', job.detail)",
-        "match cause:\n case 'abort': pass",
-        "try: run()\nexcept OSError as error: print('use' in str(error))",
-        "try: run()\nexcept OSError as error: print(error.args[0] == 'use')",
-        "words = (status.detail or '').split(':')",
-    ],
-)
-def test_reading_is_found(source: str) -> None:
-    assert texts_read(source)
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        "latched = cause is Cause.ESTOP or cause in TRIPPED",
-        "empty = status.detail == ''",
-        "if status.fault and status.fault.code is FaultCode.REQUESTED: pass",
-        "try: run()\nexcept OSError as error: print(' '.join(str(error).split()))",
-    ],
-)
-def test_codes_may_be_compared(source: str) -> None:
-    assert not texts_read(source)
-
-
-@pytest.mark.parametrize(
-    ("source", "lines"),
-    [
-        ("\nif (job.cause.includes('lease')) stop()", [2]),
-        ("const owner = /owner/.test(reply.detail)", [1]),
-        ("if (error.message === 'late') wait()", [1]),
-        ("if (job.cause === CAUSES.lease) show(job.detail)", []),
-    ],
-)
-def test_reading_by_the_page_is_found(source: str, lines: list[int]) -> None:
-    assert texts_read_by_script(source) == lines

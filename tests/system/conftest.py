@@ -8,15 +8,16 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, BrowserContext, ViewportSize
 
 from pincette.config.reading import laid_over
 from pincette.engine.realtime.gc_tuning import disable_gc
-from tests.support.browser import open_browser
+from tests.support.browser import DESK, open_browser
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig, paced_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness, witness
+from tests.unit.supervisor.harness import Harness
 
 SHARED = laid_over(SHORT, {"grip": {"hold_s": 2.0}})
 FIGURES = pytest.StashKey[list[str]]()
@@ -26,6 +27,22 @@ FIGURES = pytest.StashKey[list[str]]()
 def figures(pytestconfig: pytest.Config) -> list[str]:
     """Lines that the summary of the run shows, whether its tests pass or fail."""
     return pytestconfig.stash.setdefault(FIGURES, [])
+
+
+@pytest.fixture
+def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
+    """A supervisor of a canned rig; it comes after the browser, without which it is not needed."""
+    assert browser.is_connected()
+    desk = Harness(demo_rig(time="lockstep"), tmp_path)
+    yield desk
+    desk.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Generator[BrowserContext]:
+    opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Strangers hold connections at every port of a rig, plain and secure: a stop comes through.
+"""Strangers hold connections at every port of a rig over TLS: a stop comes through.
 
 Real processes, real time. Each round connects to each port as fast as can be, and stays; the next
 one takes its place. Meanwhile the rig is stopped on each way, and a router comes back.
@@ -38,11 +38,10 @@ MOST_FILES = 2600
 """Of a program that is held by strangers: the HTTP server takes 2048 at once, and ends most."""
 
 
-@pytest.fixture(params=["plain", "secure"])
-def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Generator[RunningRig]:
+@pytest.fixture
+def rig(tmp_path: Path) -> Generator[RunningRig]:
     own = demo_rig(SHORT)
-    if request.param == "secure":
-        own = own.secured(folder_for(tmp_path / "pki", own.rig.name).path)
+    own = own.secured(folder_for(tmp_path / "pki", own.rig.name).path)
     with running_rig(own, tmp_path) as running:
         make_ready(running, 30.0)
         yield running

@@ -7,7 +7,7 @@ import pytest
 from pincette.core.messages import Applied, GroundTruth
 from pincette.core.topics import LOOP
 from tests.support.commands import pincette
-from tests.support.grips import SHORT, approach, hold, kill, make_ready, whole_grip
+from tests.support.grips import SHORT, hold, kill, make_ready, whole_grip
 from tests.support.injections import MODULE_S, WATCHED
 from tests.support.partitions import Programs
 from tests.support.reactions import within
@@ -18,8 +18,6 @@ from tests.support.witness import HEARD, Witness
 pytestmark = pytest.mark.usefixtures("stalls")
 
 WHOLE: Programs = ("loop",)
-NOBODY = "http://127.0.0.1:1"
-"""Where no supervisor answers."""
 
 
 @pytest.fixture(scope="module")
@@ -42,15 +40,6 @@ def test_a_grip_in_real_time_is_as_from_five_programs(rig: RunningRig, seen: Wit
         assert type(newest) is topic.message, f"the newest {topic.name} can be asked for"
     said = pincette("doctor", "--rig", rig.path)
     assert "the actuator is part of loop" in said.stdout, said.stdout
-
-
-def test_an_emergency_stop_goes_past_the_supervisor(rig: RunningRig, seen: Witness) -> None:
-    approach(rig, seen)
-    said = pincette("estop", "--rig", rig.path, "--url", NOBODY)
-    assert said.returncode == 0, said.stderr
-    assert "stopped at the actuator" in said.stdout
-    seen.until_state(("latched",), 0.0)
-    make_ready(rig)
 
 
 def test_where_the_process_dies_the_module_is_safe_by_itself_and_the_job_names_the_services(
@@ -77,13 +66,3 @@ def test_told_to_end_it_brings_the_arm_to_rest(rig: RunningRig, seen: Witness) -
     assert process.wait(10.0) == 0
     assert seen.newest(Applied).arms[0].voltage_V == rig.rig.safety.safe_V
     make_ready(rig)
-
-
-def test_what_the_rig_file_does_not_compose_is_not_started(rig: RunningRig) -> None:
-    for name, words in (("sensor", "are loop, not sensor"), ("sensor+estimator", "are loop, not")):
-        said = pincette("run", name, "--rig", rig.path)
-        assert said.returncode == 2
-        assert words in said.stderr
-    said = pincette("run", "sensor+recorder", "--rig", rig.path)
-    assert said.returncode == 2
-    assert "'recorder' is no service of the loop" in said.stderr

@@ -13,7 +13,7 @@ import pytest
 from pincette_supervisor.access.access import Access, TokenBuckets
 from pincette_supervisor.rest import server
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.server import HEAD_BYTES, MOST
+from pincette_supervisor.rest.server import MOST
 from tests.support.keys import key_of_each_scope, shown
 from tests.support.rigs import demo_rig
 from tests.support.served import connected, served
@@ -76,21 +76,6 @@ def test_a_connection_that_comes_to_no_point_is_given_up(
         used.sendall(ESTOP)
         assert used.recv(100).startswith(b"HTTP/1.1 200 ")
         assert [last_words(one) for one in (silent, slow)] == [b"", b""]
-
-
-def test_a_connection_that_is_used_again_is_kept(desk: Harness) -> None:
-    with (
-        served(desk.app) as address,
-        httpx.Client(base_url=address, trust_env=False, timeout=30.0) as client,
-    ):
-        for _ in range(20):
-            assert client.get("/livez").status_code == 200
-
-
-def test_a_head_that_is_too_long_is_refused(desk: Harness) -> None:
-    with served(desk.app) as address, connected(address) as stranger:
-        stranger.sendall(HALF_A_HEAD + b"x" * (2 * HEAD_BYTES))
-        assert stranger.recv(100).startswith(b"HTTP/1.1 400 ")
 
 
 def test_no_key_stands_in_a_log_or_an_answer(

@@ -28,9 +28,12 @@ def permitted() -> None:
         pytest.skip(why)
 
 
-@pytest.mark.parametrize("secure", [False, True], ids=["plain", "secure"])
 @pytest.mark.parametrize(
-    ("count", "longest_s"), [(FEW, SHORTLY_S), pytest.param(MANY, LONG_S, marks=pytest.mark.slow)]
+    ("secure", "count", "longest_s"),
+    [
+        (True, FEW, SHORTLY_S),
+        *(pytest.param(one, MANY, LONG_S, marks=pytest.mark.slow) for one in (False, True)),
+    ],
 )
 def test_after_a_cut_all_is_ready_soon_and_each_link_is_told(
     count: int, longest_s: float, secure: bool, tmp_path: Path, figures: list[str]

@@ -10,7 +10,7 @@ from time import monotonic, sleep
 import pytest
 
 from pincette.core.messages import Applied, Telemetry
-from tests.support.grips import SHORT, hold, kill, make_ready, restart
+from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import paced_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import witness
@@ -89,43 +89,3 @@ def test_a_disk_that_runs_full_in_a_job_stops_nothing_and_is_told_once_there_is_
         assert raised(rig) & {"disk", "store"}
         make_ready(rig)
         assert rig.ended(rig.start_grip())["state"] == "succeeded"
-
-
-def test_a_supervisor_that_starts_on_a_full_disk_takes_stops(rig: RunningRig) -> None:
-    make_ready(rig)
-    with witness(rig.rig) as seen:
-        job = hold(rig, seen)
-        ballast = fill(rig)
-        kill(rig, "supervisor")
-        restart(rig, "supervisor")
-        answer = rig.post("/rigs/demo/estop")
-        assert answer.status_code == 200, answer.text
-        deadline = monotonic() + LAST_S
-        while rig.view()["latch"]["cause"] != "estop" and monotonic() < deadline:
-            sleep(0.2)
-        assert rig.view()["latch"]["cause"] == "estop"
-    ballast.unlink()
-    deadline = monotonic() + LAST_S
-    while rig.job(job)["state"] != "interrupted" and monotonic() < deadline:
-        sleep(0.2)
-    assert rig.ended(job)["state"] == "interrupted"
-    make_ready(rig)
-    assert rig.ended(rig.start_grip())["state"] == "succeeded"
-
-
-def test_without_room_no_job_begins_and_it_says_why(rig: RunningRig) -> None:
-    make_ready(rig)
-    ballast = fill(rig)
-    answer = rig.post("/jobs", {"kind": "grip", "autostart": True})
-    if answer.status_code == 201:  # the journal had room left in its file
-        ended = rig.ended(answer.json()["id"])
-        assert ended["state"] == "failed"
-        assert "MB are free" in ended["cause"] or "full" in ended["cause"]
-    else:
-        assert answer.status_code == 503, answer.text
-    (disk,) = [check for check in rig.view()["checks"] if check["name"] == "disk"]
-    assert not disk["ok"]
-    assert disk["words"].endswith(f"limit {LEFT_MB:g} MB")
-    ballast.unlink()
-    make_ready(rig)
-    assert rig.ended(rig.start_grip())["state"] == "succeeded"

@@ -9,9 +9,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
 
-from tests.support.browser import looked_at
 from tests.support.example_packages import installed, python_path
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import paced_rig
@@ -61,16 +59,3 @@ def test_a_grip_over_rest_is_measured_by_it(rig: RunningRig) -> None:
     steps = [float(row["x_um"]) / STEP_UM for row in rows if row["x_um"]]
     assert len(set(steps)) > 50
     assert max(abs(step - round(step)) for step in steps) < 1e-6
-
-
-def test_a_grip_from_the_page_ends_well(rig: RunningRig, browser: Browser) -> None:
-    make_ready(rig, LONG_S)
-    with looked_at(browser, rig.rig) as seen:
-        seen.until("#fact-start", "can start")
-        before = rig.get("/jobs", limit=1)["jobs"]
-        seen.page.select_option("#kind", "grip")
-        seen.page.click("#start")
-        seen.until_true(lambda: rig.get("/jobs", limit=1)["jobs"] != before, "no job came")
-        (job,) = rig.get("/jobs", limit=1)["jobs"]
-        assert rig.ended(job["id"], LONG_S)["state"] == "succeeded"
-        assert seen.errors == []

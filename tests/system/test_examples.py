@@ -79,7 +79,7 @@ def test_no_example_is_left_out() -> None:
     assert all(f"examples/{name}.py" in told for name in FREE_OF_US)
 
 
-@pytest.mark.parametrize("kind", ["", "store", "stamping store", "silent", "rubbish", "errors"])
+@pytest.mark.parametrize("kind", ["", "store"])
 def test_latest_prints_every_topic_once(played: Played, tmp_path: Path, kind: str) -> None:
     with ExitStack() as stack:
         if kind:

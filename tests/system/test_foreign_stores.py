@@ -79,10 +79,9 @@ def test_stop_reset_and_a_whole_job_beside_all_of_them(rig: RunningRig, mode: st
         assert not rig.view()["latch"]["cause"]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_hold_lasts_as_long_as_asked_beside_one(rig: RunningRig, kind: str) -> None:
+def test_a_hold_lasts_as_long_as_asked_beside_them(rig: RunningRig) -> None:
     make_ready(rig)
-    with beside(rig, (kind,), "peer"):
+    with beside(rig, KINDS, "peer"):
         job = rig.ended(rig.start_grip(hold_s=HELD_S))
         assert job["state"] == "succeeded", job["cause"]
 

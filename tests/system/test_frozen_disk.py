@@ -10,7 +10,7 @@ from time import monotonic, sleep
 import pytest
 
 from pincette.core.messages import Applied, Telemetry
-from tests.support.grips import SHORT, approach, hold, make_ready
+from tests.support.grips import SHORT, hold, make_ready
 from tests.support.rigs import demo_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness, witness
@@ -75,28 +75,6 @@ def rig(disk: Path) -> Generator[RunningRig]:
 def seen(rig: RunningRig) -> Generator[Witness]:
     with witness(rig.rig) as outsider:
         yield outsider
-
-
-@pytest.mark.parametrize("action", ["stop", "abort"])
-def test_a_job_is_stopped_on_a_frozen_disk(
-    rig: RunningRig, seen: Witness, disk: Path, action: str, figures: list[str]
-) -> None:
-    make_ready(rig)
-    job = approach(rig, seen)
-    with frozen(disk):
-        sleep(0.3)
-        begun_s = monotonic()
-        answer = rig.post(f"/jobs/{job}/actions", {"type": action})
-        took_s = monotonic() - begun_s
-        if action == "stop":
-            at, _ = seen.until(Telemetry, lambda view: bool(view.acted), begun_s)
-        else:
-            at, _ = seen.until(Applied, lambda echo: echo.state in TRIPPED, begun_s)
-    figures.append(f"frozen disk: {action} acted after {at - begun_s:.2f} s, answer {took_s:.2f} s")
-    assert answer.status_code == 202, answer.text
-    assert took_s < STOP_S + SLACK_S
-    assert at - begun_s < STOP_S + SLACK_S
-    assert rig.ended(job)["state"] == {"stop": "stopped", "abort": "aborted"}[action]
 
 
 def test_a_held_part_stays_held_is_stopped_and_is_reset_on_a_frozen_disk(

@@ -3,16 +3,12 @@
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
 
-from collections.abc import Iterable
 from time import monotonic, sleep
-from typing import cast
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
-from zenoh import Reply
 
-from pincette.core.topics import COMMAND, LOOP, STATUS, key, request_key
-from tests.support.foreign import outsider
+from pincette.core.topics import LOOP
 from tests.support.grips import kill, restart
 from tests.support.running import RunningRig
 
@@ -87,25 +83,3 @@ def test_what_a_rig_does_is_seen_and_no_counter_falls(rig: RunningRig) -> None:
     estop = value(back, "pincette_trips_total", cause="estop")
     assert rig.post("/rigs/demo/estop").status_code == 200
     until(rig, "pincette_trips_total", estop + 1.0, cause="estop")
-
-
-def test_every_program_counts_the_messages_that_it_refuses(rig: RunningRig) -> None:
-    """A tool sends rubbish on a topic that the supervisor takes, and as a request to each other."""
-    programs = (*STATUS, "supervisor")
-    before = {name: refused(scrape(rig), name) for name in programs}
-    bus = rig.rig.bus
-    with outsider("client", f"tcp/{bus.host}:{bus.port}") as tool:
-        for request in STATUS.values():
-            replies = cast("Iterable[Reply]", tool.get(request_key("demo", request), payload=b"no"))
-            assert [reply.err is not None for reply in replies] == [True], request.service
-        tool.put(key("demo", COMMAND), b"no")
-        deadline = monotonic() + TOLD_S
-        while left := [name for name in programs if refused(scrape(rig), name) <= before[name]]:
-            assert monotonic() < deadline, left
-            sleep(0.1)
-    checks = {one["name"]: one for one in rig.get("/rigs/demo")["checks"]}
-    assert not checks["bus.refused"]["ok"]
-
-
-def refused(found: Scrape, program: str) -> float:
-    return value(found, "pincette_dropped_total", service=program, kind="refused")

@@ -5,13 +5,11 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ViewportSize
+from playwright.sync_api import Browser, BrowserContext
 
-from tests.support.browser import DESK, Visit, keep_picture, origin_of, visit
+from tests.support.browser import Visit, keep_picture, origin_of, visit
 from tests.support.running import RunningRig
 
-ESTOP_S = 2.0
-"""From the press to the word of the actuator, with every connection of the browser taken."""
 TRIES = 3
 TEN_SECONDS = "#window [data-seconds='10']"
 
@@ -21,13 +19,6 @@ def rig(browser: Browser, paced: RunningRig) -> RunningRig:
     """The rig comes after the browser: without one there is nothing to start it for."""
     assert browser.is_connected()
     return paced
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
-    opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
-    yield opened
-    opened.close()
 
 
 @pytest.fixture
@@ -151,15 +142,6 @@ def test_estop_in_a_hold_latches_until_a_person_resets(
     assert seen.page.locator("#latch").is_hidden()
 
 
-def test_escape_twice_is_an_estop_too(rig: RunningRig, seen: Visit) -> None:
-    start_endless(seen)
-    seen.page.keyboard.press("Escape")
-    assert seen.page.locator("#estop-said").is_hidden()
-    seen.page.keyboard.press("Escape")
-    seen.until("#estop-said", "confirmed by the actuator", 5.0)
-    until_tripped(rig, seen)
-
-
 def test_estop_acts_as_it_is_pressed_wherever_the_pointer_goes_then(
     rig: RunningRig, seen: Visit
 ) -> None:
@@ -169,22 +151,6 @@ def test_estop_acts_as_it_is_pressed_wherever_the_pointer_goes_then(
     seen.page.mouse.up()
     seen.until("#estop-said", "confirmed by the actuator", 5.0)
     until_tripped(rig, seen)
-
-
-def test_estop_finds_a_way_where_pages_take_every_connection(
-    rig: RunningRig, seen: Visit, context: BrowserContext, figures: list[str]
-) -> None:
-    others = [visit(context, origin_of(rig.rig)) for _ in range(2)]
-    slow = others[-1]
-    slow.page.wait_for_timeout(1000)
-    begun = monotonic()
-    slow.page.click("#estop")
-    slow.until("#estop-said", "confirmed by the actuator", 10.0)
-    taken_s = monotonic() - begun
-    figures.append(f"e-stop from the third page of one browser: {1e3 * taken_s:.0f} ms")
-    assert taken_s < ESTOP_S
-    until_tripped(rig, seen)
-    seen.until("#latch-cause", "emergency stop")
 
 
 def test_estop_works_while_the_rest_of_the_server_is_slow(rig: RunningRig, seen: Visit) -> None:
@@ -208,34 +174,6 @@ def test_a_reload_in_a_running_job_keeps_its_state(rig: RunningRig, seen: Visit)
     seen.page.click("#act-release")
     seen.until("#current-state", "succeeded")
     assert rig.job(name)["result"]["outcome"] == "released"
-
-
-def test_a_part_that_is_kept_after_a_stop_is_released(rig: RunningRig, seen: Visit) -> None:
-    name = start_endless(seen)
-    seen.page.click("#act-stop")
-    seen.until("#current-state", "stopped")
-    assert rig.view()["part"] == "held"
-    seen.page.click("#act-release")
-    seen.until("#fact-start", "can start")
-    assert rig.job(name)["allowed_actions"] == []
-
-
-def test_a_grip_is_started_with_the_keyboard_alone(rig: RunningRig, seen: Visit) -> None:
-    seen.page.reload()
-    seen.until("#fact-start", "can start")
-    reached: list[str] = []
-    for _ in range(40):
-        seen.page.keyboard.press("Tab")
-        reached.append(seen.page.evaluate("document.activeElement.id"))
-        if reached[-1] == "start":
-            break
-    assert reached[0] == "estop", "the first thing a keyboard comes to"
-    assert reached[-1] == "start", reached
-    seen.page.keyboard.press("Enter")
-    seen.until("#current-state", "running")
-    name = seen.text("#current-open")
-    seen.until("#current-state", "succeeded")
-    assert rig.job(name)["state"] == "succeeded"
 
 
 def test_a_plan_that_breaks_a_limit_says_so_at_the_field(rig: RunningRig, seen: Visit) -> None:

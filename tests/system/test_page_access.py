@@ -7,7 +7,7 @@ from time import monotonic
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ViewportSize
+from playwright.sync_api import Browser, BrowserContext
 from starlette.types import Receive, Scope, Send
 
 from pincette.api import access as access_models
@@ -18,7 +18,7 @@ from pincette_supervisor.journal.access_rows import AuditRepository
 from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.api import create_app
-from tests.support.browser import DESK, Visit, visit
+from tests.support.browser import Visit, visit
 from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
@@ -54,13 +54,6 @@ def bench(browser: Browser, tmp_path: Path) -> Generator[Bench]:
             yield Bench(desk, access, address)
     finally:
         desk.close()
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
-    opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
-    yield opened
-    opened.close()
 
 
 @pytest.fixture

@@ -81,14 +81,6 @@ def painted(colour: str) -> bytes:
     return stream.getvalue()
 
 
-@pytest.fixture
-def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
-    assert browser.is_connected()
-    desk = Harness(demo_rig(time="lockstep"), tmp_path)
-    yield desk
-    desk.close()
-
-
 def strips(seen: Visit) -> list[str]:
     """Names of the strips that are seen."""
     return [
@@ -142,8 +134,7 @@ DRAW_BOTH = """async () => {
 """Draw a chart of both arms; return whether the colour of each arm is in it."""
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 400)])
 def test_both_arms_of_a_quantity_share_a_chart_inside_the_card(
     browser: Browser, tmp_path: Path, scheme: Literal["light", "dark"], width: int
 ) -> None:

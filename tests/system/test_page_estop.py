@@ -1,35 +1,17 @@
 """A press of the page's E-STOP is kept and sent again until the actuator confirms it."""
 
-from collections.abc import Generator
 from contextlib import ExitStack
-from pathlib import Path
 
-import pytest
-from playwright.sync_api import Browser, BrowserContext, ViewportSize
+from playwright.sync_api import BrowserContext
 
 from pincette_supervisor.rest.api import create_app
-from tests.support.browser import DESK, Visit, visit
+from tests.support.browser import Visit, visit
 from tests.support.keys import key_of_each_scope
-from tests.support.rigs import demo_rig, free_ports
+from tests.support.rigs import free_ports
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
 OTHERWISE = ("pincette estop on the rig's computer", "the button of the amplifier's supply")
-
-
-@pytest.fixture
-def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
-    assert browser.is_connected()
-    desk = Harness(demo_rig(time="lockstep"), tmp_path)
-    yield desk
-    desk.close()
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
-    opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
-    yield opened
-    opened.close()
 
 
 def not_confirmed(seen: Visit, why: str) -> None:

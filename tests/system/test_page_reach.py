@@ -61,8 +61,7 @@ def check(seen: Visit) -> None:
     assert seen.page.evaluate(WIDE) == 0
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [DESK, *TABLETS], ids=["desk", "tablet-lying", "tablet"])
+@pytest.mark.parametrize(("scheme", "size"), [("light", DESK), *(("dark", one) for one in TABLETS)])
 def test_everybody_can_read_and_reach_it(
     browser: Browser, rig: RunningRig, scheme: str, size: dict[str, int]
 ) -> None:

@@ -1,32 +1,21 @@
 """Yesterday's job of a sample, its picture and its force are found on the page."""
 
-from collections.abc import Generator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import httpx
-import pytest
 from playwright.sync_api import Browser, ViewportSize
 
 from pincette.client import Supervisor
 from pincette_supervisor.journal.database import Database
 from tests.support.browser import DESK, keep_picture, visit
-from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
 TO_THE_TOP = "e => { e.closest('.side').scrollTop += e.getBoundingClientRect().top - 120; }"
 LONG_MS = 60_000.0
 LOADED = "document.querySelector('#job-detail img.picture').naturalWidth"
-
-
-@pytest.fixture
-def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
-    assert browser.is_connected()
-    desk = Harness(demo_rig(time="lockstep"), tmp_path)
-    yield desk
-    desk.close()
 
 
 def gripped(address: str, sample: str, **wishes: Any) -> str:

@@ -1,7 +1,6 @@
 """The page's stop in browsers that lack something, below a prefix, and against accidental keys."""
 
 from collections.abc import Generator
-from pathlib import Path
 from time import monotonic
 
 import pytest
@@ -10,7 +9,6 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.support.browser import DESK
-from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
@@ -47,24 +45,9 @@ KEYS = """(presses) => {
 
 
 @pytest.fixture
-def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
-    assert browser.is_connected()
-    desk = Harness(demo_rig(time="lockstep"), tmp_path)
-    yield desk
-    desk.close()
-
-
-@pytest.fixture
 def address(desk: Harness) -> Generator[str]:
     with served(desk.app) as address:
         yield address
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
-    opened = browser.new_context(viewport=ViewportSize(**DESK))
-    yield opened
-    opened.close()
 
 
 def text(page: Page, place: str) -> str:
@@ -153,13 +136,10 @@ def test_a_browser_that_reads_no_answer_sends_the_stop_as_a_form(
 @pytest.mark.parametrize(
     "answer",
     [
-        '{"title": "Welcome"}',
         "<html>Welcome</html>",
         '{"rig": "other", "acknowledged": true}',
         '{"rig": "demo", "acknowledged": "true"}',
-        "[]",
         "null",
-        "",
     ],
 )
 def test_only_the_answer_of_the_rig_itself_confirms_a_stop(
@@ -237,7 +217,7 @@ def proxy(app: ASGIApp, *, prefix: str = "", host: str = "") -> ASGIApp:
     return call
 
 
-@pytest.mark.parametrize("place", ["/gripper/", "/gripper", "/gripper?rig=demo"])
+@pytest.mark.parametrize("place", ["/gripper", "/gripper?rig=demo"])
 def test_the_page_works_below_a_prefix(context: BrowserContext, desk: Harness, place: str) -> None:
     with served(proxy(desk.app, prefix="/gripper")) as address:
         page = context.new_page()

@@ -1,12 +1,11 @@
 """Many windows of one browser: each is live, and a stop from each one arrives at once."""
 
-from collections.abc import Generator
 from time import monotonic
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
+from playwright.sync_api import Browser, BrowserContext, Page
 
-from tests.support.browser import DESK, origin_of
+from tests.support.browser import origin_of
 from tests.support.grips import make_ready
 from tests.support.running import RunningRig
 
@@ -33,13 +32,6 @@ def rig(browser: Browser, paced: RunningRig) -> RunningRig:
     assert browser.is_connected()
     make_ready(paced)
     return paced
-
-
-@pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
-    opened = browser.new_context(viewport=ViewportSize(**DESK))
-    yield opened
-    opened.close()
 
 
 def open_windows(context: BrowserContext, rig: RunningRig, count: int = WINDOWS) -> list[Page]:

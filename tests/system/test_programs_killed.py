@@ -69,8 +69,7 @@ def test_a_grip_without_a_fault_has_no_trip_and_refuses_nothing(
     assert unanswered == [], "ticks without a command"
 
 
-@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
-@pytest.mark.parametrize("name", ["sensor", "estimator"])
+@pytest.mark.parametrize(("name", "held"), [("sensor", True), ("estimator", False)])
 def test_without_samples_the_actuator_makes_the_rig_safe(
     rig: RunningRig, seen: Witness, stalls: StallRecorder, name: str, held: bool
 ) -> None:

@@ -13,9 +13,7 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from msgspec.structs import replace
 
-from pincette.bus.protocol import RefusalError
 from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
@@ -137,27 +135,6 @@ def test_the_next_start_closes_what_was_left(bench: Bench) -> None:
     assert "the recorder ended" in recorded.detail
     last = max(one.seq for one in left if isinstance(one, Position))
     assert f"samples 0 to {last} are recorded" in recorded.detail
-
-
-def test_a_record_from_begin_to_end(bench: Bench) -> None:
-    with pytest.raises(RefusalError, match="there is no record of job"):
-        bench.finish()
-    bench.begin()
-    bench.play(30)
-    assert status_text(bench.status()) == "records job j-1"
-    assert bench.status().epoch == EPOCH
-    bench.play(5, final=True)
-    recorded = bench.finish()
-    assert recorded.complete, recorded.detail
-    chance = random.Random(7)
-    sent = [message for seq in range(35) for message in tick(seq, chance, final=seq == 34)]
-    kept = mcap_reading.read(bench.record).messages
-    for kind in {type(message) for message in sent}:  # topics may overtake each other
-        assert [item for item in kept if type(item) is kind] == [
-            item for item in sent if type(item) is kind
-        ]
-    assert recorded == replace(recorded, messages=len(sent), dropped=0)
-    assert status_text(bench.status()) == "idle; 1 finished"
 
 
 @pytest.fixture(scope="module")

@@ -32,16 +32,6 @@ LEARNING = TrackJobRequest(
     set="consistent",
 )
 """By a law that leaves something to learn."""
-TRACK: Json = {
-    "kind": "track",
-    "autostart": True,
-    "shape": "sinusoid",
-    "force_mean_mN": 12.0,
-    "force_pp_mN": 16.0,
-    "frequency_hz": 0.5,
-    "cycles": 2,
-    "load_s": 1.0,
-}
 SKEWED: Json = {
     "limits": {"slew_V_per_s": 40.0},
     "simulation": {"hysteresis": {"asymmetry": 0.1}, "scripts": True},
@@ -82,10 +72,6 @@ def replayed(rig: RunningRig, *jobs: str) -> None:
     for found in json.loads(told.stdout):
         for one in found["services"]:
             assert (one["first"], one["stopped"]) == (None, ""), one
-
-
-def force_error_mN(job: Json) -> float:
-    return cast(float, job["result"]["true_force_mN"]["rmse"])
 
 
 def test_ten_cycles_are_learned_kept_gone_on_from_and_erased(rig: RunningRig) -> None:
@@ -133,48 +119,3 @@ def test_a_recipe_that_repeats_learns_on(rig: RunningRig) -> None:
     errors = [done(rig, body)["result"]["cycles"][0]["position_um"] for _ in range(2)]
     print([f"{error:.3f}" for error in errors])
     assert errors[1] < 0.5 * errors[0]
-
-
-def test_a_motion_is_played_without_its_part_over_rest(rig: RunningRig) -> None:
-    done(rig, TRACK)
-    before = done(rig, TRACK)
-    asked = {"kind": "calibrate", "calibration": "residual", "autostart": True}
-    job = rig.post("/jobs", asked).raise_for_status().json()["id"]
-    rig.until_phase(job, "part away")
-    assert typed("rig", "part", "remove", "--rig", str(rig.path)).returncode == 0
-    rig.post(f"/jobs/{job}/actions", {"type": "continue"}).raise_for_status()
-    rig.until_phase(job, "part back")
-    assert typed("rig", "part", "place", "--rig", str(rig.path)).returncode == 0
-    rig.post(f"/jobs/{job}/actions", {"type": "continue"}).raise_for_status()
-    found = rig.ended(job)
-    assert found["state"] == "succeeded", found["cause"]
-    print(found["result"]["statement"])
-    rig.post(f"/calibrations/{job}/actions", {"type": "accept"}).raise_for_status()
-    after = done(rig, TRACK)
-    assert after["values"]["residual"]["job"] == before["id"]
-    print(f"{force_error_mN(before):.3f} mN, with the residual {force_error_mN(after):.3f} mN")
-    # The demo's model leaves little more than noise; on rigs that are drawn it halves.
-    noise_mN = before["result"]["error_sources"]["force_mN"]["noise"]
-    assert force_error_mN(after) < force_error_mN(before) + noise_mN
-    stated = [one["result"]["force_uncertainty_mN"] for one in (before, after)]
-    assert stated[1] < stated[0]
-    sources = after["result"]["error_sources"]["force_mN"]
-    assert sources["response"] < before["result"]["error_sources"]["force_mN"]["response"]
-    replayed(rig, before["id"], job, after["id"])
-
-
-def test_the_same_by_the_command_line(rig: RunningRig) -> None:
-    url = ["--url", f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"]
-    track = ["job", "track", "--shape", "sinusoid", "--force-mean-mN", "12", "--force-pp-mN"]
-    track += ["16", "--frequency-hz", "0.5", "--cycles", "2", "--load-s", "1", "--all", *url]
-    told = typed(*track)
-    assert told.returncode == 0, told.stderr
-    assert "force error by the free response" in told.stdout
-    assert typed("rig", "part", "remove", "--rig", str(rig.path)).returncode == 0
-    told = typed("job", "calibrate", "residual", "--no-confirm", *url)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert typed("rig", "part", "place", "--rig", str(rig.path)).returncode == 0
-    assert typed("model", "accept", "last", *url).returncode == 0
-    assert typed(*track).returncode == 0
-    newest = rig.get("/jobs", kind="track")["jobs"][0]
-    assert rig.job(newest["id"])["values"]["residual"]["error_um"] > 0.0

@@ -59,26 +59,15 @@ def start_again(rig: RunningRig, names: Collection[str]) -> None:
             raise
 
 
-@pytest.mark.parametrize("names", [("actuator", "supervisor"), ("supervisor", "actuator")])
 def test_actuator_and_supervisor_killed_and_started_clear_no_latch(
-    rig: RunningRig, seen: Witness, names: tuple[str, ...]
-) -> None:
-    approach(rig, seen)
-    for name in names:
-        kill(rig, name)
-    for name in names:
-        restart(rig, name)
-    asks_a_person(rig, seen)
-
-
-def test_an_actuator_that_was_told_to_end_at_rest_asks_nobody_when_both_start_again(
     rig: RunningRig, seen: Witness
 ) -> None:
-    for name in ("supervisor", "actuator"):
-        rig.fleet.signal(name, signal.SIGTERM)
+    approach(rig, seen)
+    for name in ("actuator", "supervisor"):
+        kill(rig, name)
     for name in ("actuator", "supervisor"):
         restart(rig, name)
-    whole_grip(rig, seen)
+    asks_a_person(rig, seen)
 
 
 @pytest.mark.full

@@ -88,8 +88,7 @@ def check_words(rig: RunningRig, job: str) -> None:
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-@pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
-@pytest.mark.parametrize("fault", ["killed", "hung"])
+@pytest.mark.parametrize(("fault", "held"), [("killed", True), ("hung", False)])
 def test_without_the_controller_the_actuator_makes_the_rig_safe(
     rig: RunningRig,
     seen: Witness,

@@ -111,7 +111,7 @@ def assert_untouched(seen: Witness, since_s: float) -> None:
     assert all(view.playing for _, view in seen.since(Telemetry, since_s))
 
 
-@pytest.mark.parametrize("who", ["viewer", "right/controller", "demo/sensor", "operator"])
+@pytest.mark.parametrize("who", ["right/controller", "operator"])
 def test_whoever_has_a_certificate_of_another_can_neither_command_nor_ask(
     rig: RunningRig, seen: Witness, folder: Folder, held: str, who: str
 ) -> None:

@@ -16,14 +16,10 @@ REPLY_S, SLACK_S = 1.5, 1.0
 """Longest time until a stop is answered, and what a busy machine may add."""
 
 
-@pytest.fixture(scope="module", params=["plain", "secure"])
-def rig(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Generator[RunningRig]:
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     own, folder = demo_rig(), tmp_path_factory.mktemp("rig")
-    if request.param == "secure":
-        own = own.secured(folder_for(folder / "pki", own.rig.name).path)
-    with running_rig(own, folder) as running:
+    with running_rig(own.secured(folder_for(folder / "pki", own.rig.name).path), folder) as running:
         yield running
 
 

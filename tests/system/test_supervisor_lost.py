@@ -99,31 +99,6 @@ def test_killed_with_a_part_held_it_stays_held_until_the_next_one_lets_it_go(
     assert rig.ended(release.json()["id"])["state"] == "succeeded"
 
 
-def test_one_that_is_back_within_the_lease_has_the_program_stopped_itself(
-    rig: RunningRig, seen: Witness
-) -> None:
-    job = hold(rig, seen)
-    acknowledged(rig)
-    killed_s = kill(rig, "supervisor")
-    restart(rig, "supervisor")
-    back_s = monotonic() - killed_s
-    told = rig.job(job)
-    assert told["state"] == "interrupted"
-    if back_s < RENEWED * LEASE_S - SLACK_S:
-        assert LEASE not in told["cause"]
-    sleep(LEASE_S + SLACK_S)
-    view = rig.view()
-    assert (view["part"], view["latch"]["state"]) == ("held", "armed")
-    # Once the program is stopped there is nothing left for a lease to stop.
-    # The new supervisor's stop may come in the tick of the lease's own.
-    acted = [one for _, view in seen.since(Telemetry, killed_s) for one in view.acted]
-    assert acted in (
-        [Acted.STOP],
-        [Acted.LEASE, Acted.STOP],
-        [Acted.LEASE, Acted.STOP, Acted.STOP],
-    )
-
-
 def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
     rig: RunningRig, seen: Witness
 ) -> None:
@@ -137,21 +112,3 @@ def test_one_that_hangs_for_less_than_the_lease_changes_nothing(
     assert rig.job(job)["state"] == "running"
     rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
     assert rig.ended(job)["state"] == "succeeded"
-
-
-def test_a_calibration_outlives_a_supervisor_that_does_not_run_for_longer_than_lease_s(
-    rig: RunningRig, seen: Witness
-) -> None:
-    """By default ``lease_s`` is 10 s, and so is the stall of a machine; here both are shorter."""
-    body = {"kind": "calibrate", "calibration": "compliance", "weights_mN": [0.0, 5.0]}
-    job = rig.post("/jobs", {**body, "autostart": True}).raise_for_status().json()["id"]
-    begun_s = monotonic()
-    seen.until(Telemetry, lambda view: view.phase == "hang 1", begun_s)
-    rig.fleet.signal("supervisor", signal.SIGSTOP)
-    sleep(1.5 * LEASE_S)
-    rig.fleet.signal("supervisor", signal.SIGCONT)
-    sleep(0.5 * LEASE_S)
-    assert not [view for _, view in seen.since(Telemetry, begun_s) if view.acted]
-    assert rig.job(job)["state"] == "running"
-    rig.post(f"/jobs/{job}/actions", {"type": "stop"}).raise_for_status()
-    assert rig.ended(job)["state"] == "stopped"

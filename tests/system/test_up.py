@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("stalls")
 PROGRAMS = {"recorder", "router", "rig", *LOOP, "supervisor"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_nothing_outlives_it(tmp_path: Path, number: signal.Signals) -> None:
     rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
     path.write_text(rig_toml(rig), encoding="utf-8")
@@ -52,36 +52,6 @@ def test_a_rig_that_was_only_up_and_ended_asks_nobody_when_it_is_up_again(tmp_pa
             assert desk.state().latch.state == "switched_on"
             if last:
                 assert desk.start("grip", hold_s=0.1).wait(60.0).state == "succeeded"
-
-
-def test_a_supervisor_that_was_killed_is_started_again_and_the_part_stays_held(
-    tmp_path: Path,
-) -> None:
-    rig, path, log = demo_rig(), tmp_path / "rig.toml", tmp_path / "up.log"
-    path.write_text(rig_toml(rig), encoding="utf-8")
-    command = [*PINCETTE, "up", "--rig", str(path), "--data", str(tmp_path / "data")]
-    with until_interrupted(command, tmp_path, log) as process:
-        said = await_text(log, "is up at", process, 60.0)
-        pids = dict(re.findall(r"^● (\w+) +(\d+) ", said, re.MULTILINE))
-        url = f"http://{rig.supervisor.host}:{rig.supervisor.port}"
-        with Supervisor(url, timeout_s=60.0, patience_s=60.0) as supervisor:
-            desk = supervisor.rig("demo")
-            job = desk.start("grip", until_released=True)
-            while "release" not in job.refresh(0.2).allowed_actions:
-                assert not job.ended
-            for _ in range(2):
-                pid = processes_of(path)
-                (one,) = [number for number, words in pid.items() if "run supervisor" in words]
-                os.kill(one, signal.SIGKILL)
-                await_text(log, "the loop and a held part go on", process, 20.0)
-                view = desk.state()
-                assert (view.part, str(view.latch.state)) == ("held", "armed")
-            assert job.refresh().state == "interrupted"
-            assert desk.start("release").wait(30.0).state == "succeeded"
-        now = processes_of(path)
-        assert {int(pids[name]) for name in PROGRAMS - {"supervisor"}} <= now.keys()
-        text = log.read_text(encoding="utf-8")
-        assert len(re.findall(r"^● supervisor .* serves at", text, re.MULTILINE)) == 3
 
 
 def test_a_router_that_was_killed_is_started_again_and_the_part_stays_held(tmp_path: Path) -> None:

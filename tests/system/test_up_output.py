@@ -29,7 +29,6 @@ class Output:
     """Standard output of a command, and what ends it while the command runs."""
 
     number: int
-    """Descriptor that the command gets; -1 for a closed one."""
     end: Callable[[], None]
     terminal: bool = False
     """Whether it is the controlling terminal of the command."""
@@ -40,13 +39,6 @@ def _full_disk() -> Generator[Output]:
     number = os.open("/dev/full", os.O_WRONLY)
     yield Output(number, lambda: None)
     os.close(number)
-
-
-@contextmanager
-def _ended_reader() -> Generator[Output]:
-    reader, writer = os.pipe()
-    yield Output(writer, lambda: os.close(reader))
-    os.close(writer)
 
 
 @contextmanager
@@ -63,11 +55,6 @@ def _paused_reader() -> Generator[Output]:
 
 
 @contextmanager
-def _closed() -> Generator[Output]:
-    yield Output(-1, lambda: None)
-
-
-@contextmanager
 def _lost_terminal() -> Generator[Output]:
     master, slave = pty.openpty()
     yield Output(slave, lambda: os.close(master), terminal=True)
@@ -75,19 +62,14 @@ def _lost_terminal() -> Generator[Output]:
 
 def _started(output: Output, command: list[str]) -> "subprocess.Popen[bytes]":
     def prepare() -> None:
-        if output.number < 0:
-            os.close(1)
-            os.close(2)
         if output.terminal:
             fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
-    null = subprocess.DEVNULL
-    stream = output.number if output.number >= 0 else null
     return subprocess.Popen(
         command,
-        stdin=stream if output.terminal else null,
-        stdout=stream,
-        stderr=stream,
+        stdin=output.number if output.terminal else subprocess.DEVNULL,
+        stdout=output.number,
+        stderr=output.number,
         start_new_session=True,
         preexec_fn=prepare,
     )
@@ -99,8 +81,8 @@ def _supervisor_of(path: Path) -> list[int]:
 
 @pytest.mark.parametrize(
     "kind",
-    [_lost_terminal, _full_disk, _ended_reader, _paused_reader, _closed],
-    ids=["lost-terminal", "full-disk", "ended-reader", "paused-reader", "closed"],
+    [_lost_terminal, _full_disk, _paused_reader],
+    ids=["lost-terminal", "full-disk", "paused-reader"],
 )
 def test_a_killed_supervisor_is_restarted_and_the_part_stays_held(
     kind: Callable[[], AbstractContextManager[Output]], tmp_path: Path

@@ -6,7 +6,7 @@ from typing import Any, cast
 import pyarrow.parquet as parquet
 import pytest
 
-from pincette.config import RigFile, parse_rig
+from pincette.config import parse_rig
 from pincette.config.reading import laid_over
 from tests.support.grips import whole_grip
 from tests.support.rigs import Tree, demo_rig
@@ -23,23 +23,14 @@ DC205: Tree = {
 QUICK: Tree = {"grip": {"hold_s": 1.0, "load_s": 1.0}}
 
 
-def on_terminals(folder: Path, baud: int, output: Tree) -> RigFile:
-    """The demo rig with both instruments on pseudo-terminals."""
-    changes: Tree = {
-        **QUICK,
-        "sensor": {"url": str(folder / "sensor"), "options": {"baud": baud}},
-        "output": {"url": str(folder / "output"), **output},
-    }
-    return demo_rig(changes)
-
-
-@pytest.mark.parametrize(
-    ("baud", "output"), [(115200, {}), (38400, DC205)], ids=["I-7024", "DC205"]
-)
-def test_a_grip_over_pseudo_terminals_in_the_time_of_their_bytes(
-    tmp_path: Path, baud: int, output: Tree
-) -> None:
-    rig = on_terminals(tmp_path, baud, output)
+def test_a_grip_over_pseudo_terminals_in_the_time_of_their_bytes(tmp_path: Path) -> None:
+    rig = demo_rig(
+        {
+            **QUICK,
+            "sensor": {"url": str(tmp_path / "sensor"), "options": {"baud": 38400}},
+            "output": {"url": str(tmp_path / "output"), **DC205},
+        }
+    )
     with (
         running_rig(rig, tmp_path) as running,
         witness(rig) as seen,

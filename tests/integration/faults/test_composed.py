@@ -80,9 +80,10 @@ def test_an_emergency_stop_acts_within_a_period(state: str) -> None:
         assert tripped[0][1].state == ("frozen" if state == "hold" else "ramping")
 
 
-@pytest.mark.parametrize("period_s", [T, SHORT_S])
-@pytest.mark.parametrize("service", ["estimator", "controller"])
-@pytest.mark.parametrize("state", MOVING)
+@pytest.mark.parametrize(
+    ("state", "service", "period_s"),
+    [("approach", "estimator", T), ("hold", "controller", T), ("hold", "estimator", SHORT_S)],
+)
 def test_a_service_that_computes_for_too_long_trips_its_program_right_after(
     state: str, service: str, period_s: float
 ) -> None:

@@ -187,7 +187,7 @@ def test_a_tripped_watchdog_of_the_output_is_a_trip_that_is_named() -> None:
     check_untripped(play(changes=unwatched, host_stands_at_s=HOLD * T))
 
 
-@pytest.mark.parametrize("share", [0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.2, 1.0])
 def test_an_intermittent_sensor_carries_on_or_trips(share: float) -> None:
     played = play(at(0, "sensor", "intermittent", value=share))
     bad = [not position.arms[0].valid for position in played.positions]
@@ -218,7 +218,7 @@ def test_an_answer_that_comes_too_late_is_none(target: str, seq: int, state: str
     assert played.trip.seq - seq == (2 if target == "sensor" else 0)
 
 
-@pytest.mark.parametrize("periods", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("periods", [1, 3, 5])
 @pytest.mark.parametrize("target", ["sensor", "output"])
 @pytest.mark.parametrize("seq", [0, APPROACH, HOLD])
 def test_an_instrument_that_lives_in_the_past_never_presses_too_hard(

@@ -32,8 +32,8 @@ def longest_gap(times: Sequence[float]) -> float:
     return max(after - before for before, after in pairwise(times))
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 0.3, 0.6, 0.9, 1.0])
+@pytest.mark.parametrize("seed", range(1))
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 1.0])
 @pytest.mark.parametrize("link", [("controller", "actuator"), ("estimator", "controller")])
 def test_lost_messages_are_borne_or_trip_by_the_age_limit(
     link: tuple[str, str], share: float, seed: int
@@ -53,7 +53,7 @@ def test_lost_messages_are_borne_or_trip_by_the_age_limit(
     assert not tripped(loop) or share > 0.02
 
 
-@pytest.mark.parametrize("periods", [0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 2.4, 2.6, 3.0, 5.0])
+@pytest.mark.parametrize("periods", [0.0, 0.5, 1.5, 2.4, 2.6, 5.0])
 def test_delayed_commands_are_taken_up_to_the_age_limit(periods: float) -> None:
     loop = place("approach").loop.fork(1)
     loop.links.append(LinkFault("late", "controller", "actuator", late_s=periods * T))
@@ -83,7 +83,7 @@ def test_a_clock_on_the_wall_that_steps_changes_not_a_bit(monkeypatch: pytest.Mo
     assert told[0] == told[1] == told[2]
 
 
-@pytest.mark.parametrize("periods", [1.2, 1.7, 3.4])
+@pytest.mark.parametrize("periods", [1.2, 3.4])
 def test_a_sensor_that_is_starved_skips_and_never_bursts(periods: float) -> None:
     """Each of its steps takes longer than the period: the grid is kept, with holes."""
     loop = place("approach").loop.fork(1)

@@ -8,7 +8,6 @@ from pincette.control.record import replace
 from pincette.core.faults import Cause
 from pincette.core.messages import (
     Applied,
-    Arm,
     Command,
     Message,
     Position,
@@ -108,15 +107,6 @@ def test_a_position_beyond_the_limits_trips_before_any_command_of_it(held: bool,
     assert (echo.seq, echo.state) == (3, mode)
 
 
-def test_a_position_of_no_measurement_or_another_epoch_is_not_judged() -> None:
-    bad = [Position(EPOCH, seq, 0.0, (ArmPosition(900.0, valid=False),)) for seq in range(1, 9)]
-    bad += [
-        Position(EPOCH + 1, seq, 0.0, (ArmPosition(900.0, valid=True),)) for seq in range(9, 20)
-    ]
-    state, _ = play(holding(held=False), *((Inputs(None, None, item), 0.01) for item in bad))
-    assert state.mode == "armed"
-
-
 def test_a_stranger_does_not_displace_a_command_that_waits() -> None:
     state, _ = play(armed(), (told(0), 0.001), (told(0, owner=9, voltage_V=3.0), 0.0015))
     assert state.pending is not None
@@ -155,13 +145,6 @@ def test_in_lockstep_a_command_before_its_sample_ends_the_tick_after_a_trip(trip
     assert order == SetVoltage((state.arms[0].voltage_V,))
     assert isinstance(echo, Applied)
     assert (echo.seq, echo.state, echo.answered) == (1, "frozen", False)
-
-
-def test_nobody_speaks_for_the_actuator_in_a_trip() -> None:
-    state, _, _ = handle(CONFIG, holding(held=False), Trip(Cause.BOOT), 0.01)
-    assert state.cause == "asked"
-    with pytest.raises(RefusedError, match="ramping"):
-        handle(CONFIG, state, Arm(EPOCH + 1, OWNER, ""), 0.02)
 
 
 def test_what_it_does_not_answer_is_refused() -> None:

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from pincette.control.record import replace
 from pincette.control.safety.latch import booted
-from pincette.control.safety.voltage import SLEW_UP, VOLTAGE_MAX
 from pincette.core.faults import Cause, Predecessor
 from pincette.core.messages import Ack, Applied, Arm, Command, Reset, Trip
 from pincette.core.messages.arms import ArmCommand
@@ -34,13 +33,6 @@ from .bench import (
     position,
     wakes,
 )
-
-
-def test_boots_latched_and_refuses_to_arm() -> None:
-    state = start(CONFIG)
-    assert (state.mode, state.cause) == ("latched", "boot")
-    with pytest.raises(RefusedError, match="boot"):
-        handle(CONFIG, state, Arm(EPOCH, OWNER, ""), 0.0)
 
 
 def test_only_a_boot_after_no_death_is_reset_without_an_acknowledgement() -> None:
@@ -81,42 +73,12 @@ def test_a_command_that_waits_for_its_sample_is_not_displaced_by_one_that_is_rep
     assert outputs[0] == SetVoltage((1.01,))
 
 
-@pytest.mark.parametrize(("epoch", "owner"), [(EPOCH, 6), (12, OWNER)])
-def test_commands_of_others_are_refused_and_counted(epoch: int, owner: int) -> None:
-    foreign = command(0, epoch=epoch, owner=owner)
-    state, outputs = play(armed(), (position(0), 0.0), (foreign, 0.004))
-    assert outputs == []
-    assert state.refused == 1
-    assert state.arms[0].voltage_V == 0.0
-
-
 def test_a_controller_that_is_not_armed_yet_is_not_refused_for_commanding_nothing() -> None:
     unarmed = command(7, epoch=EPOCH - 1).command
     assert unarmed is not None
     nothing = Inputs(None, with_arm(unarmed, valid=False), None)
     state, outputs = play(armed(), (position(0), 0.0), (nothing, 0.004))
     assert (outputs, state.refused, state.refusal) == ([], 0, None)
-
-
-def test_older_and_equal_commands_are_refused() -> None:
-    state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(1), 0.024))
-    state, outputs = play(state, (command(1, 2.0), 0.025), (command(0, 3.0), 0.026))
-    assert outputs == []
-    assert (state.refused, state.arms[0].voltage_V) == (2, 1.0)
-
-
-def test_a_late_command_is_refused_by_the_age_of_its_sample() -> None:
-    state, _ = play(armed(), (position(0), 0.0), (position(1), 0.02), (command(0), 0.051))
-    assert state.refused == 1
-    assert "51 ms old, limit 50 ms" in fault_text(state.refusal)
-
-
-def test_range_and_slew_act_and_are_reported() -> None:
-    _, outputs = play(armed(), (position(0), 0.0), (command(0, 9.0), 0.004))
-    applied = outputs[1]
-    assert isinstance(applied, Applied)
-    assert applied.arms[0].voltage_V == 2.0
-    assert applied.arms[0].limits_active == VOLTAGE_MAX | SLEW_UP
 
 
 def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
@@ -134,22 +96,6 @@ def test_free_arm_ramps_within_sixty_and_is_safe_within_a_hundred_ms() -> None:
     assert safe <= 0.100
     assert state.mode == "latched"
     assert "no command for" in cause_words(state)
-
-
-def test_the_ramp_has_no_step_larger_than_its_share() -> None:
-    state, previous = holding(2.0, held=False), 2.0
-    for inputs, now in wakes(0.005, 0.12):
-        state, _ = play(state, (inputs, now))
-        assert abs(state.arms[0].voltage_V - previous) <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
-        previous = state.arms[0].voltage_V
-
-
-def test_held_part_is_frozen_for_a_bounded_time_then_ramped() -> None:
-    state = holding(2.0, held=True)
-    state, _ = play(state, *wakes(0.005, 0.5))
-    assert (state.mode, state.arms[0].voltage_V) == ("frozen", 2.0)
-    state, _ = play(state, *wakes(0.5, 0.7))
-    assert (state.mode, state.arms[0].voltage_V, state.part_held) == ("latched", 0.0, False)
 
 
 def test_after_a_trip_no_command_is_taken_until_a_reset() -> None:
@@ -198,12 +144,6 @@ def test_a_restarted_actuator_ramps_from_the_voltage_it_finds() -> None:
     drive = outputs[0]
     assert isinstance(drive, SetVoltage)
     assert 2.0 - drive.voltages_V[0] <= 2.0 * (T / 4) / CONFIG.ramp_s + 1e-9
-
-
-def test_the_first_cause_is_kept() -> None:
-    state, _, _ = handle(CONFIG, holding(held=False), Trip(Cause.ESTOP), 0.006)
-    state, _, _ = handle(CONFIG, state, Trip(Cause.ABORT), 0.007)
-    assert state.cause == "estop"
 
 
 def test_an_instrument_that_fails_trips() -> None:

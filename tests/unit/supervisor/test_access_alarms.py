@@ -1,6 +1,6 @@
 """The alarms ``keys``, ``key-clock`` and ``clock`` over a real connection: who is refused what.
 
-Time is virtual. ``tests/system/test_access_alarms.py`` provokes the same in a whole rig.
+Time is virtual.
 """
 
 from collections.abc import Iterator

@@ -87,23 +87,6 @@ def lose_router(desk: Harness) -> None:
         desk.bus.kill(program)
 
 
-def find_router(desk: Harness) -> None:
-    for program in ANSWERING:
-        desk.bus.revive(program)
-
-
-def test_a_router_that_ends_is_no_reason_to_trip(desk: Harness) -> None:
-    """All tokens vanish with it, while the loop, which needs no router, is well."""
-    job = held(desk)
-    lose_router(desk)
-    sleep(DEAF_S)
-    assert desk.get(f"/jobs/{job}")["state"] == "running"
-    find_router(desk)
-    desk.bus.play()
-    assert desk.ended(job)["state"] == "succeeded"
-    assert desk.bus.trips == []
-
-
 def test_a_router_that_stays_away_ends_the_job_with_its_lease_and_trips_nothing(
     real_time: RigFile, open_harness: Callable[..., Harness], monkeypatch: pytest.MonkeyPatch
 ) -> None:

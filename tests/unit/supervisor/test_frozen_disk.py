@@ -260,8 +260,6 @@ def hung_write(base: Database) -> Generator[None]:
     ("method", "path", "body"),
     [
         ("POST", "/jobs", {"kind": "grip"}),
-        ("POST", "/jobs/JOB/actions", {"type": "stop"}),
-        ("POST", "/jobs/stop", {"idempotency_key": "unknown"}),
         ("DELETE", "/jobs/JOB/record", None),
         ("GET", "/audit", None),
         ("GET", "/audit/chain", None),

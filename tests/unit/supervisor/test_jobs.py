@@ -10,7 +10,6 @@ from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Outcome
 from pincette.records import folder
-from tests.support.partitions import composing
 from tests.support.recorded import loop, write
 
 from . import samples
@@ -260,15 +259,6 @@ def test_lockstep_names_the_program_that_is_silent(
     job = harness.ended(harness.grip()["id"])
     assert job["state"] == "failed"
     assert job["cause"] == "estimator is silent: no progress for 0.05 s"
-
-
-def test_lockstep_names_a_program_of_several_services_as_a_whole(
-    rig_file: RigFile, open_harness: Callable[..., Harness]
-) -> None:
-    harness = open_harness(composing(rig_file, "loop"), guard_s=0.05)
-    harness.bus.pause_at = 50
-    job = harness.ended(harness.grip()["id"])
-    assert job["cause"] == "loop is silent: no progress for 0.05 s"
 
 
 def test_lockstep_names_the_program_that_was_killed(

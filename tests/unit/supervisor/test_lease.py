@@ -83,16 +83,6 @@ def test_it_is_granted_before_the_first_sample(real_time: RigFile) -> None:
     assert bus.asked.index("controller/arm") < granted < bus.asked.index("sensor/arm")
 
 
-def test_a_supervisor_that_is_busy_is_in_time(real_time: RigFile) -> None:
-    bus = Line(real_time)
-    renewal = Renewal(bus, Lease(7, LENGTH_S), lambda: bus.now_s)
-    bus.takes_s = 3.0
-    for _ in range(20):
-        bus.now_s += LENGTH_S / RENEWALS
-        assert renewal.age_s < LENGTH_S
-        assert renewal.renew(3.0)
-
-
 def test_what_is_not_answered_is_asked_again_and_what_is_refused_is_not(
     real_time: RigFile,
 ) -> None:
@@ -164,14 +154,6 @@ def test_what_happened_while_no_supervisor_was_there_is_told_by_the_next(
     assert told["cause"].endswith(WORDS)
     (row,) = after.get("/alarms")["alarms"]
     assert row["words"] == WORDS
-
-
-def test_a_stop_by_a_person_is_no_lapse(harness: Harness) -> None:
-    job = harness.playing_to(IN_HOLD)
-    harness.acted(job, "stop")
-    ended = harness.ended(job)
-    assert (ended["state"], ended["cause"]) == ("stopped", "")
-    assert harness.get("/alarms")["alarms"] == []
 
 
 def test_the_lease_is_among_the_checks(harness: Harness) -> None:

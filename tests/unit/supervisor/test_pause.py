@@ -64,48 +64,6 @@ def test_a_pause_comes_only_at_a_safe_point_and_can_be_taken_back(harness: Harne
     assert (pause["seq"], resume["seq"]) == (None, IN_APPROACH)
 
 
-def test_a_stop_of_a_pause_asks_for_the_stop_alone_and_keeps_the_part(harness: Harness) -> None:
-    job = paused(harness)
-    harness.acted(job, "stop")
-    stopped = harness.ended(job)
-    assert stopped["state"] == "stopped"
-    assert harness.bus.acts == ["pause", "stop"]
-    assert "running" not in states(harness, job)[4:]
-    assert stopped["allowed_actions"] == ["release", "abort"]
-
-
-def test_a_release_from_a_pause_lets_the_part_go(harness: Harness) -> None:
-    job = paused(harness)
-    harness.bus.pause_at = None
-    harness.acted(job, "release")
-    ended = harness.ended(job)
-    assert ended["state"] == "succeeded"
-    assert harness.bus.acts == ["pause", "release"]
-
-
-def test_a_trip_of_a_pause_fails_the_job_with_its_cause(harness: Harness) -> None:
-    job = paused(harness)
-    harness.bus.trip("device: no answer")
-    ended = harness.ended(job)
-    assert (ended["state"], ended["cause"]) == ("failed", "actuator tripped: device: no answer")
-    assert [row.body["cause"] for row in harness.told("alarm", job=job)] == ["device"]
-
-
-def test_a_part_that_is_lost_in_a_pause_ends_the_job(harness: Harness) -> None:
-    job = paused(harness)
-    harness.bus.lose()
-    ended = harness.ended(job)
-    assert ended["state"] == "failed"
-    assert ended["cause"].startswith("lost: ")
-
-
-def test_an_abort_of_a_pause_trips_the_actuator(harness: Harness) -> None:
-    job = paused(harness)
-    harness.acted(job, "abort")
-    assert harness.ended(job)["state"] == "aborted"
-    assert {trip.cause for trip in harness.bus.trips} == {"abort"}
-
-
 @pytest.mark.parametrize("action", ["pause", "stop", "resume"])
 def test_a_controller_that_does_nothing_is_tripped_when_the_time_is_over(
     rig_file: RigFile, open_harness: Callable[..., Harness], action: str

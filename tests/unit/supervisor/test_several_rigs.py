@@ -93,15 +93,6 @@ def test_jobs_of_both_run_at_once(both: RigsHarness) -> None:
     assert [job["id"] for job in both.get("/jobs", rig="left")["jobs"]] == [waiting]
 
 
-def test_each_keeps_its_records_in_a_folder_of_its_own(both: RigsHarness, tmp_path: Path) -> None:
-    homes = {"left": tmp_path / "jobs", "right": tmp_path / "rigs" / "right" / "jobs"}
-    for rig, home in homes.items():
-        job = both.ended(both.grip(rig=rig)["id"])
-        assert Path(job["record"]) == home / job["id"]
-        names = {file["name"] for file in both.get(f"/jobs/{job['id']}/artifacts")["artifacts"]}
-        assert "result.json" in names
-
-
 @pytest.mark.parametrize("path", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
 def test_what_does_not_say_which_rig_is_refused_with_their_names(
     both: RigsHarness, path: str
@@ -253,14 +244,6 @@ def test_rigs_beyond_the_limit_of_one_stop_are_not_reported_as_stopped(
     assert len(tried) == MOST_AT_ONCE
 
 
-def test_any_number_of_rigs_that_reply_at_once_are_stopped(rigs_harness: RigsHarness) -> None:
-    tripped: list[str] = []
-    names = [f"found-{number:03}" for number in range(3 * MOST_AT_ONCE)]
-    found_and_not_served(rigs_harness, tripped.append, *names)
-    assert rigs_harness.post("/estop").status_code == 200
-    assert sorted(tripped) == names
-
-
 def test_a_stop_of_the_served_rigs_waits_for_no_rig_that_hangs(rigs_harness: RigsHarness) -> None:
     """However many requests for all rigs wait for one that hangs."""
     over = threading.Event()
@@ -315,13 +298,6 @@ class TestTokensWithoutPrograms:
         rounds = (len(session.asked) - counted) / len(LOOP) / len(self.NAMES)
         assert rounds < 5.0
         assert len(rigs_harness.opened) == 1
-
-    def test_a_real_rig_is_served_beside_them(
-        self, rigs_harness: RigsHarness, files: Files
-    ) -> None:
-        self.appear(rigs_harness)
-        rigs_harness.come(files.right)
-        rigs_harness.served("right")
 
     def test_a_stop_of_all_rigs_is_confirmed_beside_them(self, rigs_harness: RigsHarness) -> None:
         self.appear(rigs_harness)

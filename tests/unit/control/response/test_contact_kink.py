@@ -47,8 +47,10 @@ def test_a_free_arm_has_no_kink(relays: bool, seed: int | None) -> None:
     assert kink(relays, seed, None) is None
 
 
-@pytest.mark.parametrize("at_um", [5.0, 31.2, 60.0])
-@pytest.mark.parametrize(("relays", "seed"), RIGS)
+@pytest.mark.parametrize(
+    ("relays", "seed", "at_um"),
+    [(*rig, at_um) for rig, at_um in zip(RIGS, (31.2, 5.0, 60.0), strict=True)],
+)
 def test_a_part_in_the_way_is_found_where_it_is(
     relays: bool, seed: int | None, at_um: float
 ) -> None:

@@ -53,7 +53,7 @@ def test_a_part_of_the_displacement_comes_at_once() -> None:
     assert sum(fractions) <= MOST_CREEP / (1.0 - MOST_CREEP) * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("period_s", [0.005, 0.01, 0.02])
+@pytest.mark.parametrize("period_s", [0.005, 0.02])
 def test_the_residual_is_that_of_the_model_returned(period_s: float) -> None:
     voltage_V = drive(4000)
     x_um = measured_um(voltage_V, period_s)
