@@ -8,13 +8,13 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from pincette.records import parquet
 from pincette_supervisor.journal import store as journal_store
 from pincette_supervisor.journal.job_filter import EVERY_JOB, JobFilter
+from pincette_supervisor.journal.tables import TableRow
 from pincette_supervisor.results import job_table
 
 from .harness import Harness
@@ -102,7 +102,7 @@ def counted_pages(journal: Harness, monkeypatch: pytest.MonkeyPatch) -> list[int
     read = list[int]()
     table_pages = journal.store.table_pages
 
-    def counted(found: JobFilter, limit: int | None) -> Iterator[list[dict[str, Any]]]:
+    def counted(found: JobFilter, limit: int | None) -> Iterator[list[TableRow]]:
         for page in table_pages(found, limit):
             read.append(len(page))
             yield page

@@ -123,7 +123,7 @@ def test_jobs_are_found_by_what_was_said_of_them(harness: Harness) -> None:
 
 
 def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
-    first = gripped(harness, **{**SAID, "notes": "=1+1"})
+    first = gripped(harness, **{**SAID, "notes": '=1+1, "a"'})
     second = gripped(harness, force_mN=12.5)
     text = harness.call("GET", "/api/v1/jobs/export.csv").text
     rows = list(csv.DictReader(io.StringIO(text)))
@@ -131,7 +131,7 @@ def test_many_jobs_are_one_table(harness: Harness, tmp_path: Path) -> None:
     result = harness.get(f"/jobs/{first}")["result"]
     assert float(rows[1]["result.peak_force_mN"]) == result["peak_force_mN"]
     assert (rows[1]["label.glue"], rows[0]["label.glue"]) == ("none", "")
-    assert rows[1]["notes"] == "'=1+1"
+    assert rows[1]["notes"] == '\'=1+1, "a"'
     assert float(rows[0]["value.force_mN"]) == 12.5
     answer = harness.call("GET", "/api/v1/jobs/export.parquet?sample=B7")
     (tmp_path / "jobs.parquet").write_bytes(answer.content)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
@@ -24,6 +24,7 @@ from pincette_supervisor.jobs.refusals import require_job, unready
 from pincette_supervisor.journal.events import EventLog, Listeners
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
+from pincette_supervisor.journal.tables import TableRow
 from pincette_supervisor.model.rig_model import RigModel
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.prediction_cache import Play
@@ -217,19 +218,17 @@ class Rigs:
         self._require_known(found.rig)
         return lambda: self._table_pages(found, limit)
 
-    def _table_pages(self, found: JobFilter, limit: int | None) -> Iterator[list[dict[str, Any]]]:
+    def _table_pages(self, found: JobFilter, limit: int | None) -> Iterator[list[TableRow]]:
         for page in self.store.table_pages(found, limit):
-            for row in page:
-                ending = row["ending"]
-                row["ending"] = None if ending is None else ending["code"]
             yield [self._present_row(row) for row in page]
 
-    def _present_row(self, row: dict[str, Any]) -> dict[str, Any]:
+    def _present_row(self, row: TableRow) -> TableRow:
         """Replace a row that the journal may not have in its present state."""
-        manager = self.find(row["rig"])
-        if manager is None or not manager.index.has_job(row["id"]):
+        name, rig = row.fixed[:2]
+        manager = None if rig is None else self.find(rig)
+        if name is None or manager is None or not manager.index.has_job(name):
             return row
-        return job_table.row_of(manager.index.view(require_job(self.store, row["id"])))
+        return job_table.row_of(manager.index.view(require_job(self.store, name)))
 
     def _require_known(self, rig: str | None) -> None:
         """Raise ProblemError for a rig that is not served and has no job."""

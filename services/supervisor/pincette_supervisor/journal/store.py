@@ -6,7 +6,19 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import Connection, Select, and_, delete, func, insert, select, update
+import msgspec
+from sqlalchemy import (
+    Connection,
+    Select,
+    String,
+    and_,
+    cast,
+    delete,
+    func,
+    insert,
+    select,
+    update,
+)
 
 from pincette.api.endings import Ending
 from pincette.api.events import Event
@@ -29,6 +41,7 @@ from pincette_supervisor.journal.tables import (
     ActionRow,
     Creation,
     JobRow,
+    TableRow,
     utc_now,
 )
 
@@ -48,14 +61,29 @@ EDITABLE = ("sample", "batch", "operator", "notes", "labels", "pinned", "priorit
 
 TABLE_COLUMNS = (
     *(JOBS.c[name] for name in ("number", "id", "rig", "kind", "state")),
-    *(JOBS.c[name] for name in ("created_at", "started_at", "ended_at")),
-    JOBS.c.requested_by.label("by"),
-    JOBS.c.ending,
-    *(JOBS.c[name] for name in ("sample", "batch", "operator", "notes", "labels")),
-    JOBS.c.plan["values"].label("values"),
-    JOBS.c.result,
+    *(JOBS.c[name] for name in ("created_at", "started_at", "ended_at", "requested_by")),
+    JOBS.c.ending["code"].as_string(),
+    *(JOBS.c[name] for name in ("sample", "batch", "operator", "notes")),
+    *(cast(JOBS.c[name], String) for name in ("labels", "plan", "result")),
 )
-"""Columns of the journal that the table of jobs reads."""
+"""Columns of the journal that the table of jobs reads: a number, and a ``TableRow``."""
+
+
+class _List(msgspec.Struct, array_like=True, gc=False):
+    """A list of a job, which a table has not; the decoder passes over its items."""
+
+
+_Scalar = str | int | float | bool | None
+_Tree = dict[str, dict[str, dict[str, Any] | _List | _Scalar] | _List | _Scalar]
+
+
+class _Plan(msgspec.Struct, gc=False):
+    """The part of a plan that a table has; the decoder passes over all else."""
+
+    values: _Tree | None = None
+
+
+_PLAN, _TREE = msgspec.json.Decoder(_Plan), msgspec.json.Decoder(_Tree)
 
 
 class KeyTakenError(Exception):
@@ -149,24 +177,18 @@ class Store(Database):
         with self.reading() as connection:
             return _select(connection, select(JOBS).where(JOBS.c.id.in_(names)))
 
-    def table_pages(
-        self, found: JobFilter, limit: int | None = None
-    ) -> Iterator[list[dict[str, Any]]]:
-        """Read what a table takes from jobs, newest first, at most ``PAGE`` jobs at once.
-
-        Requests, actions and plans, which are most of a row, stay in the database.
-        """
+    def table_pages(self, found: JobFilter, limit: int | None = None) -> Iterator[list[TableRow]]:
+        """Read what a table takes from jobs, newest first, at most ``PAGE`` jobs at once."""
         left = limit
         while left is None or left > 0:
             size = PAGE if left is None else min(PAGE, left)
             with self.reading() as connection:
                 query = found.newest(size, connection.dialect.name)
-                wanted = query.with_only_columns(*TABLE_COLUMNS)
-                page = [dict(row) for row in connection.execute(wanted).mappings()]
-            yield page
+                page = connection.execute(query.with_only_columns(*TABLE_COLUMNS)).all()
+            yield [_table_row(*row) for row in page]
             if len(page) < size:
                 return
-            found = replace(found, before_number=page[-1]["number"])
+            found = replace(found, before_number=page[-1].number)
             left = None if left is None else left - len(page)
 
     def queued(self, rig: str) -> list[JobRow]:
@@ -236,6 +258,16 @@ class Store(Database):
         query = select(NOTES.c.name, NOTES.c.value).where(NOTES.c.name.in_(names))
         with self.reading() as connection:
             return {row.name: row.value for row in connection.execute(query)}
+
+
+def _table_row(_number: int, *columns: str | None) -> TableRow:
+    *fixed, labels, plan, result = columns
+    trees = (
+        _TREE.decode(labels or "{}"),
+        _PLAN.decode(plan or "{}").values,
+        None if result is None else _TREE.decode(result),
+    )
+    return TableRow(tuple(fixed), trees)
 
 
 def _creation(connection: Connection, key: str) -> Creation | None:

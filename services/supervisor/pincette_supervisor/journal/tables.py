@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import (
     JSON,
@@ -233,6 +233,15 @@ class JobRow:
     """Priority in the queue; higher numbers come first."""
     place: int | None = None
     """In the queue, from 1; None where it does not wait."""
+
+
+class TableRow(NamedTuple):
+    """What a table of many jobs takes from one."""
+
+    fixed: tuple[str | None, ...]
+    """Values of the columns that every job has."""
+    trees: tuple[dict[str, Any] | None, ...]
+    """Its labels, the values that were asked for, and its result."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,23 +1,25 @@
 """Many jobs as one table: a row for each, a column for whatever any of them has."""
 
-import csv
-import io
+import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import IO, Any, cast
+from typing import IO, Any, NamedTuple, cast
+
+import msgspec
 
 from pincette.api.jobs import Job
 from pincette.core.units import unit_of
 from pincette.records import number_table, parquet
 from pincette.records.memory_file import MemoryFile
+from pincette_supervisor.journal.tables import TableRow
 
 FIRST = ("id", "rig", "kind", "state", "created_at", "started_at", "ended_at", "by")
 SAID = ("sample", "batch", "operator", "notes")
 FIXED = (*FIRST, "ending", *SAID)
 """Columns of every table; they come first."""
-TREES = {"label": "labels", "value": "values", "result": "result"}
-"""Maps of a job by the begin of their columns' names, in the order of the columns."""
+BEGINS = ("label", "value", "result")
+"""Begins of the names of all other columns, in their order: one for each map of a row."""
 GROUP_ROWS = 2_000
 """Rows of a row group of a Parquet file."""
 MAGIC = b"PAR1"
@@ -28,64 +30,137 @@ EXACT: Mapping[parquet.Kind, frozenset[type[Any]]] = {
     "float": frozenset({float, type(None)}),
 }
 """Types that a column holds as they are."""
+NUMBERS = frozenset({int, float, bool, type(None)})
+"""Types whose JSON is their text in a CSV, but for None."""
+SCALARS = (str, int, float, type(None))
+"""Types of values that a table has."""
 TIMES = tuple(name for name in FIXED if name.endswith("_at"))
 MOST_WORDS = 1_000
 """Different words of a column of numbers at most; a column with more, but ``id``, is left out."""
+MOST_SHAPES = 10_000
+"""Shapes of maps that are remembered at once."""
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Begins of texts that a spreadsheet would work out."""
-Rows = Callable[[], Iterator[Sequence[Mapping[str, Any]]]]
-"""Begins to read the jobs, a page at a time: their fixed columns and their maps, by name."""
-Columns = Mapping[str, frozenset[type[Any]]]
-"""Types of the values of each column, by its name."""
+QUOTED = re.compile(r'[",\r\n]')
+"""What a text is quoted for in a CSV."""
+Rows = Callable[[], Iterator[Sequence[TableRow]]]
+"""Begins to read the jobs, a page at a time."""
+Column = Sequence[Any]
 
 
-def row_of(job: Job) -> dict[str, Any]:
+def row_of(job: Job) -> TableRow:
     """Return what a table takes from a job."""
-    row: dict[str, Any] = {name: getattr(job, name) for name in (*FIRST, *SAID, *TREES.values())}
-    row["ending"] = None if job.ending is None else job.ending.code
-    return row
+    ending = None if job.ending is None else job.ending.code
+    fixed = [getattr(job, name) for name in FIRST], ending, [getattr(job, name) for name in SAID]
+    return TableRow((*fixed[0], fixed[1], *fixed[2]), (job.labels, job.values, job.result))
 
 
-class _Flattener:
-    """Names the values of maps in maps; each name is put together once."""
+class _Shape(NamedTuple):
+    """Maps with the same keys and types of values."""
+
+    places: tuple[int, ...]
+    """Number of the column of each value; -1 for a list, a map, and a name without a column."""
+    inner: tuple[tuple[str, str], ...]
+    """Key of each map, and the name of the columns that its own begin with."""
+    words: tuple[tuple[str, str], ...]
+    """Key of each text, and the name of its column."""
+
+
+class _Columns:
+    """Finds the columns of a table, and moves the values of rows to them.
+
+    Jobs of one kind have the same keys. So the names of columns are put together once for each
+    shape of a map, and not for each row.
+    """
 
     def __init__(self) -> None:
-        self._names: dict[str, dict[str, str]] = {}
+        self.kinds: dict[str, set[type[Any]]] = {name: {str} for name in FIXED}
+        """Types of the values of each column, in the order in which the columns were found."""
+        self._numbers = {name: number for number, name in enumerate(FIXED)}
+        self._shapes: dict[Any, _Shape] = {}
+        self._complete = False
 
-    def flat(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        """Return every value that is neither list nor map, under the names of all that it is in."""
-        found = {name: row[name] for name in FIXED}
-        for begin, name in TREES.items():
-            if tree := row[name]:
-                self._add(begin, tree, found)
+    def find(self, row: TableRow, words: "_Words | None") -> None:
+        """Add the columns that a row needs, and its words."""
+        for begin, tree in zip(BEGINS, row.trees, strict=True):
+            if tree:
+                self._find(begin, tree, words)
+
+    def _find(self, begin: str, tree: Mapping[str, Any], words: "_Words | None") -> None:
+        shape = self._shape(begin, tree)
+        if words is not None:
+            for key, name in shape.words:
+                words.add(name, tree[key])
+        for key, name in shape.inner:
+            self._find(name, tree[key], words)
+
+    def complete(self) -> dict[str, int]:
+        """Add no more columns; returns the number of each by name, in the order of the table."""
+        self._complete = True
+        self._shapes.clear()
+        more = [name for name in self._numbers if name not in FIXED]
+        more.sort(key=lambda name: BEGINS.index(name.partition(".")[0]))
+        return {name: self._numbers[name] for name in (*FIXED, *more)}
+
+    def values(self, row: TableRow) -> list[Any]:
+        """Return the values of a row by the numbers of their columns; what it lacks is None."""
+        values = [*row.fixed, *[None] * (len(self._numbers) - len(FIXED) + 1)]
+        for begin, tree in zip(BEGINS, row.trees, strict=True):
+            if tree:
+                self._fill(values, begin, tree)
+        return values
+
+    def _fill(self, values: list[Any], begin: str, tree: Mapping[str, Any]) -> None:
+        shape = self._shape(begin, tree)
+        for place, value in zip(shape.places, tree.values(), strict=True):
+            values[place] = value
+        for key, name in shape.inner:
+            self._fill(values, name, tree[key])
+
+    def _shape(self, begin: str, tree: Mapping[str, Any]) -> _Shape:
+        key = begin, tuple(tree), tuple(map(type, tree.values()))
+        found = self._shapes.get(key)
+        if found is None:
+            if len(self._shapes) >= MOST_SHAPES:
+                self._shapes.clear()
+            found = self._shapes[key] = self._new_shape(begin, tree)
         return found
 
-    def _add(self, begin: str, tree: Mapping[str, Any], found: dict[str, Any]) -> None:
-        names = self._names.setdefault(begin, {})
-        for key, value in tree.items():
-            kind = value.__class__
-            if kind is list:
-                continue
-            name = names.get(key)
-            if name is None:
-                name = names[key] = f"{begin}.{key}"
-            if kind is dict:
-                self._add(name, value, found)
-            else:
-                found[name] = value
+    def _new_shape(self, begin: str, tree: Mapping[str, Any]) -> _Shape:
+        names = {key: f"{begin}.{key}" for key in tree}
+        inner = tuple((key, names[key]) for key, value in tree.items() if isinstance(value, dict))
+        words = tuple((key, names[key]) for key, value in tree.items() if isinstance(value, str))
+        places = [
+            self._place(names[key], type(value)) if isinstance(value, SCALARS) else -1
+            for key, value in tree.items()
+        ]
+        return _Shape(tuple(places), inner, words)
+
+    def _place(self, name: str, kind: type[Any]) -> int:
+        if self._complete:
+            return self._numbers.get(name, -1)
+        self.kinds.setdefault(name, set()).add(kind)
+        return self._numbers.setdefault(name, len(self._numbers))
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """The columns that were found, and what names the values of a row."""
+    """The columns that were found, and what puts the values of a row into them."""
 
-    columns: Columns
-    flattener: _Flattener
+    fields: Mapping[str, parquet.Field]
+    """Columns by name, in their order."""
+    numbers: Sequence[int]
+    columns: _Columns
 
-    def pages(self, rows: Rows) -> Iterator[list[dict[str, Any]]]:
-        """Read the rows, flat, a page at a time."""
+    def pages(self, rows: Rows) -> Iterator[dict[str, Column]]:
+        """Read the rows, a page of columns at a time."""
         for page in rows():
-            yield [self.flattener.flat(row) for row in page]
+            if page:
+                found = list(zip(*map(self.columns.values, page), strict=True))
+                yield {
+                    name: found[number]
+                    for name, number in zip(self.fields, self.numbers, strict=True)
+                }
 
 
 class _Words:
@@ -112,21 +187,18 @@ class _Words:
 
 def _scan(rows: Rows, words: _Words | None = None) -> Generator[bytes, None, _Table]:
     """Find the columns; yields nothing (``b""``) after each page, so that a client can hang up."""
-    flattener = _Flattener()
-    found: dict[str, set[type[Any]]] = {name: set() for name in FIXED}
+    columns = _Columns()
     for page in rows():
         for row in page:
-            for name, value in flattener.flat(row).items():
-                kinds = found.get(name)
-                if kinds is None:
-                    kinds = found[name] = set()
-                kinds.add(value.__class__)
-                if words is not None and value.__class__ is str and name not in TIMES:
-                    words.add(name, value)
+            columns.find(row, words)
+            if words is not None:
+                for name, word in zip(FIXED, row.fixed, strict=True):
+                    if word is not None and name not in TIMES:
+                        words.add(name, word)
         yield b""
-    more = sorted([*found][len(FIXED) :], key=lambda name: [*TREES].index(name.partition(".")[0]))
-    columns = {name: frozenset(found[name] - {type(None)}) for name in (*FIXED, *more)}
-    return _Table(columns, flattener)
+    numbers = columns.complete()
+    fields = {name: _field(name, columns.kinds[name] - {type(None)}) for name in numbers}
+    return _Table(fields, [*numbers.values()], columns)
 
 
 def csv_of(rows: Rows) -> Iterator[bytes]:
@@ -137,31 +209,38 @@ def csv_of(rows: Rows) -> Iterator[bytes]:
     """
     yield ",".join(FIXED).encode()
     table = yield from _scan(rows)
-    more = list(table.columns)[len(FIXED) :]
-    yield (f",{_lines([more])}" if more else "\n").encode()
-    plain = {name for name, kinds in table.columns.items() if not kinds & {bool, str}}
+    more = [*table.fields][len(FIXED) :]
+    yield (f",{_lines([_cells(more)])}" if more else "\n").encode()
     for page in table.pages(rows):
-        columns = [
-            [row.get(name) for row in page]
-            if name in plain
-            else [_cell(row.get(name)) for row in page]
-            for name in table.columns
-        ]
-        yield _lines(zip(*columns, strict=True)).encode()
+        yield _lines(zip(*map(_cells, page.values()), strict=True)).encode()
 
 
-def _cell(value: Any) -> Any:
+def _cells(column: Column) -> Iterable[str]:
+    if set(map(type, column)) <= NUMBERS:
+        return _number_cells(column, "")
+    return map(_cell, column)
+
+
+def _number_cells(column: Column, none: str) -> list[str]:
+    """Return the texts of numbers, which JSON writes ten times as fast as Python does."""
+    text = msgspec.json.encode(column)[1:-1].decode()
+    return text.replace("null", none).split(",")
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
     if value.__class__ is bool:
         return "true" if value else "false"
-    if isinstance(value, str) and value.startswith(FORMULA):
-        return f"'{value}"
-    return value
+    text = str(value)
+    if value.__class__ is str and text.startswith(FORMULA):
+        text = f"'{text}"
+    return '"' + text.replace('"', '""') + '"' if QUOTED.search(text) else text
 
 
-def _lines(rows: Any) -> str:
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(rows)
-    return stream.getvalue()
+def _lines(rows: Iterable[Iterable[str]]) -> str:
+    """Return lines as RFC 4180 has them; ``csv.writer`` looks at each character of each number."""
+    return "".join(f"{line}\n" for line in map(",".join, rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,28 +251,28 @@ class _Numbers:
     fields: Sequence[parquet.Field]
     codes: Mapping[str, Mapping[str, int]]
 
-    def column(self, page: Sequence[Mapping[str, Any]], field: parquet.Field) -> Iterable[Any]:
-        """Return the numbers of one column of a page."""
-        values = [row.get(field.name) for row in page]
+    def cells(self, column: Column, field: parquet.Field) -> Iterable[str]:
+        """Return the texts of one column of a page."""
         if field.name in TIMES:
-            return number_table.cells([_seconds(value) for value in values], {})
-        kept = [_value(value, field) for value in values]
-        return number_table.cells(kept, self.codes.get(field.name, {}))
+            found = [_seconds(value) for value in column]
+        elif field.kind == "bool":
+            found = [None if value is None else int(value) for value in _exact(column, field)]
+        elif field.kind == "text":
+            codes = self.codes[field.name]
+            found = [codes.get(value) for value in _exact(column, field)]
+        else:
+            found = _exact(column, field)
+        return _number_cells(found, number_table.NONE)
 
 
 def _numbers(rows: Rows) -> Generator[bytes, None, _Numbers]:
     words = _Words()
     table = yield from _scan(rows, words)
     codes = words.codes()
-    fields = [
-        parquet.Field(name, "s", "seconds since 1970 in UTC", "float")
-        if name in TIMES
-        else _field(name, kinds)
-        for name, kinds in table.columns.items()
-    ]
-    return _Numbers(
-        table, [one for one in fields if one.kind != "text" or one.name in codes], codes
-    )
+    times = {name: parquet.Field(name, "s", "seconds since 1970 in UTC", "float") for name in TIMES}
+    fields = [times.get(name, field) for name, field in table.fields.items()]
+    kept = [one for one in fields if one.kind != "text" or one.name in codes]
+    return _Numbers(table, kept, codes)
 
 
 def _seconds(time: str | None) -> float | None:
@@ -204,9 +283,10 @@ def numbers_of(rows: Rows) -> Iterator[bytes]:
     """Yield parts of a CSV of numbers alone; see ``csv_of``."""
     yield FIXED[0].encode()
     numbers = yield from _numbers(rows)
-    yield _lines([[one.name for one in numbers.fields]])[len(FIXED[0]) :].encode()
+    names = _cells([one.name for one in numbers.fields])
+    yield _lines([names])[len(FIXED[0]) :].encode()
     for page in numbers.table.pages(rows):
-        columns = [numbers.column(page, field) for field in numbers.fields]
+        columns = [numbers.cells(page[field.name], field) for field in numbers.fields]
         yield _lines(zip(*columns, strict=True)).encode()
 
 
@@ -214,7 +294,7 @@ def metadata_of(rows: Rows, name: str) -> Iterator[bytes]:
     """Yield parts of the CSVW metadata of that table, which has a name."""
     numbers = yield from _numbers(rows)
     kept = {one.name for one in numbers.fields}
-    left_out = [one for one in numbers.table.columns if one not in kept]
+    left_out = [one for one in numbers.table.fields if one not in kept]
     about = {"left out": ", ".join(left_out)} if left_out else {}
     yield number_table.metadata(name, numbers.fields, numbers.codes, about).encode()
 
@@ -223,23 +303,23 @@ def parquet_of(rows: Rows) -> Iterator[bytes]:
     """Parts of a Parquet file with the unit of each column in its metadata; see ``csv_of``."""
     yield MAGIC
     table = yield from _scan(rows)
-    fields = [_field(name, kinds) for name, kinds in table.columns.items()]
+    fields = table.fields
     file = MemoryFile(len(MAGIC))
-    with parquet.writing(cast("IO[bytes]", file), fields, {}, GROUP_ROWS) as writer:
+    with parquet.writing(cast("IO[bytes]", file), [*fields.values()], {}, GROUP_ROWS) as writer:
         for page in table.pages(rows):
-            writer.add({one.name: _column(page, one) for one in fields})
+            writer.add({name: _exact(column, fields[name]) for name, column in page.items()})
             yield file.take()
     yield file.take()
 
 
-def _column(page: Sequence[Mapping[str, Any]], field: parquet.Field) -> list[Any]:
-    column = [row.get(field.name) for row in page]
+def _exact(column: Column, field: parquet.Field) -> Column:
+    """Return a column with values of its type alone."""
     if set(map(type, column)) <= EXACT[field.kind]:
         return column
     return [_value(value, field) for value in column]
 
 
-def _field(name: str, kinds: frozenset[type[Any]]) -> parquet.Field:
+def _field(name: str, kinds: set[type[Any]]) -> parquet.Field:
     kind: parquet.Kind = "text"
     if kinds and kinds <= {bool}:
         kind = "bool"
