@@ -48,7 +48,7 @@ def test_a_plain_grip_is_one_with_both_arms(rig: RunningRig) -> None:
         assert rig.ended(job.id)["state"] == "succeeded"
         with pytest.raises(ProblemError, match="profile is for 1 driven arm, and this rig has 2"):
             handle.plan("grip", profile="quick")
-        with pytest.raises(ProblemError, match="a track with two arms wants a path"):
+        with pytest.raises(ProblemError, match="a track with two arms needs a path"):
             handle.plan("track")
 
 

@@ -129,7 +129,7 @@ def test_an_overload_is_no_reading() -> None:
         (b"ON;0;9", r"command error 9 \(bad floating-point number\)"),
         (b"ON;77;0", r"execution error 77 \(no meaning known\)"),
         (b"ON;0", "2 answers"),
-        (b"ON;x;0", "no error code"),
+        (b"ON;x;0", "not an error code"),
         (b"2;0;0", "is none of"),
     ],
 )

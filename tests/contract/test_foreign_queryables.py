@@ -471,7 +471,7 @@ def test_a_valid_sample_of_another_program_is_refused_until_the_producer_is_sile
         until(lambda: published(NEWEST))
         until(lambda: bool(foreign() or published(NEWEST)) and bus.refused.count > 0)
         assert {message.seq for message in heard if isinstance(message, Applied)} == {NEWEST.seq}
-        assert "not of the actuator" in bus.refused.reason
+        assert "not from the actuator" in bus.refused.reason
         assert bus.refused.finding() is not None
         until(lambda: published(replace(NEWEST, seq=due)))
         sleep(1.2 * SILENT_S)

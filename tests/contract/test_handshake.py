@@ -98,7 +98,7 @@ def test_one_who_is_at_another_host(tmp_path: Path) -> None:
 
 def test_one_who_is_another(place: str, folder: Folder) -> None:
     said = diagnose_link(place, folder.credentials(TOOL), "demo/actuator")
-    assert said == f"{place} shows the certificate of router, not of demo/actuator"
+    assert said == f"{place} sent the certificate of router, not of demo/actuator"
 
 
 def test_a_session_that_cannot_be_opened_says_the_same(place: str, tmp_path: Path) -> None:

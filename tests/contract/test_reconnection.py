@@ -141,7 +141,7 @@ def test_what_keeps_the_instrument_from_working_on_is_said_with_its_cause() -> N
     rig.there = True
     error = failed(rig.line)
     assert error.code == "refused"
-    assert "opened again, but the instrument cannot work on: in set-up mode" in str(error)
+    assert "opened again, but the instrument cannot continue: in set-up mode" in str(error)
     assert rig.said == []
     rig.prepare = lambda _link: None
     assert failed(rig.line).code == "hung_up"

@@ -51,8 +51,8 @@ def test_a_program_of_another_version_is_seen(both: tuple[ZenohBus, zenoh.Sessio
 @pytest.mark.parametrize(
     ("wire", "words"),
     [
-        (3, "controller is there with wire version 3, this program has 2: update this program"),
-        (1, "controller is there with wire version 1, this program has 2: update the controller"),
+        (3, "controller runs with wire version 3, this program has 2: update this program"),
+        (1, "controller runs with wire version 1, this program has 2: update the controller"),
     ],
 )
 def test_a_question_to_it_says_which_side_to_update(
@@ -113,7 +113,7 @@ def test_a_sample_of_another_version_is_counted_with_the_side_to_update(
 
         until(heard)
 
-    told(OLDER, "sensor is there with wire version 1, this program has 2: update the sensor")
+    told(OLDER, "sensor runs with wire version 1, this program has 2: update the sensor")
     told(ENCODING, "start all programs with the same version of pincette")
     told("zenoh/bytes", "sensor did not send this")
 
@@ -141,6 +141,6 @@ def test_who_waits_for_a_program_says_that_it_is_of_another_version(
             "sensor", demo_rig(), bus, SessionConfig("peer"), loop_services(), stop
         )
     assert caplog.messages == [
-        "waiting for actuator (actuator is there with wire version 3, this program has 2: "
+        "waiting for actuator (actuator runs with wire version 3, this program has 2: "
         "update this program)"
     ]

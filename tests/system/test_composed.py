@@ -37,7 +37,7 @@ def test_a_grip_in_real_time_is_as_from_five_programs(rig: RunningRig, seen: Wit
     for topic in HEARD:
         assert seen.newest(topic.message), f"{topic.name} is told"
         newest = seen.bus.latest(topic)
-        assert type(newest) is topic.message, f"the newest {topic.name} can be asked for"
+        assert type(newest) is topic.message, f"the newest {topic.name} allowed actions"
     said = pincette("doctor", "--rig", rig.path)
     assert "the actuator is part of loop" in said.stdout, said.stdout
 

@@ -137,20 +137,20 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
     paused = player is not None and player.pause.active
     outcome = Outcome.NONE if player is None else player.outcome
     if action == ActionCode.PAUSE and outcome not in ON_ITS_WAY:
-        return f"the program is not on its way any more ({outcome}): pause has nothing to act on"
+        return f"the program does not run any more ({outcome}): it cannot be paused"
     if action == ActionCode.RESUME:
         asked = any(other.action == ActionCode.PAUSE for other in pending)
         pausing = player is not None and player.pause.requested
         if not (asked or pausing or paused):
-            return "the program is not paused: resume has nothing to go on with"
+            return "the program is not paused: it cannot be resumed"
     if action == ActionCode.RELEASE and not held:
-        return "no part is held: release has nothing to let go"
+        return "no part is held: none can be released"
     if action == ActionCode.KEEP and (player is None or not may_keep(player)):
-        return "no part is held at rest: keep has nothing to keep"
+        return "no part is held at rest: none can be kept"
     if action == ActionCode.CONTINUE and paused:
         return "the program is paused: resume it first"
     if action == ActionCode.CONTINUE and (player is None or not waits(player)):
-        return "the program waits for nobody: continue has nothing to go on with"
+        return "the program does not wait for a person: it cannot be continued"
     return ""
 
 
@@ -209,7 +209,7 @@ def lease_objection(lease: Lease, epoch: int, *, playing: bool, ended: bool) -> 
     if lease.epoch != epoch:
         return f"lease of epoch {lease.epoch}, the controller is in {epoch}"
     if not playing:
-        return "nothing plays: a lease has nothing to go on with"
+        return "no program runs: its lease cannot be renewed"
     if ended:
         return "the lease of this epoch has ended: arm anew"
     if lease.length_s <= 0.0:

@@ -57,7 +57,7 @@ def _lease(state: State, lease: Lease, now: float) -> tuple[State, Message, tupl
 
 def _note(state: State, request: Action) -> tuple[State, Message, tuple[Message, ...]]:
     if not state.playing:
-        raise RefusedError(f"nothing plays: {request.action} has nothing to act on")
+        raise RefusedError(f"no program runs: {request.action} cannot act")
     if why := action_objection(state.pending, state.player, request.action):
         raise RefusedError(why)
     if request.at_seq is not None and request.at_seq <= state.seq:

@@ -75,7 +75,11 @@ class CountedTime:
         except FileNotFoundError:
             return _State()
         except (OSError, ValueError, msgspec.MsgspecError) as error:
-            log.error("%s cannot be used, so all records age from now on: %s", path, error)
+            log.error(
+                "%s cannot be used, so the age of all records is counted from now: %s",
+                path,
+                error,
+            )
             return _State()
         return state
 
@@ -98,9 +102,9 @@ class CountedTime:
         before_s = wall_s if state.wall_s is None else state.wall_s
         self._off_s = wall_s - before_s - (state.counted_s - state.wall_at_s)
         if -BEHIND_S <= self._off_s <= AHEAD_S:
-            agrees, why = True, "the time of day agrees again with what was counted"
+            agrees, why = True, "the time of day agrees again with the counted time"
         else:
-            agrees, why = state.stepped and self._taken(), "a person has agreed to the time of day"
+            agrees, why = state.stepped and self._taken(), "a person has confirmed the time of day"
         if agrees:
             state.wall_s, state.wall_at_s = wall_s, state.counted_s
             if state.stepped:

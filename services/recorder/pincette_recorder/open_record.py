@@ -165,7 +165,9 @@ class OpenRecord:
         except (OSError, ValueError) as error:
             return [f"no table: {error}"]
         self.about |= times
-        wrong += [f"{count} of {topic} never came" for topic, count in missing.items()]
+        wrong += [
+            f"{count} messages of {topic} were not received" for topic, count in missing.items()
+        ]
         self.missing = sum(missing.values())
         return wrong
 

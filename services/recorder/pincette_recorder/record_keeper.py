@@ -80,7 +80,7 @@ class Keeper:
 
     def _begin(self, request: Record) -> Ack | str:
         if not JOB_NAME.fullmatch(request.job):
-            return f"job = {request.job[:90]!r}: no name of a folder"
+            return f"job = {request.job[:90]!r}: not a valid folder name"
         if request.epoch == 0:
             return "epoch = 0 is that of an idle loop: nothing to record"
         try:
@@ -100,7 +100,7 @@ class Keeper:
             if (record.job, record.epoch) == (request.job, request.epoch):
                 wrong = record.tables()
                 return "; ".join(wrong)[:MOST_TEXT] if wrong else Ack(0)
-            self._close(f"job {request.job} began before anybody had finished this one")
+            self._close(f"job {request.job} began before this record was finished")
         try:
             return self._open(request, about, period_s)
         except OSError as error:
@@ -187,7 +187,7 @@ class Keeper:
             if record.over_seq is None:
                 self._close(f"the loop was silent for {self._config.silence_s:g} s")
             else:
-                self._close("nobody finished it: did the supervisor end?")
+                self._close("it was not finished: did the supervisor end?")
 
     def finish(self, request: Finish, reply: Reply) -> None:
         """Close a record as soon as its last samples are there; the reply may come later."""
@@ -196,7 +196,7 @@ class Keeper:
             if JOB_NAME.fullmatch(request.job):
                 self._mender.tell_end(request, reply)
             else:
-                reply(f"job = {request.job[:90]!r}: no name of a folder")
+                reply(f"job = {request.job[:90]!r}: not a valid folder name")
             return
         self._finishing = (request, reply, self._clock_s() + LAST_S)
         self.take()
@@ -262,7 +262,10 @@ class Keeper:
 
 
 def _not_kept(dropped: Mapping[str, int]) -> list[str]:
-    return [f"{count} of {topic} could not be kept" for topic, count in sorted(dropped.items())]
+    return [
+        f"{count} messages of {topic} could not be stored"
+        for topic, count in sorted(dropped.items())
+    ]
 
 
 def _lack(job: str, lack: Sequence[str]) -> str:

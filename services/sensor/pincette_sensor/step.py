@@ -145,7 +145,7 @@ def _timer_s(config: SensorConfig, state: State) -> float:
 
 SERVICE: Service[RigFile, SensorConfig, State, Inputs] = Service(
     name="sensor",
-    summary="owns the sampling clock, numbers the samples, refuses what is no measurement",
+    summary="owns the sampling clock, numbers the samples, refuses invalid measurements",
     inputs=(Input(APPLIED, "pace"),),
     outputs=(POSITION, BURST),
     requests=(ARM["sensor"], IDLE, STATUS["sensor"], TIMING_OF["sensor"]),

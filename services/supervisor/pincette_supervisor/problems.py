@@ -149,9 +149,9 @@ def error_entry(error: Mapping[str, Any]) -> dict[str, str]:
     if kind == "extra_forbidden":
         what = "field" if place == "body" else "parameter"
         known = request_fields(tuple(named)) if place == "body" else context.get("known", ())
-        message = f"{name} is not a {what} that is known here{did_you_mean(name, known)}"
+        message = f"{name} is not a known {what}{did_you_mean(name, known)}"
     elif kind == "repeated":
-        message = f"{name} comes {context['count']} times: send it once"
+        message = f"{name} is given {context['count']} times: send it once"
     elif kind == "union_tag_invalid":
         expected = context["expected_tags"]
         message = f"{name} = {context['tag']!r}: not one of {expected}"

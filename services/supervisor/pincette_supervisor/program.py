@@ -196,8 +196,8 @@ def serve_alone(bus: ZenohBus, rig: str, stop: threading.Event) -> None:
     while SUPERVISOR in bus.alive():
         if monotonic() > until_s or stop.wait(LOOK_S):
             raise BusError(
-                f"another supervisor serves rig {rig}, at whatever port: stop it first, or ask it "
-                "instead; two would arm one rig against each other"
+                f"another supervisor serves rig {rig} already, perhaps at another port: stop "
+                "it first, or use it instead; two supervisors would disturb each other"
             )
     bus.announce(SUPERVISOR)
 

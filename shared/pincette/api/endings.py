@@ -32,15 +32,15 @@ EndingCode = Literal[
 ENDINGS: Mapping[EndingCode, str] = {
     "done": "the program was played to its end, with a good outcome",
     "requested": "a person has stopped or aborted it, or released its part while it was loaded",
-    "bad_outcome": "the program has ended otherwise than planned; the result has the outcome",
-    "no_finding": "it was played to its end, but the samples do not give what it was for",
+    "bad_outcome": "the program ended with another outcome than planned, which the result has",
+    "no_finding": "it was played to its end, but its result cannot be computed from the samples",
     "samples_missing": "a phase lacks more samples than it may; it was not played to its end",
     "tripped": "the actuator has tripped; trip and faults say why",
     "silent": "a program of the loop has gone silent",
     "overdue": "a state took longer than its deadline",
     "lease_ended": "the controller heard nothing of the supervisor for longer than the lease",
     "unanswered": "a program of the rig did not answer",
-    "refused": "a program of the rig has refused",
+    "refused": "a program of the rig has refused the job",
     "not_ready": "the rig was not ready when its turn came",
     "plan_refused": "planned anew when its turn came, it was refused; problem says why",
     "not_recorded": "no record could be begun",
@@ -48,7 +48,7 @@ ENDINGS: Mapping[EndingCode, str] = {
     "queue_cleared": "the queue was cleared",
     "request_outdated": "this version does not understand its request any more",
     "supervisor_ended": "the supervisor ended while it ran",
-    "internal": "the supervisor has a fault, of which its log says more",
+    "internal": "the supervisor has a fault, see its log",
 }
 
 

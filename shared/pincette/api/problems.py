@@ -11,10 +11,11 @@ MEDIA_TYPE = "application/problem+json"
 TYPE = "urn:pincette:problem:"
 MEANINGS = {
     400: ("bad-json", "the body is not JSON, or names a member twice"),
-    401: ("no-key", "a key is wanted, or what was shown opens nothing (needed_scope)"),
+    401: ("no-key", "a key is required, or the one sent is not accepted (needed_scope)"),
     403: (
         "scope-too-small",
-        "scope-too-small (with needed_scope, scope), or foreign-page: sent by a page of elsewhere",
+        "scope-too-small (with needed_scope, scope), or foreign-page: sent by a page of "
+        "another site",
     ),
     404: ("not-found", "no such rig, job or artifact"),
     408: ("body-too-slow", "the body did not come in time"),
@@ -64,7 +65,7 @@ REMEDIES: Mapping[str, str] = {
     "part-held": "release the part by a job `release`, or keep it by a job `hold`",
     "nothing-held": "grip a part first; `move` brings a free arm to another place",
     "queue-full": "wait until a queued job has ended, or stop one",
-    "queue-moved": "read the queue again, then say what shall become of it",
+    "queue-moved": "read the queue again, then repeat the change",
     "estop-engaged": "see that the rig is safe, then reset it with `acknowledge`: true",
     "rig-latched": "see that the rig is safe, then reset it with `acknowledge`: true",
     "zero-not-confirmed": "see that nothing touches the arm, then send `zero_confirmed`: true",
@@ -79,7 +80,7 @@ REMEDIES: Mapping[str, str] = {
     "calibration-unsupported": "choose another calibration, or faster instruments",
     "impossible-model": "choose another version of the model",
     "no-prediction": "send it with `predict=false`, or change the values",
-    "rig-is-real": "do at the rig's bench what you want done",
+    "rig-is-real": "make the change at the rig's bench",
     "simulation-refused": "set `scripts = true` in [simulation] of the rig file",
     "simulation-impossible": "take an operation and a value from the list of commands",
     "key-stopped": "use a new key for another request",

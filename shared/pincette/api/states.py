@@ -181,7 +181,7 @@ EVENTS: Mapping[Event, str] = {
     "start": "the action start, or autostart",
     "pause": "the action pause",
     "rest": "the controller says that the references rest",
-    "resume": "the action resume; before the pause is complete it takes the wish back",
+    "resume": "the action resume; before the pause is complete it cancels the pause",
     "go_on": "the controller says that the program moves",
     "done": "the last sample, with a good outcome",
     "fail": "a bad outcome, or a program of the rig that does not answer",

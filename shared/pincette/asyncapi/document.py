@@ -45,7 +45,7 @@ QUERY: Json = {
 }
 REFUSAL: Json = {
     "name": "Refusal",
-    "summary": "An error reply of Zenoh: why the program will not.",
+    "summary": "An error reply of Zenoh: the reason of the refusal.",
     "contentType": "text/plain",
     "payload": {"type": "string"},
 }
@@ -123,7 +123,7 @@ def _messages(**messages: str) -> Json:
 
 
 def _topic(topic: Topic) -> Json:
-    often = "every tick" if topic.per_tick else "when there is something to say"
+    often = "every tick" if topic.per_tick else "when there is news"
     return {
         "address": key("{rig}", topic, "{service}"),
         "summary": topic.summary,

@@ -168,14 +168,16 @@ class Guard:
             return
         crowd = max(self._pending.values(), key=len)
         victim = next((one for one in crowd if one.silent), None) or next(iter(crowd))
-        self._refuse(victim, f"more than {MOST_PENDING} had not proved who they are", reset)
+        self._refuse(
+            victim, f"more than {MOST_PENDING} connections had not authenticated yet", reset
+        )
 
     def _look(self) -> None:
         """End overdue connections, and continue those that have received more."""
         now_s = monotonic()
         for one in self._all():
             if now_s > one.until_s:
-                self._refuse(one, f"no end of its stage {one.stage.name.lower()} in time", reset)
+                self._refuse(one, f"its stage {one.stage.name.lower()} did not end in time", reset)
             elif one.silent:
                 self._advance(one)
 

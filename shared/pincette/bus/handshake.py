@@ -12,16 +12,18 @@ from pincette.security.identity import Credentials
 ANSWER_S, ALERT_S = 3.0, 0.5
 """Time limits of an answer (Zenoh hangs up on other protocols after 1 s), and of an alert after the
 handshake."""
-PLAIN = "it does not speak TLS: is [bus] pki missing where that one starts?"
-REFUSED = "it does not take the certificate {ours}"
-UNKNOWN = "it believes another authority than the one that has signed {ours}"
+PLAIN = "it does not speak TLS: is [bus] pki missing in its rig file?"
+REFUSED = "it does not accept the certificate {ours}"
+UNKNOWN = "it trusts another authority than the one that signed {ours}"
 REASONS = {
-    "CERTIFICATE_REQUIRED": "it wants a certificate, and none was shown",
+    "CERTIFICATE_REQUIRED": "it requires a certificate, and none was sent",
     "UNKNOWN_CA": UNKNOWN,
     "BAD_SIGNATURE": UNKNOWN,
     "DECRYPT_ERROR": UNKNOWN,
     "BAD_CERTIFICATE": REFUSED,
-    "CERTIFICATE_EXPIRED": "to it the certificate {ours} has ended: see its clock and this one's",
+    "CERTIFICATE_EXPIRED": (
+        "it takes the certificate {ours} for expired: check its clock and this one's"
+    ),
     "WRONG_VERSION_NUMBER": PLAIN,
     "UNEXPECTED_EOF": PLAIN,
 }
@@ -68,10 +70,10 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
         with context.wrap_socket(line, server_hostname=host) as wrapped:
             shown = _shown(wrapped)
             if name not in ("", shown):
-                return f"{place} shows the certificate of {shown}, not of {name}"
+                return f"{place} sent the certificate of {shown}, not of {name}"
             return f"{place}: {REFUSED.format(ours=ours)}" if _ended(wrapped) else ""
     except ssl.SSLCertVerificationError as error:
-        return f"{place}: its certificate is not believed here: {error.verify_message}"
+        return f"{place}: its certificate is not trusted here: {error.verify_message}"
     except ssl.SSLError as error:
         return f"{place}: {_words(error).format(ours=ours)}"
 

@@ -135,7 +135,7 @@ class LinkSweeper:
             for inode in self._pending.keys() - open_now:
                 gone = self._pending.pop(inode)
                 if inode not in self._links and now_s - gone.seen_s > BRIEF_S:
-                    self.refused.note(gone.address, "it ended before it was a link")
+                    self.refused.note(gone.address, "it ended before it became a link")
             self._links &= open_now
             self._others &= open_now
             for inode in self._pending.keys() & self._links:
@@ -205,7 +205,7 @@ class LinkSweeper:
             crowd.sort(key=lambda inode: _is_silent(self._pending[inode]))
         for _ in range(surplus):
             crowd = max(crowds.values(), key=len)
-            self._reset(crowd.pop(), f"more than {MOST_PENDING} were no links yet")
+            self._reset(crowd.pop(), f"more than {MOST_PENDING} connections were not links yet")
 
     def _reset(self, inode: int, reason: str) -> None:
         one = self._pending.pop(inode)

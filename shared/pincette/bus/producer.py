@@ -31,10 +31,10 @@ class Producer:
     def refusal(self, source: zenoh.SourceInfo | None) -> str:
         """Return why a sample is refused; empty where it is taken."""
         if source is None:
-            return f"sample without the session that programs state: not of the {self._name}"
+            return f"the sample states no session, so it is not from the {self._name}"
         session, now_s = source.source_id.zid, self._clock()
         if now_s - self._heard_s <= SILENT_S and session != self._session:
-            return f"sample of the session {session}: not of the {self._name}"
+            return f"the sample is from the session {session}, not from the {self._name}"
         self._session, self._heard_s = session, now_s
         return ""
 

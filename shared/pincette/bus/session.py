@@ -36,8 +36,8 @@ OWN_QUESTION = "@pincette/router"
 UNANSWERED_S = 3600.0
 """Zenoh's timeout of this query, which a missing answer must not end."""
 UNSIGNED = (
-    "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this machine can "
-    "keep others from this program's door"
+    "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this "
+    "machine can keep others from connecting to this program"
 )
 
 

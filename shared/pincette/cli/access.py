@@ -127,7 +127,7 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
         yield
     except NoAnswerError as error:
         if error.delivered:
-            raise CliError(f"no answer has come: {error}", Exit.NO_ANSWER) from error
+            raise CliError(f"no answer: {error}", Exit.NO_ANSWER) from error
         if error.silent:
             what, remedies = f"no reply came in time from {url}", SILENT_REMEDIES
         else:

@@ -88,7 +88,7 @@ def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
     job = follow_recorded(rig.start("grip"), console)
     if not stood_still(job):
         return job
-    console.print(f"{job.cause}\nthis rig is simulated: once more", style="yellow")
+    console.print(f"{job.cause}\nthis rig is simulated: the demo tries again", style="yellow")
     clear(rig, console)
     return follow_recorded(rig.start("grip"), console)
 

@@ -36,7 +36,7 @@ def doctor(
     data: DataFolder = DATA,
     move: Annotated[
         bool,
-        Option("--move", help="ask, then move the arm a little: which way does it go"),
+        Option("--move", help="ask, then move the arm a little to find its direction"),
     ] = False,
     drivers: Annotated[
         bool,
@@ -141,7 +141,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
         if consent is not None and all(finding.ok for finding in opened_instruments):
             yield moved(rig, consent)
     else:
-        yield Finding(True, "instruments: not asked, since a rig is up")
+        yield Finding(True, "instruments: not checked, since a rig is up")
         if consent is not None:
             yield Finding(False, "direction: a rig is up, which moves the arm", "end it first")
 
@@ -165,7 +165,7 @@ def moved(rig: "RigFile", consent: Consent) -> "Finding":
         "in its way. Go on? [y/n] "
     )
     if not consent(question):
-        what = "direction: not looked at, since nobody agreed to a motion"
+        what = "direction: not checked, since the motion was not confirmed"
         return Finding(False, what, "answer y at a terminal, once the arm's way is clear")
     services = loop_services()
     sensor = opened_device(services["sensor"], rig)

@@ -54,15 +54,15 @@ FILTERS = [
     text_option("sample", "NAME", "only jobs of this sample"),
     text_option("batch", "NAME", "only jobs of this batch"),
     text_option("operator", "NAME", "only jobs of this operator"),
-    text_option("label", "NAME=TEXT", "only jobs that carry it"),
-    text_option("text", "TEXT", "only jobs with it in id, description or cause"),
+    text_option("label", "NAME=TEXT", "only jobs with this label"),
+    text_option("text", "TEXT", "only jobs with this text in id, description or cause"),
     text_option("outcome", "OUTCOME", "only jobs with this outcome"),
     named(
         "pinned",
         Annotated[bool, Option("--pinned", help="only jobs whose record is pinned")],
         False,
     ),
-    text_option("since", "TIME", f"taken then or later: {MOMENTS}", moment),
+    text_option("since", "TIME", f"accepted at this time or later: {MOMENTS}", moment),
     text_option("until", "TIME", "taken before then", moment),
 ]
 """Options of a command about the jobs that are as named."""
@@ -72,7 +72,7 @@ SAID = [
     text_option("sample", "NAME", "what is gripped"),
     text_option("batch", "NAME", "its batch"),
     text_option("operator", "NAME", "who worked at the bench"),
-    text_option("notes", "TEXT", "what should be known later"),
+    text_option("notes", "TEXT", "a remark to keep with the job"),
 ]
 """Options of ``describe`` that are texts."""
 
@@ -161,7 +161,7 @@ def describe(
     if pin is not None:
         given["pinned"] = pin == "yes"
     if not given:
-        raise CliError("nothing is said: give --sample, --notes, --pin or another", Exit.USAGE)
+        raise CliError("nothing to change: give --sample, --notes, --pin or another", Exit.USAGE)
     found = target.job(job)
     target.answer(found.describe(**given), f"job {found.id}: {', '.join(sorted(given))} kept")
 

@@ -1,4 +1,4 @@
-"""``pincette init``: ask what a rig file needs to know of a bench, and write it."""
+"""``pincette init``: ask for the data of a bench, and write its rig file."""
 
 import json
 import os
@@ -184,7 +184,7 @@ def _option(asked: Question) -> Parameter:
 def init(
     path: Annotated[Path, Argument(metavar="FILE", help="rig file to write, such as bench.toml")],
     yes: Annotated[
-        bool, Option("--yes", help="ask nothing: defaults where no option answers")
+        bool, Option("--yes", help="ask nothing: defaults where no option is given")
     ] = False,
     **given: Any,
 ) -> int:
@@ -203,7 +203,7 @@ def init(
     try:
         text = bench_file(values, options)
     except ConfigError as error:
-        raise CliError(f"{error}\nnothing is written: answer anew", Exit.USAGE) from error
+        raise CliError(f"{error}\nnothing is written: answer again", Exit.USAGE) from error
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)

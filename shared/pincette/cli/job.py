@@ -47,11 +47,11 @@ if TYPE_CHECKING:
 
 ACTIONS: Mapping[ActionType, str] = {
     "pause": "pause a job at its next safe point; a held part stays held with its force",
-    "resume": "let a paused job go on",
+    "resume": "resume a paused job",
     "stop": "stop a job; a held part stays held",
     "abort": "abort a job: the actuator goes to its safe state and latches",
-    "continue": "go on with a job that waits for you",
-    "start": "begin a job that was created and is ready",
+    "continue": "continue a job that waits for you",
+    "start": "start a job that was created and is ready",
 }
 SAID = ("sample", "batch", "operator", "notes")
 """Members of a job's edit besides its labels."""
@@ -59,11 +59,13 @@ STOPPED_S = 60.0
 """Time that ``stop`` waits for the rig to confirm."""
 
 
-NoWait = Annotated[bool, Option("--no-wait", help="print the id of the job, and do not follow it")]
-Queue = Annotated[bool, Option("--queue", help="wait for the job that has the rig")]
+NoWait = Annotated[
+    bool, Option("--no-wait", help="print the id of the job, and do not wait for its end")
+]
+Queue = Annotated[bool, Option("--queue", help="wait in the queue if another job has the rig")]
 Asked = Annotated[
     str | None,
-    Argument(metavar="JOB", help="the job to ask; a new job does it if not given"),
+    Argument(metavar="JOB", help="the job; a new one if not given"),
 ]
 """Argument of a kind of job that is also an action of other jobs."""
 
@@ -171,7 +173,7 @@ class PlanKinds(JobKinds):
 
 app = group()
 job_app = group("job", "start a job and follow it, act on one, list them", JobKinds)
-plan_app = group("plan", "say what a job would do, and every limit that it would break", PlanKinds)
+plan_app = group("plan", "predict a job, and list every limit that it would break", PlanKinds)
 for one in (job_app, plan_app):
     app.add_typer(one)
 
@@ -180,7 +182,7 @@ def _act(target: Target, name: str, action: ActionType) -> None:
     """Ask a job for an action."""
     job = target.job(name)
     answer = job.act(action)
-    target.answer(answer, f"job {job.id}: {action} taken; it is {answer.state}")
+    target.answer(answer, f"job {job.id}: {action} accepted; it is {answer.state}")
 
 
 def _add_action(action: ActionType, about: str) -> None:
@@ -194,7 +196,7 @@ def _add_action(action: ActionType, about: str) -> None:
 def stop(
     target: Target,
     name: Annotated[
-        str | None, Argument(metavar="JOB", help=f"{ID}; the one that runs if not given")
+        str | None, Argument(metavar="JOB", help=f"{ID}; the running one if not given")
     ] = None,
 ) -> None:
     """Stop a job, and wait for its end."""
@@ -232,7 +234,7 @@ def show_job(job: "Job", console: "Console", *, everything: bool = False) -> Non
             f"{clock(action.requested_at)}  {action.type} by {action.by}{at}", markup=False
         )
     if job.allowed_actions:
-        console.print(f"can be asked for: {', '.join(job.allowed_actions)}", markup=False)
+        console.print(f"allowed actions: {', '.join(job.allowed_actions)}", markup=False)
 
 
 @command(job_app, "show")

@@ -166,8 +166,8 @@ def _chain_words(chain: "AuditChain") -> str:
     if chain.broken is not None:
         return f"entry {chain.broken} was changed, or one before it is missing"
     if chain.found is False:
-        return "the log follows from itself, but the link is none of its: it was written anew"
-    noted = "" if chain.found is None else "; the link is one of them"
+        return "the log is consistent, but the link is not in it: it was written again"
+    noted = "" if chain.found is None else "; the link is in the log"
     return (
         f"{chain.entries} entries, {chain.first} to {chain.newest}, each follows from the one "
         f"before it{noted}. Note the newest link elsewhere: {chain.link}"

@@ -22,7 +22,7 @@ from pincette.core import plugins
 
 SCOPE_HELP = "; ".join(f"{name}: {text}" for name, text in MEANINGS.items())
 SUPERVISOR = "supervisor"
-SOON = "a supervisor that runs on this folder knows it within a second"
+SOON = "a supervisor that uses this folder knows it within a second"
 LONGEST_DAYS = 36_500.0
 SHORTEST_PASSWORD, LONGEST_PASSWORD = 10, 200
 
@@ -69,7 +69,10 @@ def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
 def add(
     form: Json,
     name: Annotated[
-        str, Argument(metavar="NAME", parser=key_name, help="whose it is; kept with each action")
+        str,
+        Argument(
+            metavar="NAME", parser=key_name, help="name of its owner; stored with each action"
+        ),
     ],
     scope: Annotated[Scope, Option("--scope", help=SCOPE_HELP)] = SCOPES[0],
     days: Annotated[
@@ -155,8 +158,8 @@ def set_password(form: Json, name: Name, data: DataFolder = DATA) -> None:
     password = _password()
     with opened_keys(data) as keys:
         if not keys.set_password(name, password):
-            raise CliError(f"no user {name!r} is in force in {data}")
-    form.answer({"user": name}, f"user {name!r} has another password; {SOON}")
+            raise CliError(f"no user {name!r} is valid in {data}")
+    form.answer({"user": name}, f"user {name!r} has a new password; {SOON}")
 
 
 @command(key_app, "revoke")
@@ -167,5 +170,5 @@ def revoke(form: Json, name: Name, data: DataFolder = DATA) -> None:
         found = [*keys.all(), *keys.all(users=True)]
         there = ", ".join(one.name for one in found if one.revoked_at is None) or "none"
     if not done:
-        raise CliError(f"no key or user {name!r} is in force in {data}; there are {there}")
-    form.answer({"revoked": name}, f"{name!r} is revoked; {SOON}. In force: {there}")
+        raise CliError(f"no key or user {name!r} is valid in {data}; there are {there}")
+    form.answer({"revoked": name}, f"{name!r} is revoked; {SOON}. Valid: {there}")

@@ -47,8 +47,8 @@ def latency(
         bool,
         Option(
             "--of-rig",
-            help="measure nothing: show lateness, age and execution time of the programs of a rig "
-            "since they were armed; in lockstep there is nothing",
+            help="measure nothing: show lateness, age and execution time of the programs of a "
+            "rig since they were armed; in lockstep nothing is measured",
         ),
     ] = False,
     seconds: Annotated[
@@ -70,7 +70,7 @@ def latency(
         ),
     ] = None,
     load: Annotated[
-        bool, Option("--load", help="while every processor and the disk are kept busy")
+        bool, Option("--load", help="measure while every processor and the disk are kept busy")
     ] = False,
     picture: Picture = None,
     rig: Annotated[
@@ -78,7 +78,7 @@ def latency(
         Option(
             "--rig",
             metavar="FILE",
-            help="rig file whose [realtime] is asked for; the defaults if there is none",
+            help="rig file whose [realtime] settings are used; the defaults if there is none",
         ),
     ] = None,
     data: DataFolder = DATA,

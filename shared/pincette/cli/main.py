@@ -30,7 +30,7 @@ First steps:
   pincette job grip --force-mN 15   grip its part, and follow it
   pincette job track --cycles 3     let position and force follow a path
   pincette job calibrate noise      measure the rig; `pincette model` shows the result
-  pincette stop                     stop the job that runs; a held part stays held
+  pincette stop                     stop the running job; a held part stays held
   pincette estop                    stop every rig at once; `pincette reset` clears the latch
   pincette doctor                   what is missing, and how to get it
   pincette rigs                     every rig that the supervisor has found; RIG shows one
@@ -46,7 +46,7 @@ else {IN_A_CHECKOUT} in a checkout. `pincette COMMAND --help` says more of each.
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "up": ("up", "start every program of a rig on this machine; Ctrl-C ends them"),
     "demo": ("demo", "start a rig, grip its part, show the result, end"),
-    "init": ("init", "ask what a rig file needs to know of a bench, and write it"),
+    "init": ("init", "ask for the data of a bench, and write its rig file"),
     "doctor": ("doctor", "say what is missing for a rig, and how to get it"),
     "latency": (
         "latency",
@@ -54,27 +54,27 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "plan": (
         "job",
-        "say what a job would do, with the predicted course and every limit it would break",
+        "predict a job, and list every limit that it would break",
     ),
     "job": ("job", "start a job and follow it, act on one, list them"),
-    "stop": ("job", "stop the job that runs, and wait until the rig confirms; a held part stays"),
+    "stop": ("job", "stop the running job, and wait until the rig confirms; a held part stays"),
     "watch": ("watch", "follow a job to its end, or every event of the rigs, until Ctrl-C"),
     "alarms": ("safety", "list the alarms of the rigs, or acknowledge one; nothing moves"),
-    "queue": ("rigs", "resume, move or clear the jobs that wait for the one that runs"),
+    "queue": ("rigs", "resume, move or clear the jobs in the queue"),
     "claim": ("rigs", "claim a rig for a while, give it back, end the claim of another"),
     "backup": ("journal", "write journal, recipes, models and keys of a data folder to one file"),
-    "restore": ("journal", "make a data folder of a backup; the folder must be empty"),
+    "restore": ("journal", "restore a backup to a data folder; the folder must be empty"),
     "records": ("records", "download files of jobs, delete them, or replay a job"),
     "recipe": ("model", "save sets of parameters for parts; `job grip --recipe NAME` uses one"),
     "bring-up": ("bring_up", "lead through the calibrations of a rig in their order"),
-    "model": ("model", "show the model in use, and decide about what calibrations propose"),
+    "model": ("model", "show the model in use, and accept or discard proposals of calibrations"),
     "learning": ("job", "show what programs have learned across their cycles, or erase it"),
     "estop": (
         "plain_commands",
         "stop every rig at once, or one: over REST and straight at the actuators",
     ),
-    "reset": ("safety", "clear the latch; its cause has been seen to"),
-    "rigs": ("rigs", "list the rigs of a supervisor: what each does, and why no job can start"),
+    "reset": ("safety", "clear the latch once the cause has been dealt with"),
+    "rigs": ("rigs", "list the rigs of a supervisor: their state, and why no job can start"),
     "rig": ("simulated", "operate a simulated rig: its part, weights, faults; alone: list them"),
     "key": ("keys", "make, list and revoke keys and users of the REST interface"),
     "audit": (
@@ -133,7 +133,7 @@ def _top(
     _version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="show the version, and end"
+            "--version", callback=_show_version, is_eager=True, help="show the version and exit"
         ),
     ] = False,
 ) -> None:
@@ -189,7 +189,7 @@ def _misused(error: TyperException) -> int:
     close: Sequence[str] = getattr(error, "possibilities", None) or ()
     text = error.message if close else error.format_message()
     hint = f". Did you mean {' or '.join(close)}?" if close else ""
-    return _failed(place, f"{text}{hint}\n`{place} --help` lists what there is", Exit.USAGE)
+    return _failed(place, f"{text}{hint}\n`{place} --help` lists the possibilities", Exit.USAGE)
 
 
 def _failed(place: str, text: str, status: int) -> int:

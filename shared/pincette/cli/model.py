@@ -23,7 +23,7 @@ Calibration = Annotated[
 ]
 
 app = group()
-model_app = group("model", "show the model in use, and decide about what calibrations propose")
+model_app = group("model", "show the model in use, and accept or discard proposals of calibrations")
 app.add_typer(model_app)
 
 
@@ -132,7 +132,7 @@ def value(text: str) -> tuple[list[str], Any]:
     """Return the path to one member of a recipe, and its value."""
     name, equals, text_of_value = text.partition("=")
     if not equals or not name:
-        raise BadParameter(f"{text!r} is no value: give FIELD=VALUE, such as force_mN=8")
+        raise BadParameter(f"{text!r} is not a value: give FIELD=VALUE, such as force_mN=8")
     path = name.split(".")
     return path, literal(path[-1], text_of_value)
 

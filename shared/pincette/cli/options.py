@@ -57,7 +57,7 @@ def moment_at(text: str, now: datetime) -> str:
         try:
             found = datetime.fromisoformat(text)
         except ValueError as error:
-            raise BadParameter(f"{text!r} is no time: give {MOMENTS}") from error
+            raise BadParameter(f"{text!r} is not a time: give {MOMENTS}") from error
         found = found if found.tzinfo else found.astimezone()
     return found.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 

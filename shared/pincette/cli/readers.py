@@ -59,7 +59,7 @@ def choice(values: Sequence[str]) -> Callable[[str], str]:
         if text not in values:
             near = get_close_matches(text, values, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
-            raise BadParameter(f"{text!r} is no choice: {hint}give one of {', '.join(values)}")
+            raise BadParameter(f"{text!r} is not allowed: {hint}give one of {', '.join(values)}")
         return text
 
     return read
@@ -156,8 +156,8 @@ class Form:
             found = numerals.records(text, len(names))
         except ValueError as error:
             raise BadParameter(
-                f"{str(error)!r} is no point: give {self.item.columns}, such as "
-                "'0:5; 1.5:12; 3:5', or @FILE"
+                f"{str(error)!r} is not a point: give {self.item.columns}, such as '0:5; "
+                "1.5:12; 3:5', or @FILE"
             ) from error
         return [
             {name: number(unit_of(name))(part) for name, part in zip(names, parts, strict=True)}

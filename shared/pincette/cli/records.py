@@ -31,7 +31,7 @@ SAMPLES, SNAPSHOT = "samples.csv", "snapshot.mcap"
 NUMBERS = ("numbers.csv", "numbers.csv-metadata.json")
 Out = Annotated[
     Path | None,
-    Option("--out", metavar="FOLDER", help="where to; a folder named as the job if not given"),
+    Option("--out", metavar="FOLDER", help="target folder; named after the job if not given"),
 ]
 
 app = group()
@@ -142,12 +142,12 @@ def show_findings(path: Path, recording: "Recording", found: "list[Findings]") -
     console.print(table(*names, rows=rows, right=()))
     for one in found:
         if one.stopped:
-            _say(f"{one.service}: not repeated from here on: {one.stopped}")
+            _say(f"{one.service}: replay stopped here: {one.stopped}")
         if one.clocked:
-            _say(f"{one.service}: {one.clocked} outputs by its clock alone, which is not recorded")
+            _say(f"{one.service}: {one.clocked} outputs by its own clock, which is not recorded")
     made = recording.about.get("pincette", __version__)
     if made != __version__ and not all(one.same for one in found):
-        _say(f"recorded by pincette {made}, repeated by {__version__}")
+        _say(f"recorded by pincette {made}, replayed by {__version__}")
 
 
 def _difference(difference: "Difference | None") -> str:
@@ -158,7 +158,7 @@ def _difference(difference: "Difference | None") -> str:
         return f"{where} is not repeated"
     return (
         f"{where}, {difference.field}: {difference.recorded!r} recorded, "
-        f"{difference.replayed!r} repeated"
+        f"{difference.replayed!r} replayed"
     )
 
 

@@ -116,7 +116,7 @@ def _law(law: "Law") -> list[tuple[str, str]]:
     radius, limit = law.spectral_radius, law.spectral_radius_limit
     return [
         ("law", f"{law.scheme.upper()}, {law.set} set, {gains} ({law.gains_from})"),
-        ("spectral radius", f"{radius:.4g} at the worst, limit {limit:.4g}"),
+        ("spectral radius", f"{radius:.4g} in the worst case, limit {limit:.4g}"),
         *_peak(law),
     ]
 
@@ -126,7 +126,7 @@ def _peak(law: "Law") -> list[tuple[str, str]]:
     peak, limit = law.sensitivity_peak, law.sensitivity_peak_limit
     if peak is None or limit is None:
         return []
-    return [("peak of sensitivity", f"{peak:.3g} at the worst, limit {limit:g}")]
+    return [("peak of sensitivity", f"{peak:.3g} in the worst case, limit {limit:g}")]
 
 
 def _steady(errors: "SteadyErrors") -> list[tuple[str, str]]:

@@ -27,7 +27,7 @@ NO_DECIMALS_FROM = 1000.0
 QUANTILES = ("p50_s", "p99_s", "p999_s", "max_s")
 
 app = group()
-queue_app = group("queue", "resume, move or clear the jobs that wait for the one that runs")
+queue_app = group("queue", "resume, move or clear the jobs in the queue")
 app.add_typer(queue_app)
 claim_app = group("claim", "claim a rig for a while, give it back, end the claim of another")
 app.add_typer(claim_app)
@@ -131,9 +131,9 @@ def resume_queue(target: Target) -> None:
 @command(queue_app, "move")
 def move_queued(
     target: Target,
-    job: Annotated[str, Argument(metavar="JOB", help="the id of a job that waits")],
+    job: Annotated[str, Argument(metavar="JOB", help="the id of a waiting job")],
     place: Annotated[
-        Any, Argument(metavar="PLACE", parser=integer, help="its place then; 1 is the next")
+        Any, Argument(metavar="PLACE", parser=integer, help="its new place; 1 is the next")
     ],
 ) -> None:
     """Give a job that waits another place in the queue."""
@@ -155,7 +155,9 @@ def _queue(target: Target, handle: "RigHandle", rig: "Rig") -> None:
 def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
     if rig.queue.halted:
         console.print(f"[yellow]halted[/yellow]: {rig.queue.halted}")
-        console.print("`pincette queue resume` goes on, `pincette queue clear` stops all that wait")
+        console.print(
+            "`pincette queue resume` goes on, `pincette queue clear` stops all waiting jobs"
+        )
     if not rig.queue.length:
         console.print("no job waits")
         return
@@ -180,9 +182,11 @@ def take_claim(
     target: Target,
     lease_s: Annotated[
         float,
-        Option("--lease-s", parser=number("seconds"), help="how long it lasts unless renewed"),
+        Option(
+            "--lease-s", parser=number("seconds"), help="how long it lasts if it is not renewed"
+        ),
     ] = 600.0,
-    note: Annotated[str, Option("--note", help="what for; others read it")] = "",
+    note: Annotated[str, Option("--note", help="its purpose, shown to others")] = "",
 ) -> None:
     """Claim a rig, or renew the claim: others begin nothing there, and everybody may stop.
 

@@ -16,7 +16,9 @@ from pincette.core.streams import prepare_streams
 from pincette.engine import logs
 
 ABOUT = "run one program of a rig in the foreground"
-COMPOSED = "or what [rig] composed of the rig file names, as loop or estimator+controller"
+COMPOSED = (
+    "or a composed program of [rig] composed in the rig file, as loop or estimator+controller"
+)
 LISTEN = "PINCETTE_LISTEN"
 DATA = Path("data")
 

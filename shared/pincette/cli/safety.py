@@ -56,7 +56,9 @@ def alarms(
     before: Annotated[
         int | None, Option("--before", metavar="ID", help="begin below this id")
     ] = None,
-    every: Annotated[bool, Option("--all", help="also those that are over and seen")] = False,
+    every: Annotated[
+        bool, Option("--all", help="also alarms that have ended and were acknowledged")
+    ] = False,
     acknowledge: Annotated[
         list[Any] | None,
         Option(
@@ -73,7 +75,7 @@ def alarms(
         return
     only = None if every else True
     found = target.supervisor().alarms(limit, rig=target.rig_name, open=only, before=before)
-    none = "no alarm yet" if every else "no alarm is open; --all lists those of before"
+    none = "no alarm yet" if every else "no alarm is open; --all lists earlier ones"
     target.answer(found, (lambda: _show_alarms(found)) if found.alarms else none)
 
 

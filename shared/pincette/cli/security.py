@@ -134,7 +134,11 @@ def add(
 def upstream(path: Place, hosts: Hosts = None, days: Days = DAYS) -> None:
     """Make a certificate of a laboratory server's router, which the rig's connects to."""
     made = enrol_upstream(Folder(path), hosts or [], _now(), days)
-    _print("made", (made,), "it and the router of the rig read each other's when they start")
+    _print(
+        "made",
+        (made,),
+        "it and the router of the rig read each other's certificate when they start",
+    )
 
 
 @command(security_app, "issue")
@@ -169,7 +173,7 @@ def renew(
     for who in wanted:
         folder.renew(who, now, days)
     if wanted:
-        _print("renewed", wanted, "restart each of them, while its rig is idle")
+        _print("renewed", wanted, "restart each of these programs while its rig is idle")
     else:
         print("none ends within 30 days")
 
@@ -185,7 +189,7 @@ def revoke(
 ) -> None:
     """Withdraw the certificate of a person or a program; its links are ended within 2 s."""
     if anew == (name is not None):
-        raise CliError("revoke: wanted either the NAME of a certificate or --anew")
+        raise CliError("revoke: give either the NAME of a certificate or --anew")
     folder = Folder(path)
     if name is None:
         _begin_list_anew(folder)
@@ -196,7 +200,7 @@ def revoke(
         folder.revoke(who)
     else:
         folder.replace(who, _now(), DAYS)
-        rest = f"it has another one, with which it is to be started anew; {rest}"
+        rest = f"its certificate has changed: start it again with the new one; {rest}"
     _print("revoked", (who,), rest)
 
 
@@ -209,7 +213,10 @@ def _begin_list_anew(folder: Folder) -> None:
             "certificates; it is not written over"
         )
     begin_revoked(folder.path)
-    print(f"{folder.path / REVOKED} is empty: whoever was on the one before it is let in again")
+    print(
+        f"{folder.path / REVOKED} is empty: certificates that were on the list before are "
+        "accepted again"
+    )
 
 
 @command(security_app, "show")
@@ -222,7 +229,7 @@ def show(path: Place, form: Json) -> int:
 def _restarts(who: Identity) -> str:
     """What has to be started anew before a change in the list of people takes effect."""
     also = " and, while its rig is idle, each actuator" if who.role == OPERATOR else ""
-    return f"restart the router{also}: access lists are read at the start"
+    return f"restart the router{also}: programs read their access lists at the start"
 
 
 def _print(done: str, who: tuple[Identity, ...], then: str) -> None:

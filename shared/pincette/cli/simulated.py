@@ -41,7 +41,7 @@ def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
     from pincette.security.identity import SecurityError
 
     if rig.simulation is None:
-        raise CliError(f"rig {rig.rig.name!r} is real: do at its bench what you want done")
+        raise CliError(f"rig {rig.rig.name!r} is real: make the change at its bench")
     try:
         bus = ZenohBus(tool_endpoint(rig), rig.rig.name, "orders")
     except SecurityError as error:
@@ -80,7 +80,7 @@ def _value(text: str) -> float:
     try:
         return numerals.number(text)
     except ValueError as error:
-        raise CliError(f"{text!r} is no value: {error}", Exit.USAGE) from error
+        raise CliError(f"{text!r} is not a value: {error}", Exit.USAGE) from error
 
 
 def operation_rows() -> list[tuple[str, str, str, str]]:

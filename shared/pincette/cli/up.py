@@ -36,7 +36,9 @@ LogFormat = Annotated[
 ]
 NewArm = Annotated[
     bool,
-    Option("--new-arm", help="simulate a new arm; without it the arm of the last run lives on"),
+    Option(
+        "--new-arm", help="simulate a new arm; without it the arm of the last run is used again"
+    ),
 ]
 WATCH_S = 0.3
 FIRST_NEWS_S, NEWS_S = 10.0, 5.0
@@ -136,14 +138,16 @@ def up(
         bool,
         Option(
             "--server",
-            help="only the programs of a laboratory server, which [bus] upstream names",
+            help=(
+                "start only the programs of a laboratory server, the one that [bus] upstream names"
+            ),
         ),
     ] = False,
     log_format: LogFormat = None,
     new_arm: NewArm = False,
     measure: Annotated[
         bool,
-        Option("--measure", help="first measure what this machine keeps, in 5 s; see `latency`"),
+        Option("--measure", help="measure the timing of this machine first, in 5 s; see `latency`"),
     ] = False,
 ) -> None:
     """Start all programs, a line each; report what ends; end all on Ctrl-C."""
@@ -244,5 +248,5 @@ def machine_words(rig: "RigFile", data: Path) -> list[str]:
 
     known = kept(data)
     if known is None:
-        return ["what this machine keeps is not known:", f"  {how(rig)}"]
+        return ["the timing of this machine is not known:", f"  {how(rig)}"]
     return [words(rig, known), *(f"suits it: {one.words()}" for one in changes_of(rig, known))]

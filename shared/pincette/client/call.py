@@ -38,7 +38,7 @@ UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
 
 GATEWAY = (502, 503, 504)
 """Statuses by which a proxy says that it has, or had, no line to the supervisor."""
-LOOK = "look before it is sent again"
+LOOK = "look before you send it again"
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
@@ -148,8 +148,8 @@ class Attempts:
         if not self._delivered:
             return NoAnswerError(f"{self._what}: no answer ({why})", silent=silent)
         words = (
-            f"{self._what}: the line broke before the answer came ({why}); "
-            f"it may or may not have been taken: {self._look}"
+            f"{self._what}: the connection broke before the answer came ({why}); the request "
+            f"may or may not have been accepted: {self._look}"
         )
         return NoAnswerError(words, delivered=True, silent=silent)
 
@@ -179,13 +179,14 @@ def identity_headers(
         if not _is_printable(key, KEY_MAX) or " " in key:
             # The message leaves the key out: it is a secret.
             raise ValueError(
-                f"the key is none: 1 to {KEY_MAX} characters without blanks are wanted"
+                f"the key is not valid: 1 to {KEY_MAX} characters without blanks are wanted"
             )
         headers["Authorization"] = f"Bearer {key}"
     if claim is not None:
         if not _is_printable(claim, CLAIM_MAX) or " " in claim or len(claim) < CLAIM_MIN:
             raise ValueError(
-                f"the claim's secret is none: {CLAIM_MIN} to {CLAIM_MAX} characters without blanks"
+                f"the claim's secret is not valid: {CLAIM_MIN} to {CLAIM_MAX} characters "
+                "without blanks"
             )
         headers["X-Claim"] = claim
     return headers
@@ -215,7 +216,9 @@ def require_supervisor(response: httpx.Response) -> None:
     """Raise GatewayError where a proxy has answered, which knows nothing of the supervisor."""
     kind = response.headers.get("content-type", "").partition(";")[0]
     if response.status_code in GATEWAY and kind not in (MEDIA_TYPE, "application/json"):
-        raise GatewayError(f"status {response.status_code}, and no words; is it a supervisor?")
+        raise GatewayError(
+            f"status {response.status_code}, without a problem document; is it a supervisor?"
+        )
 
 
 def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:

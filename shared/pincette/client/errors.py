@@ -322,7 +322,10 @@ def problem_of(response: httpx.Response) -> ProblemError:
     except ValueError:
         tree = None
     if not isinstance(tree, dict) or "title" not in tree:
-        words = f"{place}: status {response.status_code}, and no words; is it a supervisor?"
+        words = (
+            f"{place}: status {response.status_code}, without a problem document; is it a "
+            "supervisor?"
+        )
         return ProblemError(response.status_code, {"title": words}, place)
     problem = cast("dict[str, Any]", tree)
     raised = RAISED.get(str(problem.get("type", "")).removeprefix(TYPE), ProblemError)

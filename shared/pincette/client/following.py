@@ -208,7 +208,7 @@ async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
     found = job.job = await job.patient(PATIENCE_S).refresh()
     if rig.latch.state in LATCHED and found.state != "succeeded":
         return _latched(job, rig)
-    words = f"job {found.id} {found.state}, part {rig.part}: {found.cause}".rstrip(": ")
+    words = f"job {found.id}: {found.state}, part {rig.part}: {found.cause}".rstrip(": ")
     force_mN, asked_mN = None, force_asked_mN(found)
     if rig.part == "held":
         force_mN = None if found.progress is None else found.progress.force_mN

@@ -68,7 +68,7 @@ class AsyncJobHandle:
             left_s = LONGEST_WAIT_S if until_s is None else until_s - clock()
             if left_s <= 0.0:
                 raise WaitTimeoutError(
-                    f"job {self.id} is {self.state} after {timeout_s:g} s, and goes on"
+                    f"job {self.id} is {self.state} after {timeout_s:g} s, and continues"
                 )
             await self.refresh(min(left_s, LONGEST_WAIT_S))
         return self.job

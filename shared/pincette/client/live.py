@@ -53,7 +53,7 @@ class LiveBookmark:
         try:
             batch = LiveBatch.model_validate_json(data, extra="ignore")
         except ValidationError as error:
-            raise ForeignAnswerError(f"{self.path}: {data[:200]!r} is no batch") from error
+            raise ForeignAnswerError(f"{self.path}: {data[:200]!r} is not a batch") from error
         if self._from_s is None:
             self._from_s = batch.now_s - self._past_s - ON_THE_WAY_S
         for place, (seq, at_s) in enumerate(zip(batch.seq, batch.at_s, strict=True)):

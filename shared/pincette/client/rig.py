@@ -61,7 +61,7 @@ class AsyncRigHandle:
     async def can_start(self) -> list[str]:
         """Return reasons why no job can start; empty if one can."""
         rig = await self.state()
-        return [] if rig.can_start else rig.reasons or ["the rig does not say why"]
+        return [] if rig.can_start else rig.reasons or ["the rig gives no reason"]
 
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
         """Return what a job would do, feasible or not; nothing moves."""

@@ -23,7 +23,7 @@ class Download:
 
     def __init__(self, name: str, folder: Path, sha256: str | None) -> None:
         if Path(name).name != name:
-            raise ValueError(f"{name!r} is no name of a file: it has no folder in it")
+            raise ValueError(f"{name!r} is not a file name: give one without a folder")
         make_folder(folder)
         self._path, self._part = folder / name, folder / f"{name}.part"
         self._sha256 = sha256
@@ -97,7 +97,9 @@ class Bookmark:
         try:
             event = Event.model_validate_json(message.data, extra="ignore")
         except ValidationError as error:
-            raise ForeignAnswerError(f"{self.path}: {message.data[:200]!r} is no event") from error
+            raise ForeignAnswerError(
+                f"{self.path}: {message.data[:200]!r} is not an event"
+            ) from error
         if event.number is None:
             return event
         if event.number <= self.number:

@@ -248,7 +248,7 @@ def client_settings(
     try:
         base_url = httpx.URL(url.rstrip("/") + BASE)
     except httpx.InvalidURL as error:
-        raise ClientError(f"{url} is no address ({error})") from error
+        raise ClientError(f"{url} is not an address ({error})") from error
     verify: bool | ssl.SSLContext = True
     if authority is not None and base_url.scheme == "https":
         verify = ssl.create_default_context()

@@ -51,7 +51,7 @@ ARM = (
         "free stroke of the tip over that range of voltage",
         "µm",
         95.0,
-        "data sheet of the arm; within 20 % is enough, `free_response` measures it",
+        "data sheet of the arm; 20 % accuracy is enough, `free_response` measures it",
     ),
     Question(
         "compliance_um_per_mN",
@@ -66,13 +66,13 @@ ARM = (
     Question(
         "position_max_um", "highest position of the tip", "µm", 90.0, "the free way of the arm"
     ),
-    Question("force_max_mN", "highest force", "mN", 40.0, "what the weaker of arm and part bears"),
+    Question("force_max_mN", "highest force", "mN", 40.0, "the smaller load limit of arm and part"),
     Question(
         "slew_V_per_s",
         "fastest change of the voltage at the amplifier's input",
         "V/s",
         10.0,
-        "what amplifier and arm bear; a swing of 20 mN takes 1.6 at 0.5 Hz, 16 at 5 Hz",
+        "the limit of amplifier and arm; a swing of 20 mN takes 1.6 at 0.5 Hz, 16 at 5 Hz",
     ),
     Question(
         "rate_um_per_s",

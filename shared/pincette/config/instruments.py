@@ -8,9 +8,9 @@ from pydantic import AfterValidator, Field
 from pincette.config.tables import NotNegative, Positive, Table
 
 NO_RFC2217 = (
-    "rfc2217:// is not supported, since opening such a port and changing its settings block for "
-    "seconds; set the baud rate at the device server, configure a raw TCP port there, and use "
-    "socket://HOST:PORT"
+    "rfc2217:// is not supported, since opening such a port or changing its settings blocks "
+    "for seconds; set the baud rate at the device server, configure a raw TCP port there, "
+    "and use socket://HOST:PORT"
 )
 
 

@@ -26,8 +26,8 @@ def law_definition(scheme: str) -> LawDefinition:
         raise ValueError(str(error)) from error
     if found is TWO_ARMS:
         raise ValueError(
-            f"law {scheme!r} drives two arms: a rig with [second] has it without being told, "
-            "leave scheme out"
+            f"law {scheme!r} drives two arms: a rig with [second] uses it by default; leave "
+            "scheme out"
         )
     if not isinstance(found, LawDefinition) or found.name != scheme:
         wanted = f"a LawDefinition named {scheme!r}"

@@ -378,8 +378,8 @@ class Model(Table):
     def _one_free_response(self) -> "Model":
         if self.free_response is not None and self.recorded_response is not None:
             raise ValueError(
-                "[model.free_response] and [model.recorded_response] are both there: "
-                "leave out the one that x_1 is not to come from"
+                "[model.free_response] and [model.recorded_response] are both there: leave "
+                "out the one that x_1 does not use"
             )
         return self
 

@@ -42,7 +42,7 @@ def _link_faults(quantity: str, limit: float) -> tuple[Operation, ...]:
         Operation("garbage", "answers random bytes"),
         Operation("wrong", "is off by an offset", quantity, -limit, limit),
         Operation("slow", "answers late", *late),
-        Operation("delayed", "shows, or puts out, what was asked so long ago", *late),
+        Operation("delayed", "shows, or puts out, the value of some time ago", *late),
         Operation("intermittent", "loses exchanges", "share of them", 0.0, 1.0),
         Operation("heal", "ends every fault of this target", lasts=False),
     )
@@ -118,18 +118,18 @@ def operation_of(target: str, what: str) -> Operation | None:
 def objection(order: SimCommand) -> str:
     """Return why a command cannot be carried out, with the possible ones; empty if it can."""
     if order.target not in OPERATIONS:
-        return f"no target {order.target!r}; there are {', '.join(OPERATIONS)}"
+        return f"no target {order.target!r}; targets are {', '.join(OPERATIONS)}"
     operation = operation_of(order.target, order.what)
     if operation is None:
         known = ", ".join(operation.what for operation in OPERATIONS[order.target])
-        return f"{order.target} knows no {order.what!r}; it knows {known}"
+        return f"{order.target} has no operation {order.what!r}; it has {known}"
     name = f"{order.target} {order.what}"
     if not 0.0 <= order.after_s < float("inf"):
-        return f"{name}: after_s = {order.after_s} s is no time from now on"
+        return f"{name}: after_s = {order.after_s} s is not a future time"
     if order.for_s is not None and not operation.lasts:
         return f"{name} happens once: for_s = {order.for_s} s has no meaning"
     if order.for_s is not None and not 0.0 < order.for_s < float("inf"):
-        return f"{name}: for_s = {order.for_s} s is no duration"
+        return f"{name}: for_s = {order.for_s} s is not a duration"
     return _value_objection(name, operation, order)
 
 

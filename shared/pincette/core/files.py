@@ -34,8 +34,8 @@ def temporary_folder() -> Generator[Path]:
     except OSError as error:
         raise OSError(
             error.errno,
-            f"no temporary folder can be made ({error}): make room there, or name another folder "
-            "in the environment variable TMPDIR",
+            f"no temporary folder can be made ({error}): free space there, or name another "
+            "folder in the environment variable TMPDIR",
         ) from error
     with made as name:
         yield Path(name)

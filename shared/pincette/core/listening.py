@@ -40,19 +40,19 @@ def why_not(host: str, port: int, error: OSError) -> str:
         whose = "" if owner is None else f" of account {account_name(owner)}"
         return f"{place} is in use; stop the other program{whose}, or choose another port"
     if error.errno == errno.EAFNOSUPPORT:
-        return f"{place} cannot be had: {NO_IPV6}"
+        return f"{place} cannot be used: {NO_IPV6}"
     if error.errno == errno.EADDRNOTAVAIL:
         if ":" in host and not has_ipv6():
-            return f"{place} cannot be had: {NO_IPV6}"
-        return f"{place} cannot be had: no interface of this machine has the address {host}"
+            return f"{place} cannot be used: {NO_IPV6}"
+        return f"{place} cannot be used: no interface of this machine has the address {host}"
     if error.errno in (errno.EACCES, errno.EPERM) and port < FIRST_OPEN_PORT:
         return (
             f"{place} is not permitted to this account: choose a port from {FIRST_OPEN_PORT} on, "
             "or grant CAP_NET_BIND_SERVICE"
         )
     if isinstance(error, socket.gaierror):
-        return f"{place} cannot be had: no address is known for the name {host}"
-    return f"{place} cannot be had: {error.strerror or error}"
+        return f"{place} cannot be used: no address is known for the name {host}"
+    return f"{place} cannot be used: {error.strerror or error}"
 
 
 def listener_uid(host: str, port: int) -> int | None:

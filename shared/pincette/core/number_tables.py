@@ -87,15 +87,15 @@ def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:
     ]
     rows = _fields(lines)
     if not rows:
-        raise FileError("line 1: there are no numbers")
+        raise FileError("line 1: no numbers found")
     at, first = rows[0]
     places = list(range(len(names)))
     if _is_header(first):
         places, rows = _places(at, first, names), rows[1:]
     elif len(first) != len(names):
         raise FileError(
-            f"line {at}: {len(first)} fields, wanted {len(names)}, {_wanted(names)}: "
-            "name the columns in the first line, and separate them by ';'"
+            f"line {at}: {len(first)} fields, must be {len(names)}, {_wanted(names)}: name "
+            "the columns in the first line, and separate them by ';'"
         )
     width = len(first)
     commas = _decimal_commas(
@@ -104,7 +104,7 @@ def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:
     found: list[dict[str, float]] = []
     for at, row in rows:
         if len(row) != width:
-            raise FileError(f"line {at}: {len(row)} fields, wanted {width} as in the first line")
+            raise FileError(f"line {at}: {len(row)} fields, must be {width} as in the first line")
         found.append(
             {
                 name: _number(at, name, row[place], commas)
@@ -162,7 +162,7 @@ def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
                 f"{_wanted(names)} in this order, in {' and '.join(map(unit_of, names))}"
             )
         if any(bare(other) == _word(title) for other in names if other != name):
-            raise FileError(f"line {at}: column {title!r} comes where {name} is wanted")
+            raise FileError(f"line {at}: column {title!r} is in the place of {name}")
     return list(range(len(names)))
 
 

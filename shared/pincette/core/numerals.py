@@ -79,7 +79,7 @@ def items(text: str) -> list[str]:
         if any(item.startswith(",") or item.endswith(",") for item in found):
             raise ValueError(f"a comma stands at the edge of a number: {LIST_HINT}")
         if any(GROUP.fullmatch(item) for item in found):
-            raise ValueError(f"the spaces may separate thousands: {LIST_HINT}")
+            raise ValueError(f"the spaces may be thousands separators: {LIST_HINT}")
         return found
     for before, after in pairwise(pieces):
         if _may_have_decimals(before) and DECIMALS.fullmatch(after):
@@ -100,7 +100,7 @@ def _item(text: str) -> float:
     try:
         return number(text)
     except ValueError as error:
-        raise ValueError(f"{text!r} is no number: {error}") from error
+        raise ValueError(f"{text!r} is not a number: {error}") from error
 
 
 def records(text: str, count: int) -> list[list[str]]:

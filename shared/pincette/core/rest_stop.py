@@ -96,9 +96,9 @@ def stop_over_rest(
             "; ".join(
                 [
                     *notes,
-                    f"{url}: the stop was sent and answered with status {reply.status}, but the "
-                    f"certificate is not believed ({error.verify_message}): name the authority's "
-                    "file with --authority",
+                    f"{url}: the stop was sent and answered with status {reply.status}, but "
+                    f"the certificate is not trusted ({error.verify_message}): name the "
+                    "authority's file with --authority",
                 ]
             )
         ) from error
@@ -173,9 +173,11 @@ def _posted(
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise RestStopError(f"{url} is no address of a supervisor ({error})") from error
+        raise RestStopError(f"{url} is not an address of a supervisor ({error})") from error
     if parts.scheme not in ("http", "https") or not host:
-        raise RestStopError(f"{url} is no address of a supervisor, such as http://127.0.0.1:8000")
+        raise RestStopError(
+            f"{url} is not an address of a supervisor, such as http://127.0.0.1:8000"
+        )
     if context is not None:
         line = HTTPSConnection(host, port, timeout=timeout_s, context=context)
     else:

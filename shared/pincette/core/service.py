@@ -182,12 +182,12 @@ def canonical_name(text: str) -> str:
     Raises ValueError.
     """
     wanted = (
-        f"wanted {LOOP_PROGRAM!r}, or at least two of {', '.join(LOOP)} with {SEPARATOR!r} between"
+        f"must be {LOOP_PROGRAM!r}, or at least two of {', '.join(LOOP)} with {SEPARATOR!r} between"
     )
     names = list(LOOP) if text == LOOP_PROGRAM else text.split(SEPARATOR)
     odd = [name for name in names if name not in LOOP]
     if odd:
-        raise ValueError(f"{odd[0]!r} is no service of the loop: {wanted}")
+        raise ValueError(f"{odd[0]!r} is not a service of the loop: {wanted}")
     if len(set(names)) < len(names) or len(names) < 2:
         raise ValueError(f"{text!r} composes nothing: {wanted}")
     ordered = tuple(name for name in LOOP if name in names)

@@ -9,7 +9,7 @@ from typing import Any
 
 KNOWN: Mapping[str, str] = {
     "missing": "is missing: state it",
-    "extra_forbidden": "is not known here: leave it out",
+    "extra_forbidden": "is not a known name: leave it out",
     "greater_than": "must be above {gt:g}{unit}",
     "greater_than_equal": "must be {ge:g}{unit} or more",
     "less_than": "must be below {lt:g}{unit}",

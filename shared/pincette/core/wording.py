@@ -19,10 +19,10 @@ TEXTS: Mapping[FaultCode, str] = {
         "sensor stuck: {x_um:.3f} µm in {samples:.0f} samples while the voltage moved"
     ),
     FaultCode.MEMORY_UNKNOWN: (
-        "the arm has been at voltages that are not known, before the estimator's start or while "
-        "its output was gone: x_1 may err by {error_um:.2f} µm beyond {highest_V:.2f} V, and the "
-        "uncertainty of the force says so; a grip, or a move of the empty arm to as high a "
-        "voltage, makes them known"
+        "the earlier voltages of the arm are not known, from before the estimator's start "
+        "or from a failure of the output: x_1 may err by {error_um:.2f} µm beyond "
+        "{highest_V:.2f} V, which the uncertainty of the force includes; a grip, or a move "
+        "of the empty arm to as high a voltage, ends this"
     ),
     FaultCode.MODEL_MISMATCH: (
         "the stroke of the arm has changed by {change_percent:+.2f} % since its calibration, "
@@ -32,17 +32,15 @@ TEXTS: Mapping[FaultCode, str] = {
         "temperature of the piezo, run the calibration gain_check and accept it; if it is the "
         "sensor, correct its scale"
     ),
-    FaultCode.NO_APPLIED_VOLTAGE: "no voltage of the sample before",
+    FaultCode.NO_APPLIED_VOLTAGE: "no voltage for the sample before",
     FaultCode.FORCES_DISAGREE: (
         "both arms hold one part, and their forces differ by {difference_mN:.2f} mN, stated "
         "±{uncertainty_mN:.2f} mN: the free response of one arm is wrong, or something else holds "
         "the part; calibrate free_response of both"
     ),
-    FaultCode.ZERO_PART_HELD: (
-        "zero refused: a part is held, and its force would be taken for none"
-    ),
+    FaultCode.ZERO_PART_HELD: "zero refused: a part is held, and its force would be zeroed",
     FaultCode.ZERO_TOO_FEW_SAMPLES: (
-        "zero refused: {samples:.0f} samples of rest, {wanted_samples:.0f} are wanted"
+        "zero refused: {samples:.0f} samples of rest, must be {wanted_samples:.0f}"
     ),
     FaultCode.ZERO_NOT_SETTLED: (
         "zero refused: the arm has not settled, it spread over {spread_um:.3f} µm in "
@@ -68,17 +66,15 @@ TEXTS: Mapping[FaultCode, str] = {
         "where the arm was found: if it touched something there, take that away or open the "
         "gripper, and arm again"
     ),
-    FaultCode.VOLTAGE_NOT_FINITE: "{voltage_V} V is no voltage",
+    FaultCode.VOLTAGE_NOT_FINITE: "{voltage_V} V is not a voltage",
     FaultCode.VOLTAGE_ABSURD: (
-        "{voltage_V:g} V is absurd, the range is {minimum_V} V to {maximum_V} V"
+        "{voltage_V:g} V is impossible, the range is {minimum_V} V to {maximum_V} V"
     ),
-    FaultCode.FORCE_NOT_FINITE: "{force_mN} mN is no force",
-    FaultCode.TARGET_NOT_FINITE: "{x_d_um} µm is no position",
+    FaultCode.FORCE_NOT_FINITE: "{force_mN} mN is not a force",
+    FaultCode.TARGET_NOT_FINITE: "{x_d_um} µm is not a position",
     FaultCode.OTHER_EPOCH: "command of epoch {epoch:.0f}, armed for {armed_epoch:.0f}",
     FaultCode.OTHER_OWNER: "command of owner {owner:.0f}, armed for {armed_owner:.0f}",
-    FaultCode.COMMAND_AHEAD: (
-        "command {seq:.0f} of the future, the newest sample is {newest_seq:.0f}"
-    ),
+    FaultCode.COMMAND_AHEAD: "command {seq:.0f} is ahead, the newest sample is {newest_seq:.0f}",
     FaultCode.OTHER_ARMS: (
         "it is for {arms:.0f} driven arms, the rig has {wanted_arms:.0f}: start all programs with "
         "the same rig file"
@@ -94,7 +90,7 @@ TEXTS: Mapping[FaultCode, str] = {
     ),
     FaultCode.FORCE_BEYOND_LIMIT: "{force_mN:.1f} mN, limit {limit_mN:.1f} mN",
     FaultCode.FOLLOWING_BEYOND_LIMIT: (
-        "the arm is at {x_um:.2f} µm, wanted at {x_d_um:.2f} µm: off by {error_um:.2f} µm, "
+        "the arm is at {x_um:.2f} µm, target {x_d_um:.2f} µm: off by {error_um:.2f} µm, "
         "limit {limit_um:.2f} µm"
     ),
     FaultCode.POSITION_BEYOND_LIMITS: (
@@ -104,7 +100,7 @@ TEXTS: Mapping[FaultCode, str] = {
     FaultCode.FREEZE_RELEASED: "released: {force_mN:.1f} mN, limit {limit_mN:.1f} mN",
     FaultCode.OUTPUT_UNCONFIRMED: "the frozen voltage is not confirmed",
     FaultCode.REQUESTED: "",
-    FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands of a stranger refused",
+    FaultCode.SECOND_CONTROLLER: "alarm: {commands:.0f} commands from another controller refused",
     FaultCode.STANDSTILLS: "stood still {times:.0f} times",
     FaultCode.SUSPENDED: "the machine was suspended for {slept_s:.1f} s",
     FaultCode.EXCHANGE_TIMES: "",
@@ -164,8 +160,8 @@ ARMS: Mapping[float, str] = {1.0: "first arm", 2.0: "second arm"}
 NAMES_ITS_COMMAND = frozenset({FaultCode.COMMAND_AHEAD, FaultCode.COMMAND_REPEATED})
 MEANINGS: Mapping[Cause, str] = {
     Cause.ABORT: "the job was aborted",
-    Cause.ESTOP: "an emergency stop was asked for",
-    Cause.RESTART: "the actuator was started anew",
+    Cause.ESTOP: "an emergency stop was requested",
+    Cause.RESTART: "the actuator was started again",
 }
 """Meanings of causes without numbers."""
 NOT_A_NUMBER = float("nan")

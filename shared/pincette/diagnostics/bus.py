@@ -22,7 +22,7 @@ ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
 SETTLE_S = 0.5
 """Time for the router to take in the sessions of this program before it is asked, in s."""
-NOT_ASKED = "the router is not asked which other tools have declared something"
+NOT_ASKED = "the router is not asked which other tools have declared queryables or subscribers"
 ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
 LISTENS = "none needed: it only listens. The supervisor's own session for samples is listed, too"

@@ -52,7 +52,7 @@ def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]
         read_revoked(folder.path)
     except SecurityError as error:
         well = False
-        yield Finding(False, f"certificates: {error}", "without it no program of the loop starts")
+        yield Finding(False, f"certificates: {error}", "no program of the loop starts without it")
     if soon := [facts for facts in found if facts.ends - now < SOON]:
         yield _ending(soon, folder, now)
     elif well:

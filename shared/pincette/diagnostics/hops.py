@@ -13,7 +13,7 @@ def not_asked_for(name: str, count: int) -> Iterator[Finding]:
     """Return what may have sent answers without a request, if there were any."""
     if count:
         yield noted(
-            f"{name}: {count} answers that were not asked for",
+            f"{name}: {count} answers without a request",
             "does the device server admit a second client (ser2net: max-connections, socat: fork "
             "without max-children=1), or does an adapter repeat lines?",
         )
@@ -34,15 +34,16 @@ def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
         cause = (
             "that is ser2net's `chardelay` at its default, 3 ms at any baud rate"
             if is_default
-            else "a device server collects their bytes, as ser2net does with `chardelay-scale`, "
+            else "a device server collects the bytes, as ser2net does with `chardelay-scale`, "
             "`chardelay-min` and `chardelay-max`"
         )
         yield noted(
             f"{name}: answers arrive whole, {1e3 * held_s:.1f} ms after the line has carried them: "
             f"{cause}",
-            "in ser2net.yaml, under `options:` of this connection, write `chardelay: false`; at "
-            "another server set packing or inter-character time to nothing. If that is so already, "
-            "the instrument takes this time itself, or the line is slower than options.baud states",
+            "in ser2net.yaml, under `options:` of this connection, write `chardelay: "
+            "false`; at another server set packing or inter-character time to 0. If they "
+            "are so already, the instrument takes this time itself, or the line is slower "
+            "than options.baud states",
         )
     if line_baud:
         yield noted(

@@ -186,13 +186,13 @@ def margin(what: str, took: ExchangeTimes, limit_s: float) -> Finding:
     """Compare durations of exchanges with the time after which they are late."""
     text = f"{what} took {in_words(took)}; later than {1e3 * limit_s:.1f} ms is late"
     remedy = (
-        "a late answer is dropped, and three in a row trip: raise the baud rate, set the server's "
-        "or adapter's delay to nothing, or take a longer [rig] period_s"
+        "a late answer is dropped, and three in a row trip: raise the baud rate, set the "
+        "server's or adapter's delay to 0, or take a longer [rig] period_s"
     )
     if took.median_s > limit_s:
         return Finding(False, text, remedy)
     if took.worst_s > THIN_SHARE * limit_s:
-        return noted(f"{text}: the margin is thin", remedy)
+        return noted(f"{text}: the margin is small", remedy)
     return Finding(True, text)
 
 
@@ -255,8 +255,8 @@ def readings(
     steps_um = [b - a for a, b in zip(sorted(x_um), sorted(x_um)[1:], strict=False) if b - a > 1e-9]
     if not steps_um:
         yield noted(
-            f"sensor: {READINGS} equal readings: its step cannot be told",
-            "see that it measures, and that its display shows 0.01 µm or 0.00001 mm",
+            f"sensor: {READINGS} equal readings: its step cannot be found",
+            "check that it measures, and that its display shows 0.01 µm or 0.00001 mm",
         )
         return
     step_um = min(steps_um)
@@ -271,7 +271,7 @@ def readings(
     yield Finding(
         noise_um <= 3.0 * max(settings.noise_um, step_um),
         f"sensor: noise {noise_um:.3f} µm r.m.s., the rig file has {settings.noise_um:g} µm",
-        "see what shakes the arm; then `pincette job calibrate noise`",
+        "find what shakes the arm; then `pincette job calibrate noise`",
     )
 
 

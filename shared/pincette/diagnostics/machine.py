@@ -105,11 +105,11 @@ def measured(rig: RigFile, data: Path) -> Iterator[Finding]:
         return
     known = kept(data)
     if known is None:
-        yield noted("machine: what it keeps is not known", how(rig))
+        yield noted("machine: its timing is not known", how(rig))
         return
     yield Finding(True, f"machine: {words(rig, known)}")
     for change in changes_of(rig, known):
-        yield noted(f"machine: {change.key} does not suit it", change.words())
+        yield noted(f"machine: {change.key} does not suit this machine", change.words())
 
 
 def shared_ports(rig: RigFile) -> Iterator[Finding]:
@@ -153,7 +153,7 @@ def port_finding(rig: RigFile) -> Finding:
         if "rig" in there:
             what = f"ports: rig {there['rig']!r} is up at {url} with another rig file"
             return Finding(False, what, "end it, or give this rig other ports in its file")
-        return Finding(False, f"ports: {error}", "`ss -ltnp` shows what uses the port")
+        return Finding(False, f"ports: {error}", "`ss -ltnp` shows the program that uses the port")
     return PORTS_FREE
 
 

@@ -148,7 +148,7 @@ def composed(rig: RigFile) -> Iterator[Finding]:
         yield noted(
             f"composed: the actuator is part of {having}; where that one hangs or is killed, the "
             "output's own watchdog alone makes the arm safe",
-            "docs/how-to/compose.md says what is given up",
+            "docs/how-to/compose.md has the disadvantages",
         )
 
 
@@ -167,7 +167,7 @@ def watchdog(rig: RigFile) -> Finding:
             False,
             f"watchdog: {without}, and the rig file does not say what the output does where its "
             "host falls silent: output.on_silence = 'unstated'",
-            "find it out, and write on_silence = 'safe' or 'holds' into [output]",
+            "find out, and write on_silence = 'safe' or 'holds' into [output]",
         )
     means = "keeps its last voltage" if said == "holds" else "goes to a safe value by itself"
     return noted(f"watchdog: {without}; as the rig file says, the output {means}")

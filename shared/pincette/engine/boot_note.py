@@ -92,7 +92,7 @@ class BootNote:
         except FileNotFoundError:
             return FIRST
         except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-            _log.warning("%s cannot be read (%s): taken for no clean end", self._path, error)
+            _log.warning("%s cannot be read (%s): taken for an unclean end", self._path, error)
             return Before(Predecessor.DIED)
         if noted.ended in (Predecessor.NONE, Predecessor.CLEAN):
             return Before(Predecessor(noted.ended), noted.instance)

@@ -62,7 +62,7 @@ class Child:
         if told:
             return told
         left = os.statvfs(self.log.parent).f_bavail
-        why = "" if left else ", since its disk is full: make room there and start it again"
+        why = "" if left else ", since its disk is full: free space there and start it again"
         return f"  it has logged nothing; its log is {self.log}{why}"
 
     def logged(self) -> int:
@@ -102,8 +102,8 @@ def check_ports(rig: RigFile) -> None:
                 else ""
             )
             raise FleetError(
-                f"rig {rig.rig.name!r}, {purpose}: {error.strerror}{again}. Its file names host "
-                "and port"
+                f"rig {rig.rig.name!r}, {purpose}: {error.strerror}{again}. The rig file "
+                "names host and port"
             ) from error
 
 

@@ -223,7 +223,7 @@ class Instrument:
             if not known or took_s > REOPEN_PERIODS * self._period_s:
                 raise
             self.counts.retried += 1
-            _log.warning("%s; it keeps %.3f V, and works on after %.3f s", found, found_V, took_s)
+            _log.warning("%s; it keeps %.3f V, and continues after %.3f s", found, found_V, took_s)
             act()
             return None
         return began_s
@@ -424,7 +424,7 @@ def _retried(open_: Callable[[], D], times: int) -> D:
         except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             found = driver_error(error)
             current_counts().retried += 1
-            _log.warning("%s; it is tried again", found)
+            _log.warning("%s; the next attempt follows", found)
             if found.code == "garbled":
                 sleep(PAUSE_S)
     try:

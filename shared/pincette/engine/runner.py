@@ -33,7 +33,7 @@ IDLE_S = 0.5
 """Longest time that a program waits before it checks whether it is to stop."""
 EARLY = 1.5
 """Number of intervals: a timer step that is due later than this is brought forward."""
-NO_CLOCK = "in lockstep no clock is kept, and so nothing is late"
+NO_CLOCK = "in lockstep there is no clock, so nothing is late"
 
 Outputs = tuple[Message, ...]
 

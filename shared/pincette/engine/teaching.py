@@ -40,9 +40,10 @@ def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
     if found.residual_um > limit_um:
         raise ValueError(
             f"the model leaves {found.residual_um:.3f} µm r.m.s., limit {limit_um:.3f} µm: "
-            f"{100.0 * LARGEST_RESIDUAL:g} % of the range. Teaching takes the arm as one without a "
-            "past, and this one seems to have one: run `pincette job calibrate free_response`, "
-            "which strokes it first, for the second of two arms with `--arm 2`"
+            f"{100.0 * LARGEST_RESIDUAL:g} % of the range. Teaching assumes an arm without "
+            "earlier voltages, and this one seems to have had some: run `pincette job "
+            "calibrate free_response`, which strokes it first, for the second of two arms "
+            "with `--arm 2`"
         )
     return found
 
@@ -70,8 +71,9 @@ def free_motion(rig: RigFile, *, to_limits: bool = False) -> tuple[list[float], 
             outcome = message.outcome
     if outcome != Outcome.MOVED:
         raise ValueError(
-            f"the free motion ended as {outcome.value!r} after {len(estimates)} samples, it must "
-            f"end as {Outcome.MOVED.value!r}: raise the limit of the rig file that it met"
+            f"the free motion ended as {outcome.value!r} after {len(estimates)} samples, it "
+            f"must end as {Outcome.MOVED.value!r}: raise the limit of the rig file that "
+            "ended it"
         )
     return [item.arms[0].applied_V for item in estimates], [item.arms[0].x_um for item in estimates]
 

@@ -107,7 +107,7 @@ class KeyenceLKG:
         if value == b"XXXXXXXX":
             text = "Keyence: invalid reading (XXXXXXXX); is the target in view?"
             raise InstrumentError(text, "invalid")
-        raise InstrumentError(f"Keyence: {value[:40]!r} is no value of 8 characters", "garbled")
+        raise InstrumentError(f"Keyence: {value[:40]!r} is not a value of 8 characters", "garbled")
 
     def check_display(self) -> None:
         """Compare unit and step of the display with the rig file, if there is a value to see.
@@ -163,7 +163,7 @@ def _refusal(request: bytes, reply: bytes) -> InstrumentError:
         said = code[:8].decode("ascii", "backslashreplace")
         text = f"Keyence: {request!r} refused, error {said} ({meaning})"
         return InstrumentError(text, "refused")
-    text = f"Keyence: {reply[:40]!r} is no answer to {request!r}"
+    text = f"Keyence: {reply[:40]!r} is not an answer to {request!r}"
     return InstrumentError(text, "garbled")
 
 

@@ -126,8 +126,8 @@ class DC205:
         _check(what, errors)
         if not _token(switch, SWITCH):
             text = (
-                f"DC205: {what} not put out: the output has been switched off at the instrument; "
-                "see why, then start the program anew"
+                f"DC205: {what} not put out: the output has been switched off at the "
+                "instrument; find out why, then start the program again"
             )
             raise InstrumentError(text, "refused")
 
@@ -159,7 +159,7 @@ class DC205:
         reply = self._link.exchange(line)
         words = [word.strip() for word in reply.split(b";")]
         if len(words) != count:
-            text = f"DC205: {reply[:40]!r} is {len(words)} answers to {line!r}, {count} wanted"
+            text = f"DC205: {reply[:40]!r} is {len(words)} answers to {line!r}, must be {count}"
             raise InstrumentError(text, "garbled")
         return words
 
@@ -205,7 +205,7 @@ def _check(what: str, errors: list[bytes]) -> None:
         ("execution", "command"), errors, (EXECUTION_ERRORS, COMMAND_ERRORS), strict=True
     ):
         if CODE.fullmatch(word) is None:
-            text = f"DC205: {what} answered by {word[:40]!r}, no error code"
+            text = f"DC205: {what} answered by {word[:40]!r}, not an error code"
             raise InstrumentError(text, "garbled")
         if code := int(word):
             meaning = meanings.get(code, "no meaning known")
@@ -224,7 +224,7 @@ def _token(word: bytes, tokens: tuple[bytes, ...]) -> int:
 
 def _voltage_V(word: bytes) -> float:
     if VALUE.fullmatch(word) is None:
-        raise InstrumentError(f"DC205: {word[:40]!r} carries no voltage", "garbled")
+        raise InstrumentError(f"DC205: {word[:40]!r} has no voltage", "garbled")
     return float(word)
 
 

@@ -128,10 +128,16 @@ def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -
     found: list[Change] = []
     age = age_change(asked, measured.lateness.max_s, transit_s)
     if "priority" in refused and asked.priority:
-        why = f"asked for, and refused: {refused}; permit it, or other programs go first"
+        why = f"requested and refused: {refused}; permit it, or other programs have priority"
         found.append(Change("[realtime] priority", f"{asked.priority}", why))
     elif age is not None and not asked.priority:
-        found.append(Change("[realtime] priority", f"{FIFO}", "0 asks for none, and ticks wait"))
+        found.append(
+            Change(
+                "[realtime] priority",
+                f"{FIFO}",
+                "0 asks for none, so ticks may wait for other programs",
+            )
+        )
     if age is not None:
         found.append(age)
     if HOPS * hop_s > HOPS_SHARE * asked.period_s and not asked.composed:

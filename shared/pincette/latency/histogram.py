@@ -62,7 +62,7 @@ class Distribution(FrozenRecord, frozen=True):
                 raise ValueError(f"bucket {bucket} after {before}: not in order up to {BUCKETS}")
             before = bucket
         if any(count <= 0 for count in counts):
-            raise ValueError("a bucket that is told holds nothing")
+            raise ValueError("a listed bucket is empty")
 
     @property
     def count(self) -> int:

@@ -40,7 +40,7 @@ def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str
     period_s, lateness = measured.period_s, measured.lateness
     tail_s = lateness.quantile_s(TAIL)
     if tail_s is None or lateness.count < FEWEST:
-        return (f"{lateness.count} wake-ups, too few to judge by: {FEWEST} are needed",)
+        return (f"{lateness.count} wake-ups, too few for a judgement: {FEWEST} are needed",)
     found: list[str] = []
     if tail_s > LATE_SHARE * period_s:
         found.append(_above("p99.9 of the lateness", tail_s, LATE_SHARE, period_s))

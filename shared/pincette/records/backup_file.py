@@ -261,7 +261,7 @@ def _require_name(entry: tarfile.TarInfo) -> str:
     )
     joined = len(parts) >= 4 and parts[0] == JOINED and parts[2] in (MODELS, RECORDS)
     if not (plain and (known or joined)) or ".." in parts or not name.isprintable():
-        raise ValueError(f"it has {name!r}, which is no file of a backup")
+        raise ValueError(f"it has {name!r}, which does not belong in a backup")
     return name
 
 

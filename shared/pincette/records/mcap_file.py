@@ -68,7 +68,7 @@ class Unbuffered:
         except FileNotFoundError:
             found = None
         if found is None or not os.path.samestat(own, found):
-            text = "removed, moved or replaced while it was written"
+            text = "was removed, moved or replaced while it was written"
             raise OSError(errno.ESTALE, text, str(self._path))
 
     def duplicate(self) -> int:

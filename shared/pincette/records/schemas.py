@@ -85,7 +85,7 @@ def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
         from_proto = _reader(kind, described)
     except KeyError as error:
         raise ValueError(
-            f"{topic}: this record is of another version: no {error.args[0]} in it"
+            f"{topic}: this record is from another version: it has no {error.args[0]}"
         ) from None
     proto: Any = message_factory.GetMessageClass(described)
     return lambda payload: from_proto(proto.FromString(payload))

@@ -14,7 +14,7 @@ from pincette.records.record_times import RecordTimes
 from pincette.records.row_blocks import RowBlocks
 from pincette.records.timings import loop_timing
 
-NO_PERIOD = "the record does not say its control period: no table can be made of it"
+NO_PERIOD = "the record does not state its control period: no table can be made from it"
 
 
 class Tables:
@@ -153,7 +153,7 @@ def joined(messages: Iterable[Message]) -> Joined | None:
         return None
     for seq in range(min(bursts), max(bursts) + 1):
         if seq not in bursts:
-            raise ValueError(f"the acquisition of sample {seq} never came")
+            raise ValueError(f"the acquisition of sample {seq} was not received")
         if not bursts[seq].valid:
             raise ValueError(f"the acquisition of sample {seq} was out of the sensor's range")
     ordered = [bursts[seq] for seq in sorted(bursts)]

@@ -32,8 +32,8 @@ class Folder:
             raise SecurityError(f"folder {self.path}: {error.strerror}") from error
         if taken:
             raise SecurityError(
-                f"folder {self.path} is not empty, and nothing in it is written over: name a new "
-                "one, or use `pincette security add`, `issue` and `renew` with this one"
+                f"folder {self.path} is not empty, and nothing in it is overwritten: name a "
+                "new one, or use `pincette security add`, `issue` and `renew` with this one"
             )
         self.path.chmod(OWNED)
         begin_revoked(self.path)
@@ -141,7 +141,7 @@ class Folder:
             for suffix, mode, text in parts:
                 place = self._place(name, suffix)
                 if place.exists() and not again:
-                    raise SecurityError(f"{place} is there already, and is not written over")
+                    raise SecurityError(f"{place} exists already, and is not overwritten")
                 replace_file(place, text, mode)
         except OSError as error:
             raise SecurityError(f"{name} in {self.path}: {error.strerror}") from error

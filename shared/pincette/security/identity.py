@@ -78,6 +78,7 @@ def person(name: str, role: str) -> Identity:
 def _checked(name: str, whose: str) -> None:
     if not NAME.fullmatch(name) or name in (*SHARED, AUTHORITY):
         raise SecurityError(
-            f"{name!r} cannot be the name of a {whose}: wanted a letter, then at most 30 letters, "
-            f"digits or hyphens, all lower case, and not {', '.join((*SHARED, AUTHORITY))}"
+            f"{name!r} cannot be the name of a {whose}: give a letter, then at most 30 "
+            "letters, digits or hyphens, all lower case, and not "
+            f"{', '.join((*SHARED, AUTHORITY))}"
         )

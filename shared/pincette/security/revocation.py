@@ -50,7 +50,7 @@ def _rows(folder: Path) -> list[str]:
         raise SecurityError(f"{place} is damaged: {remedy}") from error
     *rows, last = text.splitlines() or [""]
     if last != _sum(rows) or not text.endswith("\n"):
-        raise SecurityError(f"{place} is damaged: its last line is not the sum of it: {remedy}")
+        raise SecurityError(f"{place} is damaged: its last line is not its checksum: {remedy}")
     return rows
 
 

@@ -111,9 +111,9 @@ def test_a_command_that_asks_for_nothing_needs_no_second_arm() -> None:
 
 def test_a_command_is_refused_whole_for_what_is_no_number_of_the_second_arm() -> None:
     for second, words in (
-        (ArmCommand(1e6), "1e+06 V is absurd"),
-        (ArmCommand(1.0, force_mN=float("nan")), "no force"),
-        (ArmCommand(1.0, x_d_um=float("inf")), "no position"),
+        (ArmCommand(1e6), "1e+06 V is impossible"),
+        (ArmCommand(1.0, force_mN=float("nan")), "not a force"),
+        (ArmCommand(1.0, x_d_um=float("inf")), "not a position"),
     ):
         state, _ = play(armed(), (position(0), 0.0), (command(0, 1.0, second), 0.004))
         assert (state.arms[0].voltage_V, state.refused) == (0.0, 1)

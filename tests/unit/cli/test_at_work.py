@@ -142,7 +142,7 @@ def test_an_action_is_taken(at: At, capsys: pytest.CaptureFixture[str], action: 
     supervisor = at(desk.job(), desk.job(state="pausing"))
     assert main(["job", action, NAME]) == Exit.DONE
     assert sent(supervisor) == {"type": action}
-    assert capsys.readouterr().out == f"job {NAME}: {action} taken; it is pausing\n"
+    assert capsys.readouterr().out == f"job {NAME}: {action} accepted; it is pausing\n"
 
 
 def test_the_last_job_needs_no_id(at: At) -> None:
@@ -207,7 +207,7 @@ def test_jobs_are_listed_and_shown(at: At, capsys: pytest.CaptureFixture[str]) -
     said = capsys.readouterr().out
     assert "part: b12" in said
     assert "release by 127.0.0.1, took effect at sample 462" in said
-    assert "can be asked for: pause, stop, abort, release" in said
+    assert "allowed actions: pause, stop, abort, release" in said
     assert main(["job", "list", "--json", *AT]) == Exit.DONE
     assert json.loads(capsys.readouterr().out) == []
 

@@ -44,7 +44,7 @@ def test_run_takes_a_program_by_its_services_in_any_order(name: str) -> None:
 def test_run_says_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "sensor+recorder"]) == Exit.USAGE
     said = capsys.readouterr().err
-    assert "'recorder' is no service of the loop: wanted 'loop', or at least two of" in said
+    assert "'recorder' is not a service of the loop: must be 'loop', or at least two of" in said
     with pytest.raises(SystemExit) as ended:
         run.main(["sensr"])
     assert ended.value.code == Exit.USAGE
@@ -80,7 +80,7 @@ def test_security_makes_them_on_demand(
     assert main(["security", "add", str(place), "demo", "--composed", "controller+estimator"]) == 0
     assert f"made: demo/{PAIR}\nrestart the router" in capsys.readouterr().out
     assert main(["security", "add", str(place), "demo", "--composed", PAIR]) == 1
-    assert "not written over" in capsys.readouterr().err
+    assert "not overwritten" in capsys.readouterr().err
 
 
 def test_doctor_wants_the_certificates_of_the_programs_there_are(tmp_path: Path) -> None:
@@ -102,4 +102,4 @@ def test_doctor_says_what_is_given_up_and_what_cannot_be() -> None:
     slow = RIG.sensor.model_copy(update={"options": {**RIG.sensor.options, "baud": 9600}})
     late, _ = found(composing(RIG.model_copy(update={"sensor": slow}), "sensor+actuator"))
     assert late.mark == "missing"
-    assert "let the sensor be a program by itself" in late.what
+    assert "make the sensor a program of its own" in late.what

@@ -26,7 +26,7 @@ def test_a_motion_needs_a_person_who_agrees(
 def test_a_direction_that_nobody_agreed_to_look_at_is_missing() -> None:
     finding = moved(RIG, lambda _question: False)
     assert finding.mark == "missing"
-    assert "nobody agreed" in finding.what
+    assert "not confirmed" in finding.what
 
 
 def test_what_a_driver_warns_of_is_not_printed_beside_the_findings(

@@ -40,11 +40,11 @@ def test_every_shape_can_be_asked_for() -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--points", "0:5,7"), "'7' is no point: give s:mN"),
+        (("--points", "0:5,7"), "'7' is not a point: give s:mN"),
         (("--points", "0:x"), "'x' mN cannot be used"),
         (("--levels-mN", "5,,7"), "'' mN cannot be used"),
         (("--frequency-hz", "nan"), "'nan' Hz cannot be used"),
-        (("--shape", "square"), "'square' is no choice: give one of sinusoid"),
+        (("--shape", "square"), "'square' is not allowed: give one of sinusoid"),
     ],
 )
 def test_what_cannot_be_read_is_said(
@@ -73,7 +73,7 @@ def test_a_law_and_gains_that_only_the_supervisor_knows_are_passed_on() -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--set", "other"), "'other' is no choice: give one of consistent"),
+        (("--set", "other"), "'other' is not allowed: give one of consistent"),
         (("--gains", "best"), "'best' cannot be used: give tuned, or numbers by their names"),
         (("--gains", "K_P=0.5,"), "'' cannot be used"),
         (("--gains", "K_Q"), "'K_Q' cannot be used"),

@@ -62,7 +62,7 @@ def test_a_key_is_shown_once_and_listed_without_itself(
     assert key not in said
     assert "digest" not in listed
     assert keys(data, "revoke", "cell-7") == Exit.DONE
-    assert "In force: none" in capsys.readouterr().out
+    assert "Valid: none" in capsys.readouterr().out
     assert keys(data, "list") == Exit.DONE
     assert "revoked" in capsys.readouterr().out
 
@@ -79,7 +79,7 @@ def test_what_cannot_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert keys(tmp_path, "add", "ann") == Exit.FAILED
     assert "take another name" in capsys.readouterr().err
     assert keys(tmp_path, "revoke", "bob") == Exit.FAILED
-    assert "no key or user 'bob' is in force" in capsys.readouterr().err
+    assert "no key or user 'bob' is valid" in capsys.readouterr().err
     assert keys(tmp_path, "add", "eve", "--days", "0") == Exit.USAGE
     assert keys(tmp_path, "add", "Ann (admin)") == Exit.USAGE
     (tmp_path / "supervisor.sqlite").write_text("no journal")

@@ -118,4 +118,4 @@ def test_what_cannot_be_replayed_is_said(
     assert main(["records", "replay", "job"]) == 1
     told = capsys.readouterr().out
     for name in ("estimator", "controller", "actuator"):
-        assert f"{name}: not repeated from here on: its arming is not in the record" in told
+        assert f"{name}: replay stopped here: its arming is not in the record" in told

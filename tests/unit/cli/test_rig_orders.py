@@ -44,11 +44,11 @@ def test_times_are_taken_over() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("bead remove", "there are part, weight, arm, sensor, output"),
-        ("sensor", "sensor knows no ''"),
-        ("weight", "weight knows no ''; it knows hang"),
-        ("weight five", "'five' is no value"),
-        ("sensor wrong nan", "'nan' is no value"),
+        ("bead remove", "targets are part, weight, arm, sensor, output"),
+        ("sensor", "sensor has no operation ''"),
+        ("weight", "weight has no operation ''; it has hang"),
+        ("weight five", "'five' is not a value"),
+        ("sensor wrong nan", "'nan' is not a value"),
         ("sensor slow 9", "beyond 0..5 (s)"),
         ("part place 1 2", "TARGET WHAT VALUE at most"),
     ],

@@ -66,7 +66,7 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
     otto, sensor = folder.facts(person("otto", "operator")), folder.facts(program("sensor", "left"))
     assert f"copy {folder.path}/revoked" in said("revoke", folder.path, "otto")
     assert "'otto' has no certificate" in said("revoke", folder.path, "otto", status=1)
-    assert "started anew" in said("revoke", folder.path, "left/sensor")
+    assert "start it again with the new one" in said("revoke", folder.path, "left/sensor")
     assert folder.facts(program("sensor", "left")).serial != sensor.serial
     assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
@@ -81,7 +81,7 @@ def test_a_lost_list_of_the_revoked_is_begun_anew_by_a_person_alone(
     revoked.write_text("cut\n")
     assert "is damaged" in said("revoke", folder.path, "operator", status=1)
     assert folder.named("operator"), "what could not be revoked is still there"
-    assert "is let in again" in said("revoke", folder.path, "--anew")
+    assert "accepted again" in said("revoke", folder.path, "--anew")
     assert read_revoked(folder.path) == frozenset()
     for words in ((), ("operator", "--anew")):
         assert "either the NAME" in said("revoke", folder.path, *words, status=1)

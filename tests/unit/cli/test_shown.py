@@ -291,7 +291,7 @@ def test_a_plan_names_its_law_and_how_stable_it_is() -> None:
         "law                 DSMIFC, consistent set, K_P = 0.2, K_I = 1, K_S = 0",
         "K_f = 3500",
         "(tuned)",
-        "spectral radius     0.956 at the worst, limit 0.97",
+        "spectral radius     0.956 in the worst case, limit 0.97",
         "feasible: 16.40 s, within every limit of the rig",
     ):
         assert line in out.getvalue()

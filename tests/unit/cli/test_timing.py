@@ -32,10 +32,10 @@ def test_how_punctual_a_loop_is_is_shown(
         ["estimator", "age", "1000", "0.094", "0.310", "0.550", "0.720"],
         ["estimator", "execution", "1000", "0.094", "0.310", "0.550", "0.720"],
     ]
-    silent: dict[str, Any] = {"programs": [], "silent": {"sensor": "in lockstep no clock is kept"}}
+    silent: dict[str, Any] = {"programs": [], "silent": {"sensor": "in lockstep there is no clock"}}
     at(httpx.Response(200, json=silent))
     assert main(["latency", "--of-rig", *AT]) == Exit.FAILED
-    assert capsys.readouterr().out == "sensor: in lockstep no clock is kept\n"
+    assert capsys.readouterr().out == "sensor: in lockstep there is no clock\n"
     content = told.model_dump_json().encode()
     (tmp_path / "timing.json").write_bytes(content)
     sha256 = hashlib.sha256(content).hexdigest()

@@ -29,7 +29,7 @@ def test_the_key_goes_into_the_header_and_nowhere_else() -> None:
 def test_what_is_no_key_is_refused_without_being_told(
     key: str, kind: type[Supervisor] | type[AsyncSupervisor]
 ) -> None:
-    with pytest.raises(ValueError, match="the key is none") as refused:
+    with pytest.raises(ValueError, match="the key is not valid") as refused:
         kind(URL, key=key)
     assert not key or key not in str(refused.value)
 

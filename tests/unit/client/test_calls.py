@@ -67,7 +67,7 @@ def test_what_only_brings_to_rest_is_asked_again(action: str) -> None:
 def test_what_could_act_twice_is_not(action: str) -> None:
     supervisor = Desk(desk.job(), REFUSED, LOST)
     job = supervisor.supervisor().job("j")
-    with pytest.raises(NoAnswerError, match="may or may not have been taken"):
+    with pytest.raises(NoAnswerError, match="may or may not have been accepted"):
         getattr(job, action)()
     # A refused connection has carried nothing; one that was lost may have.
     assert supervisor.slept_s == [0.1]
@@ -118,7 +118,7 @@ def test_what_is_no_supervisor_is_said() -> None:
     supervisor = Desk(httpx.Response(200, text="<html>"), gateway)
     with pytest.raises(ForeignAnswerError, match="is no supervisor"):
         supervisor.supervisor().rigs()
-    with pytest.raises(NoAnswerError, match="status 502, and no words"):
+    with pytest.raises(NoAnswerError, match="status 502, without a problem document"):
         supervisor.supervisor(patience_s=0.0).rigs()
 
 
@@ -134,7 +134,7 @@ def test_a_start_that_was_delivered_is_never_told_as_unheard() -> None:
     with pytest.raises(NoAnswerError) as lost:
         supervisor.supervisor(patience_s=5.0).rig("demo").start("grip", idempotency_key="k7")
     assert lost.value.delivered
-    assert "may or may not have been taken: `pincette job list` shows it" in str(lost.value)
+    assert "may or may not have been accepted: `pincette job list` shows it" in str(lost.value)
     assert "Idempotency-Key k7 it creates no second job" in str(lost.value)
     with pytest.raises(NoAnswerError) as unsent:
         Desk(*[REFUSED] * 50).supervisor(patience_s=5.0).rig("demo").start("grip")
@@ -183,7 +183,7 @@ def test_waiting_goes_through_a_restart_and_ends_in_time() -> None:
         return desk.job()
 
     slow = Desk(late, late, late)
-    with pytest.raises(WaitTimeoutError, match="is running after 4 s, and goes on"):
+    with pytest.raises(WaitTimeoutError, match="is running after 4 s, and continues"):
         slow.supervisor().job("j").wait(4.0)
     assert [request.url.params.get("timeout_s") for request in slow.asked] == [None, "4.0", "1.0"]
 

@@ -130,7 +130,7 @@ def test_a_part_that_is_not_let_go_in_time_needs_a_person(
     answers = (RIGS, desk.job(), held(), desk.job(), late)
     status, _ = run(*answers, kept=supervisor)
     assert status == 4
-    assert "goes on" in capsys.readouterr().err
+    assert "continues" in capsys.readouterr().err
 
 
 def test_it_is_short() -> None:

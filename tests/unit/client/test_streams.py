@@ -158,7 +158,7 @@ def test_a_damaged_file_is_not_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["../samples.csv", "/etc/hosts"])
 def test_a_name_with_a_folder_in_it_is_refused(tmp_path: Path, name: str) -> None:
     supervisor = Desk(desk.job(), listed("0" * 64))
-    with pytest.raises(ValueError, match="is no name of a file"):
+    with pytest.raises(ValueError, match="is not a file name"):
         supervisor.supervisor().job("j").download(name, tmp_path)
 
 

@@ -26,7 +26,7 @@ def test_root_and_encoding_carry_the_version() -> None:
 
 def test_the_older_side_is_to_be_updated() -> None:
     assert update_which("controller", WIRE + 1) == (
-        "controller is there with wire version 3, this program has 2: update this program"
+        "controller runs with wire version 3, this program has 2: update this program"
     )
     assert update_which("controller", WIRE - 1).endswith("update the controller")
 
@@ -40,7 +40,7 @@ def test_fields_of_another_version_are_told_apart(wire: int) -> None:
 
 def test_other_fields_of_the_same_version_are_another_build() -> None:
     said = refused(OTHER_FIELDS, ENCODING)
-    assert "sensor says that it has wire version 2, as this program has" in said
+    assert "sensor states wire version 2, as this program has" in said
     assert "the same version of pincette" in said
 
 

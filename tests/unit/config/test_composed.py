@@ -47,12 +47,12 @@ def test_programs_are_known_by_their_services_in_the_order_of_a_tick(
 @pytest.mark.parametrize(
     ("composed", "words"),
     [
-        ('["sensor"]', r"rig\.composed\.0 = 'sensor': .*composes nothing: wanted 'loop', or at"),
+        ('["sensor"]', r"rig\.composed\.0 = 'sensor': .*composes nothing: must be 'loop', or at"),
         ('["sensor+sensor"]', "composes nothing"),
-        ('["sensor+recorder"]', "'recorder' is no service of the loop: wanted 'loop'"),
-        ('["sensor + actuator"]', "'sensor ' is no service of the loop"),
-        ('["loop+actuator"]', "'loop' is no service of the loop"),
-        ('[""]', "'' is no service of the loop"),
+        ('["sensor+recorder"]', "'recorder' is not a service of the loop: must be 'loop'"),
+        ('["sensor + actuator"]', "'sensor ' is not a service of the loop"),
+        ('["loop+actuator"]', "'loop' is not a service of the loop"),
+        ('[""]', "'' is not a service of the loop"),
         (
             '["sensor+estimator", "estimator+actuator"]',
             "estimator is in 'sensor\\+estimator' and in 'estimator\\+actuator': wanted in one",

@@ -173,7 +173,7 @@ def test_what_makes_no_lease_is_refused_with_its_value() -> None:
     assert lease_objection(good, 8, playing=True, ended=False) == (
         "lease of epoch 7, the controller is in 8"
     )
-    assert "nothing plays" in lease_objection(good, 7, playing=False, ended=False)
+    assert "no program runs" in lease_objection(good, 7, playing=False, ended=False)
     assert "-1 s" in lease_objection(replace(good, length_s=-1.0), 7, playing=True, ended=False)
 
 

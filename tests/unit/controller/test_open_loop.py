@@ -49,7 +49,7 @@ def test_a_relative_path_counts_from_where_the_voltage_is() -> None:
 
 def test_a_wait_keeps_the_voltage_until_somebody_says_continue() -> None:
     bench = plays(Drive("rise", 0.4, courses=(Follow(ramp(0.3)),)), Drive("hang 5 mN", None))
-    with pytest.raises(RefusedError, match="waits for nobody"):
+    with pytest.raises(RefusedError, match="does not wait for a person"):
         handle(CONFIG, bench.state, Action(ActionCode.CONTINUE), 0.0)
     bench.until("hang 5 mN")
     for _ in range(100):

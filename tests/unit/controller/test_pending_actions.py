@@ -126,18 +126,18 @@ def test_what_has_nothing_to_act_on_is_refused_with_the_reason() -> None:
         ("resume", "not paused"),
         ("release", "no part is held"),
         ("keep", "no part is held at rest"),
-        ("continue", "waits for nobody"),
+        ("continue", "does not wait for a person"),
     ):
         with pytest.raises(RefusedError, match=why):
             ask(bench, action)
     bench.until("hold")
     ask(bench, "stop")
     bench.tick()
-    with pytest.raises(RefusedError, match=r"not on its way any more \(stopped\)"):
+    with pytest.raises(RefusedError, match=r"does not run any more \(stopped\)"):
         ask(bench, "pause")
     ask(bench, "release")
     bench.until()
-    with pytest.raises(RefusedError, match="nothing plays: pause"):
+    with pytest.raises(RefusedError, match="no program runs: pause"):
         ask(bench, "pause")
 
 

@@ -57,4 +57,4 @@ def test_a_program_that_cannot_log_on_a_full_disk_is_said_to(
         return SimpleNamespace(f_bavail=left)
 
     monkeypatch.setattr(os, "statvfs", statvfs)
-    assert ("disk is full: make room" in child.tail()) is told
+    assert ("disk is full: free space" in child.tail()) is told

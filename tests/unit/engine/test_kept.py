@@ -53,7 +53,7 @@ def test_another_machine_or_a_damaged_file_says_nothing(
 
 def test_up_and_doctor_tell_it_with_what_suits_the_machine(tmp_path: Path) -> None:
     assert machine_words(RIG, tmp_path) == [
-        "what this machine keeps is not known:",
+        "the timing of this machine is not known:",
         f"  {how(RIG)}",
     ]
     (finding,) = measured(RIG, tmp_path)

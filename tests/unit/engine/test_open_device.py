@@ -59,7 +59,7 @@ def test_one_that_does_not_answer_at_once_is_asked_again(
     with nullcontext() if opened else pytest.raises(InstrumentError):
         open_device(SERVICES[name], RIG)
     assert driver.tried == tries
-    assert caplog.text.count("no answer; it is tried again") == tries - 1
+    assert caplog.text.count("no answer; the next attempt follows") == tries - 1
 
 
 @pytest.mark.parametrize(("failures", "opened"), [(0, True), (17, True), (18, False)])

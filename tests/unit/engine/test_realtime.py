@@ -111,7 +111,7 @@ def test_what_is_not_permitted_is_told_in_one_line_with_limits_and_remedies(
         "a timer slack of 2 µs (Operation not permitted)",
         "a limit of 10 µs for processors to wake (Operation not permitted)",
         'KERNEL=="cpu_dma_latency"',
-        "locked memory (memlock limit 64 KiB, it takes unlimited)",
+        "locked memory (memlock limit 64 KiB, it must be unlimited)",
         "--ulimit rtprio=20 or --cap-add SYS_NICE",
         "LimitMEMLOCK=infinity",
         "--ulimit memlock=-1 or --cap-add IPC_LOCK",

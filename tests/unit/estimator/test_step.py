@@ -166,7 +166,7 @@ def test_another_compliance_alone_changes_the_force() -> None:
 
 def test_an_invalid_estimate_says_why() -> None:
     bench = Bench(LINEAR)
-    assert fault_text(bench.feed(0.0, None).fault) == "no voltage of the sample before"
+    assert fault_text(bench.feed(0.0, None).fault) == "no voltage for the sample before"
     broken = with_arm(
         POSITION, seq=1, valid=False, fault=Fault(FaultCode.INSTRUMENT_SILENT, (), "laser off")
     )

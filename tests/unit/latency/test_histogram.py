@@ -100,7 +100,7 @@ def test_clearing_begins_anew() -> None:
         ((1, 1), (1, 1), "bucket 1 after 1"),
         ((-1,), (1,), "bucket -1"),
         ((BUCKETS,), (1,), f"bucket {BUCKETS}"),
-        ((1,), (0,), "holds nothing"),
+        ((1,), (0,), "is empty"),
     ],
 )
 def test_what_no_histogram_tells_is_refused(

@@ -41,7 +41,7 @@ def test_hops_that_take_half_the_period_are_one() -> None:
 
 def test_too_few_wake_ups_say_nothing() -> None:
     (why,) = objections(measured(count=99))
-    assert why == "99 wake-ups, too few to judge by: 100 are needed"
+    assert why == "99 wake-ups, too few for a judgement: 100 are needed"
     assert objections(measured(count=100)) == ()
     assert objections(Measured(T, counted([]), 0))
 

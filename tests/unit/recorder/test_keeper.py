@@ -97,7 +97,7 @@ def test_what_finds_no_room_is_counted_and_told(tmp_path: Path) -> None:
     assert not recorded.complete
     assert recorded.messages == 10
     assert recorded.dropped >= len(messages) - 10
-    assert "could not be kept" in recorded.detail
+    assert "could not be stored" in recorded.detail
     closing = mcap_reading.read(_folder(bench) / "job.mcap").closing
     assert closing is not None
     assert int(closing["dropped_telemetry"]) > 0
@@ -110,8 +110,11 @@ def test_a_sample_that_never_came_is_noticed(bench: Bench) -> None:
     recorded = bench.finish(8)
     assert isinstance(recorded, Recorded)
     assert (recorded.complete, recorded.dropped) == (False, 1)
-    assert "1 of position never came" in recorded.detail
-    assert bench.keeper.lack == "the record of job j-1 lacks messages: 1 of position never came"
+    assert "1 messages of position were not received" in recorded.detail
+    assert (
+        bench.keeper.lack
+        == "the record of job j-1 lacks messages: 1 messages of position were not received"
+    )
 
 
 def test_the_last_samples_are_waited_for(bench: Bench) -> None:
@@ -190,7 +193,7 @@ def test_an_idle_loop_that_goes_on_measuring_is_no_sign_of_life(bench: Bench) ->
         bench.feed([Position(EPOCH, seq, 0.0, (ArmPosition(0.0, valid=True),))])
         bench.wait(1.0)
     assert bench.keeper.record is None
-    assert "nobody finished it" in _manifest(bench)["detail"]
+    assert "it was not finished" in _manifest(bench)["detail"]
 
 
 def test_a_pause_is_not_silent(bench: Bench) -> None:
@@ -215,7 +218,7 @@ def test_finishing_what_was_given_up_says_so(bench: Bench) -> None:
     recorded = bench.ended(29)
     assert isinstance(recorded, Recorded)
     assert not recorded.complete
-    assert "nobody finished it" in recorded.detail
+    assert "it was not finished" in recorded.detail
 
 
 def test_finishing_after_a_restart_of_the_recorder(bench: Bench) -> None:
@@ -278,7 +281,7 @@ def test_a_message_that_no_file_has_room_for_is_counted(bench: Bench) -> None:
     recorded = bench.finish(9)
     assert isinstance(recorded, Recorded)
     assert (recorded.messages, recorded.dropped) == (len(messages), 1)
-    assert "1 of position could not be kept" in recorded.detail
+    assert "1 messages of position could not be stored" in recorded.detail
 
 
 def test_ending_closes_what_is_open(bench: Bench) -> None:

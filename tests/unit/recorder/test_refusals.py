@@ -60,7 +60,7 @@ def test_another_job_takes_over_from_one_that_nobody_finished(bench: Bench) -> N
     bench.keeper.take()
     assert bench.begin("j-2", EPOCH + 2) == Ack(0)
     manifest = json.loads((bench.jobs / "j-1" / "manifest.json").read_text(encoding="utf-8"))
-    assert "began before anybody had finished" in manifest["detail"]
+    assert "began before this record was finished" in manifest["detail"]
     assert bench.keeper.record is not None
     assert bench.keeper.record.job == "j-2"
 
@@ -87,7 +87,7 @@ def test_a_full_disk_is_refused(tmp_path: Path) -> None:
 def test_a_job_that_is_no_name_of_a_folder_is_refused(bench: Bench, job: str) -> None:
     answer = bench.begin(job)
     assert isinstance(answer, str)
-    assert "no name of a folder" in answer
+    assert "not a valid folder name" in answer
     assert not bench.jobs.exists()
 
 

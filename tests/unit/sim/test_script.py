@@ -119,18 +119,18 @@ def test_heal_ends_what_was_before_it_and_nothing_after() -> None:
     [
         (
             SimCommand("bead", "remove"),
-            "no target 'bead'; there are part, weight, arm, sensor, output",
+            "no target 'bead'; targets are part, weight, arm, sensor, output",
         ),
-        (SimCommand("part", "melt"), "part knows no 'melt'; it knows remove, place, lose"),
-        (SimCommand("output", "over_range"), "output knows no 'over_range'"),
+        (SimCommand("part", "melt"), "part has no operation 'melt'; it has remove, place, lose"),
+        (SimCommand("output", "over_range"), "output has no operation 'over_range'"),
         (SimCommand("weight", "hang"), "weight hang needs a value: mN"),
         (SimCommand("weight", "hang", 1e6), "weight hang 1000000.0: beyond -1000..1000"),
         (SimCommand("arm", "stiffen", float("nan")), "arm stiffen nan: beyond 0.01..100"),
         (SimCommand("sensor", "slow", 6.0), "sensor slow 6.0: beyond 0..5 (s)"),
         (SimCommand("sensor", "stuck", 1.0), "sensor stuck takes no value, 1.0 was given"),
         (SimCommand("part", "lose", for_s=1.0), "part lose happens once: for_s = 1.0 s"),
-        (SimCommand("sensor", "off", after_s=-1.0), "after_s = -1.0 s is no time from now on"),
-        (SimCommand("sensor", "off", for_s=0.0), "for_s = 0.0 s is no duration"),
+        (SimCommand("sensor", "off", after_s=-1.0), "after_s = -1.0 s is not a future time"),
+        (SimCommand("sensor", "off", for_s=0.0), "for_s = 0.0 s is not a duration"),
     ],
 )
 def test_a_wrong_order_is_refused_with_what_could_be(order: SimCommand, words: str) -> None:
@@ -159,7 +159,7 @@ def test_the_rig_file_holds_orders_and_refuses_wrong_ones(demo: RigFile) -> None
     bench = Stand(script_of(parse_rig(tree)), rig)
     assert bench.run(4) == [0.0, 1.0, 1.0, 1.0]
     tree["simulation"]["script"][0]["what"] = "stuk"
-    with pytest.raises(ConfigError, match=r"script\.0.*sensor knows no 'stuk'"):
+    with pytest.raises(ConfigError, match=r"script\.0.*sensor has no operation 'stuk'"):
         parse_rig(tree)
 
 

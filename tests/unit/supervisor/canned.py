@@ -236,7 +236,7 @@ class CannedRig:
 
     def _act(self, action: str) -> None:
         if self.place >= len(self.ticks):
-            raise RefusalError(f"nothing plays: {action} has nothing to act on")
+            raise RefusalError(f"no program runs: {action} cannot act")
         if self.deaf:
             return
         tick = self.ticks[self.place]
@@ -257,7 +257,7 @@ class CannedRig:
                 self.say(tick, (Acted.STOP,), Outcome.STOPPED)
                 self.play(self.place + 1 if held and action == "stop" else None)
             case _ if not held:
-                raise RefusalError("no part is held: release has nothing to let go")
+                raise RefusalError("no part is held: none can be released")
             case _:
                 self.say(tick, (Acted(action),), outcome)
                 self.play()
@@ -306,7 +306,7 @@ class CannedRig:
 
     def _continue(self, tick: samples.Tick) -> None:
         if self.place not in self.pauses:
-            raise RefusalError("the program waits for nobody: continue has nothing to go on with")
+            raise RefusalError("the program does not wait for a person: it cannot be continued")
         acted = replace(tick.telemetry, acted=(Acted.CONTINUE,))
         self.ticks[self.place] = replace(tick, telemetry=acted)
         self.play(next((place for place in self.pauses if place > self.place), None))

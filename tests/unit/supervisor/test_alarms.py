@@ -157,7 +157,7 @@ def test_who_asked_for_an_emergency_stop_is_in_its_words(harness: Harness) -> No
     harness.until(lambda: bool(alarms(harness)))
     (row,) = alarms(harness)
     assert (row["cause"], row["job"]) == ("estop", None)
-    assert row["words"] == "estop: an emergency stop was asked for, by Ada"
+    assert row["words"] == "estop: an emergency stop was requested, by Ada"
 
 
 def test_the_first_of_several_requests_names_an_emergency_stop(harness: Harness) -> None:

@@ -26,7 +26,7 @@ def body(calibration: str, **wishes: Any) -> dict[str, Any]:
     [
         ({"kind": "calibrate"}, "/calibration", "calibration is missing"),
         (body("colour"), "/calibration", "calibration = 'colour'"),
-        (body("noise", weights_mN=[0.0]), "/weights_mN", "weights_mN is not a field that is known"),
+        (body("noise", weights_mN=[0.0]), "/weights_mN", "weights_mN is not a known field"),
         (body("noise", duration_s=0.1), "/duration_s", "must be 2 s or more"),
         (body("compliance", weights_mN=[0.0, -5.0]), "/weights_mN/1", "weights_mN[1] = -5.0 mN: "),
         (body("free_response", low_V=1.0, high_V=0.5), "", "low_V = 1.0 V is not below high_V"),

@@ -64,7 +64,7 @@ def test_a_loop_that_answers_is_not_tripped_and_goes_on(desk: Harness) -> None:
     assert desk.get(f"/jobs/{job}")["state"] == "running"
     assert desk.bus.trips == []
     (words,) = alarms(desk)
-    assert "the loop is well and goes on" in words
+    assert "the loop works and goes on" in words
     assert "this program stood still for" in words
     desk.bus.play()
     assert desk.ended(job)["state"] == "succeeded"

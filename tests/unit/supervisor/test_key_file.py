@@ -246,7 +246,7 @@ def test_the_rig_file_may_require_keys_on_an_empty_data_folder(
 ) -> None:
     assert started(tmp_path).identify(HERE, None, None).way == "open"
     assert started(tmp_path, "always").identify(HERE, None, None).scope is None
-    assert "none is in force, so nobody comes in: `pincette key add" in caplog.text
+    assert "none is valid, so every request is refused: `pincette key add" in caplog.text
     key = made(tmp_path)
     assert started(tmp_path, "always").identify(HERE, key, None).scope == "operate"
 

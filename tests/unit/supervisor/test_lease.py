@@ -95,7 +95,7 @@ def test_what_is_not_answered_is_asked_again_and_what_is_refused_is_not(
     bus.answer = None
     assert renewal.renew(1.0)
     assert renewal.age_s == 0.0
-    bus.answer = RefusalError("nothing plays: a lease has nothing to go on with")
+    bus.answer = RefusalError("no program runs: its lease cannot be renewed")
     assert not renewal.renew(1.0)
 
 

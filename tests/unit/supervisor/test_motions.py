@@ -94,7 +94,7 @@ def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_said() -> Non
     _, view = plan({"kind": "move", "by_um": 3.0}, None)
     assert view.begins_at.x_um is None
     assert view.curves.x_r_um[0] == 0.0
-    assert "nothing has been heard of the arm" in view.warnings[0]
+    assert "the arm has not been reported yet" in view.warnings[0]
     assert "goes to a place, not by a distance" in view.warnings[1]
 
 

@@ -69,7 +69,7 @@ def test_a_hint_names_another_field_of_the_same_kind(
 ) -> None:
     (error,) = harness.post("/jobs", body).json()["errors"]
     assert error["pointer"] == f"/{named}"
-    assert error["message"].startswith(f"{named} is not a field")
+    assert error["message"].startswith(f"{named} is not a known field")
     assert hint in error["message"]
     if not hint:
         assert f"did you mean {named}?" not in error["message"]

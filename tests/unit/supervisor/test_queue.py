@@ -162,7 +162,7 @@ def test_an_emergency_stop_between_two_jobs_uses_up_none(
 
     def stopped_before() -> Any:
         if not harness.bus.latch:
-            harness.bus.trip("estop: an emergency stop was asked for")
+            harness.bus.trip("estop: an emergency stop was requested")
         return next_entry()
 
     with monkeypatch.context() as between:

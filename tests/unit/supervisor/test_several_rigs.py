@@ -152,7 +152,7 @@ def test_another_rig_file_waits_until_no_job_has_the_rig(both: RigsHarness, file
     playing.play()
     assert both.ended(job)["state"] == "succeeded"
     both.until(lambda: both.get("/rigs/right")["digest"] == now.digest())
-    both.until(lambda: both.found("right")[-1] == "taken up anew, with another rig file")
+    both.until(lambda: both.found("right")[-1] == "loaded again, with another rig file")
     assert both.names() == ["left", "right"]
     assert both.ended(both.grip(rig="right")["id"])["state"] == "succeeded"
 

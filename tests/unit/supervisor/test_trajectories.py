@@ -150,7 +150,7 @@ def test_another_model_makes_a_trajectory_stale(harness: Harness) -> None:
     seen = harness.get(f"/trajectories/{tree['digest']}")
     assert seen["plan"] == tree["plan"]
     assert seen["stale"] == [
-        f"model: the rig file alone was in use, version 1 ({model.in_use.digest}) is at present"
+        f"model: the rig file alone was in use, now it is version 1 ({model.in_use.digest})"
     ]
     refused = harness.post(f"/trajectories/{tree['digest']}/jobs", {})
     assert refused.status_code == 409

@@ -221,7 +221,7 @@ def require_key(config: SupervisorConfig, authenticator: Authenticator) -> None:
             '[supervisor] host = "127.0.0.1"'
         )
     if closed:
-        log.warning("keys are required and none is in force, so nobody comes in: %s", make)
+        log.warning("keys are required and none is valid, so every request is refused: %s", make)
     if config.in_container and not authenticator.keys_wanted:
         log.warning(
             "OPEN: whoever reaches %s may move the rig without a key. [supervisor] behind = "

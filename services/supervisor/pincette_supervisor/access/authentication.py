@@ -406,9 +406,9 @@ def require_scope(caller: Caller, needed: Scope) -> None:
         )
     if caller.scope is None:
         why = (
-            "what was shown opens nothing: it is wrong, revoked, expired or signed out"
+            "the key or session is not accepted: it is wrong, revoked, expired or signed out"
             if caller.showed
-            else "this supervisor wants a key: Authorization: Bearer KEY"
+            else "this supervisor requires a key: Authorization: Bearer KEY"
         )
         raise ProblemError(
             401,

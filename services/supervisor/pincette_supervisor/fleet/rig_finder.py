@@ -229,13 +229,13 @@ class RigFinder:
             ""
             if file.digest() == before.digest()
             else f"its programs run with rig file {file.digest()}, jobs here are of "
-            f"{before.digest()}: it is taken up anew once no job has the rig and none waits"
+            f"{before.digest()}: the rig is loaded again once no job runs or waits"
         )
         if file == before:
             return True
         if not manager.retire():
             return False
-        self._serve(file, "taken up anew, with another rig file")
+        self._serve(file, "loaded again, with another rig file")
         _end(manager)
         return True
 

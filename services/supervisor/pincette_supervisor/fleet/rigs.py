@@ -161,7 +161,7 @@ class Rigs:
         raise ProblemError(
             422,
             "invalid-request",
-            "It is not said which rig is meant",
+            "The request does not name a rig",
             words,
             errors=[{"pointer": "/rig", "message": words}],
         )

@@ -127,7 +127,7 @@ class Calibrations:
             raise ProblemError(
                 409,
                 "invalid-transition",
-                "The proposal is decided about",
+                "The proposal has been decided already",
                 f"calibration {name} is {decided.state} since {decided.at}",
                 state=decided.state,
                 allowed_actions=[],
@@ -343,7 +343,7 @@ def _reasons(
         yield StepReason(code=due.code, text=due.text)
     aside = [one.key for one in model.set_aside if one.key in step.functions.finds]
     if aside:
-        text = f"the rig file has another {', '.join(aside)} since"
+        text = f"the rig file has changed since: {', '.join(aside)}"
         yield StepReason(code="rig_file_changed", text=text)
     changed = [
         item.quantity

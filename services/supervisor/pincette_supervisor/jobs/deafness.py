@@ -99,8 +99,8 @@ class Silence:
         age_s = self._context.observer.age_s(Applied)
         shares = share_words(max(lasts_s, age_s or 0.0))
         words = (
-            f"the supervisor heard no sample of the actuator for {lasts_s:.1f} s, which answered "
-            f"that it is armed: the loop is well and goes on; {shares}"
+            f"the supervisor heard no sample of the actuator for {lasts_s:.1f} s, which "
+            f"answered that it is armed: the loop works and goes on; {shares}"
         )
         self._context.alarms.raise_alarm(
             CAUSE, words, severity="warning", clears="acknowledge", job=job

@@ -360,7 +360,9 @@ class JobManager:
         """Store a job and start or queue it; returns its name. The caller holds the lock."""
         request = resolved.kept
         if self._closing:
-            raise refusals.unready(["the supervisor ends, or takes the rig up anew: ask again"])
+            raise refusals.unready(
+                ["the supervisor is ending, or loads the rig again: send the request again"]
+            )
         waits = request.queue and (self.active is not None or len(self.queue) > 0)
         if waits and len(self.queue) >= CAPACITY:
             raise refusals.queue_full(len(self.queue))
@@ -398,7 +400,7 @@ class JobManager:
         try:
             Run(self.context, live, self._plan_queued).main()
         except Exception:  # the job has ended as failed; the next one may begin
-            log.exception("job %s met a fault of the supervisor", live.id)
+            log.exception("job %s failed by a fault of the supervisor", live.id)
         finally:
             with self._lock:
                 try:
@@ -424,7 +426,7 @@ class JobManager:
             name = self._admit(*self._feasible(request), by)
         except ProblemError as error:
             self.queue.halt(f"job {live.id} failed: {live.status.cause}")
-            live.append_cause(f"it did not begin by itself: {error}")
+            live.append_cause(f"it could not be started automatically: {error}")
             return
         live.append_cause(f"as job {name}")
 

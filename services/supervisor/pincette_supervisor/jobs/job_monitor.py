@@ -175,7 +175,7 @@ def stall_words(context: RigContext, reason: TripReason) -> str:
     if known is not None:
         late_s = max(late_s, *(one.lateness.max_s for one in known.wake_ups))
     change = age_change(asked(rig), late_s, transit_s)
-    told += [] if change is None else [f"what would suit it: {change.words()}"]
+    told += [] if change is None else [f"a setting that fits this machine: {change.words()}"]
     return "; ".join([*told, how(rig)])
 
 

@@ -85,7 +85,7 @@ def _refusals() -> Generator[None]:
         raise problems.unsupported(error) from error
     except ValueError as error:
         raise ProblemError(
-            422, "invalid-request", "No plan can be made of this", str(error)
+            422, "invalid-request", "The request cannot be planned", str(error)
         ) from error
 
 
@@ -115,7 +115,7 @@ class TrajectoryStore:
         for name in resolved.kind.relative:
             if getattr(kept, name) is not None:
                 raise problems.unusable(
-                    f"{name}: a trajectory goes to a place; say to_um or to_V", pointer=f"/{name}"
+                    f"{name}: a trajectory needs a target: give to_um or to_V", pointer=f"/{name}"
                 )
         tree = kept.model_dump(mode="json", exclude_unset=True, exclude=OF_A_START)
         return TrajectoryRow(
@@ -140,7 +140,9 @@ class TrajectoryStore:
         if (kind := row.request["kind"]) not in job_kinds():
             found.append(f"kind: {kind} is not known any more, make the trajectory again")
         if row.rig_file_digest != model.rig_file_digest:
-            found.append(f"rig file {row.rig_file_digest} is {model.rig_file_digest} at present")
+            found.append(
+                f"rig file {row.rig_file_digest} has been replaced by {model.rig_file_digest}"
+            )
         if row.model_digest != model.digest:
             before, at_present = (
                 f"version {version} ({digest})" if digest else "the rig file alone"
@@ -149,7 +151,7 @@ class TrajectoryStore:
                     (model.version, model.digest),
                 )
             )
-            found.append(f"model: {before} was in use, {at_present} is at present")
+            found.append(f"model: {before} was in use, now it is {at_present}")
         return found
 
     def planned(self, row: TrajectoryRow) -> Planned | None:
@@ -193,8 +195,8 @@ class TrajectoryStore:
         return ProblemError(
             409,
             "trajectory-stale",
-            "What the trajectory was made with is not in use",
-            f"{'; '.join(changed)}: POST its request to /api/v1/trajectories again",
+            "The rig file or model that the trajectory was made with is not in use",
+            f"{'; '.join(changed)}: send its request to /api/v1/trajectories again",
             changed=changed,
         )
 

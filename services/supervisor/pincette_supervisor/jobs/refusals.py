@@ -175,8 +175,8 @@ def caller_gone() -> ProblemError:
     return ProblemError(
         408,
         "caller-gone",
-        "The caller has hung up",
-        "the connection ended before the job was planned: nothing was begun; send it again",
+        "The client has disconnected",
+        "the connection ended before the job was planned: nothing was started; send it again",
     )
 
 
@@ -186,7 +186,7 @@ def queue_full(length: int) -> ProblemError:
         409,
         "queue-full",
         "The queue is full",
-        f"{length} jobs wait, which is the most; wait until one has ended, or stop one",
+        f"{length} jobs wait, the maximum; wait until one has ended, or stop one",
     )
 
 

@@ -62,7 +62,7 @@ class Run:
             job.end("fail", str(error), ending_code(error))
         finally:
             observer.stop_buffering()
-            job.end("fail", "the supervisor has a fault; its log says more", "internal")
+            job.end("fail", "the supervisor has a fault; see its log", "internal")
 
     def _prepare(self) -> Planned | None:
         job = self._job

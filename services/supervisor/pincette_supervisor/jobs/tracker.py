@@ -392,8 +392,8 @@ class MissingSamples:
             return None
         words = (
             f"{count} of the {planned} samples of {self._phase} are missing already, limit "
-            f"{100.0 * MOST_MISSING:g} %: see to the sensor's line, and to the machine "
-            "(`pincette latency --of-rig`)"
+            f"{100.0 * MOST_MISSING:g} %: check the sensor's line and the load of the "
+            "machine (`pincette latency --of-rig`)"
         )
         values = {"missing": count, "planned": planned, "limit": MOST_MISSING}
         return words, Ending(code="samples_missing", values=values)

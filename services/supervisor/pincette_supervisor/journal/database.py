@@ -28,9 +28,9 @@ MOVE_AWAY = "move it away to begin a new one"
 SEE_DISK = "look at the disk's room and rights"
 USE_LOCAL_DISK = "keep the data folder on a local disk (--data FOLDER)"
 USE_OTHER_PLACE = (
-    "its file system does not do what a journal needs (locks, memory maps), as many network "
-    f"shares: {USE_LOCAL_DISK}, or the journal in PostgreSQL (PINCETTE_STORE). The journal itself "
-    "is not known to be damaged: leave it where it is, or copy it"
+    "its file system lacks what a journal needs (locks, memory maps), as many network "
+    f"shares: {USE_LOCAL_DISK}, or the journal in PostgreSQL (PINCETTE_STORE). The journal "
+    "itself is not known to be damaged: leave it where it is, or copy it"
 )
 DAMAGE = frozenset({"SQLITE_CORRUPT", "SQLITE_NOTADB"})
 NO_LOCKS = frozenset(
@@ -39,7 +39,7 @@ NO_LOCKS = frozenset(
 """Errors of ``flock`` on file systems without locks."""
 UNFIT = frozenset({"SQLITE_IOERR", "SQLITE_NOLFS", "SQLITE_PROTOCOL"})
 """Errors of SQLite on file systems that lack what it needs."""
-SEE_SERVER = "see that the server runs and lets you in, and that the database is there"
+SEE_SERVER = "check that the server runs and admits this account, and that the database exists"
 T = TypeVar("T")
 
 

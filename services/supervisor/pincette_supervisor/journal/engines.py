@@ -47,7 +47,7 @@ def server_url(url: str) -> URL:
     try:
         found = make_url(url)
     except ArgumentError as error:
-        raise ValueError(f"it is no URL such as {SERVER}://user@host/database") from error
+        raise ValueError(f"it is not a URL such as {SERVER}://user@host/database") from error
     if found.drivername not in (SERVER, DRIVER):
         raise ValueError(f"{found.drivername} is not known: wanted {SERVER}://user@host/database")
     return found.set(drivername=DRIVER)

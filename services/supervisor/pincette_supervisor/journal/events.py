@@ -98,7 +98,7 @@ class Listeners:
         with self._lock:
             if len(self._queues) >= LISTENERS_MAX:
                 raise TooManyListenersError(
-                    f"{LISTENERS_MAX} listen to events already, which is the most"
+                    f"{LISTENERS_MAX} clients listen to events already, the maximum"
                 )
             self._queues.add(queue)
             queue.closed = self._closed

@@ -179,15 +179,15 @@ class KeyFile:
 
     def _damaged(self, why: str) -> StoreError:
         return StoreError(
-            f"the key file {self._path} cannot be used: {why}; bring it back from a copy, or move "
-            f"it away and {self._make_one}"
+            f"the key file {self._path} cannot be used: {why}; restore it from a backup, or "
+            f"move it away and {self._make_one}"
         )
 
     def missing(self) -> StoreError:
         """Return the error to raise where keys are wanted and the file has none."""
         return StoreError(
-            f"the key file {self._path} is missing or has no keys, and this supervisor has had "
-            f"keys: bring it back from a copy, or {self._make_one}"
+            f"the key file {self._path} is missing or has no keys, and this supervisor has "
+            f"had keys: restore it from a backup, or {self._make_one}"
         )
 
     @property

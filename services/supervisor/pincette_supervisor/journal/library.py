@@ -61,7 +61,7 @@ class RecipeRepository:
                 _require_room(connection)
             elif version > VERSIONS_MAX:
                 raise RecipeLimitError(
-                    f"recipe {name!r} has {VERSIONS_MAX} versions, the most: use another name"
+                    f"recipe {name!r} has {VERSIONS_MAX} versions, the maximum: use another name"
                 )
             connection.execute(insert(RECIPES).values(asdict(row)))
             return row, True
@@ -111,7 +111,9 @@ def _newest(connection: Connection, name: str) -> RecipeRow | None:
 def _require_room(connection: Connection) -> None:
     count = connection.scalar(select(func.count(RECIPES.c.name.distinct())))
     if count is not None and count >= RECIPES_MAX:
-        raise RecipeLimitError(f"there are {RECIPES_MAX} recipes, the most: give one a new version")
+        raise RecipeLimitError(
+            f"there are {RECIPES_MAX} recipes, the maximum: store a new version of one"
+        )
 
 
 # Trajectories as they are kept: the request, and what it was planned with, by their digest.

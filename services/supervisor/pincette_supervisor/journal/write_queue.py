@@ -86,7 +86,7 @@ class WriteQueue:
 
     def _add(self, entry: _Entry) -> int:
         if len(self._waiting) >= self._capacity:
-            log.error("%d changes wait to be written: the oldest is given up", len(self._waiting))
+            log.error("%d changes wait to be written: the oldest is dropped", len(self._waiting))
             first = self._waiting.popleft()
             if first is self._under_way and self._waiting:
                 self._waiting.popleft()

@@ -76,7 +76,7 @@ class Delivery:
         try:
             self._sender.send(notice)
         except NotWantedError as error:
-            log.warning("%s wants no more notices: %s", self._sender.name, error)
+            log.warning("%s accepts no more notices: %s", self._sender.name, error)
             self._ended = True
             return False
         except RefusedError as error:
@@ -84,7 +84,7 @@ class Delivery:
             if self._refused_since is None:
                 self._refused_since = self._clock()
             if self._clock() - self._refused_since > GIVEN_UP_S:
-                log.error("%s: given up, as not taken for days: %s", self._sender.name, error)
+                log.error("%s: given up after days of refusals: %s", self._sender.name, error)
                 self._refused_since = None
                 return True
             log.warning("%s: %s; again in %g s", self._sender.name, error, self._delay_s)

@@ -82,7 +82,7 @@ class Worker:
             return self.run(work, argument)
         except Exception:  # an error of the function itself is raised again here
             log.exception(
-                "a process beside the supervisor failed, and the supervisor does its work"
+                "a process beside the supervisor failed, and the supervisor does its work itself"
             )
             return work(argument)
 

@@ -35,8 +35,8 @@ NAMES: Mapping[Cause, str] = {
 TO_DO: Mapping[Cause, str] = {
     "noise": "the sensor's noise is the floor: a better sensor alone goes below it",
     "response": (
-        "the free response is not known better: calibrate residual for this very motion, or "
-        "free_response anew"
+        "the free response is not known more accurately: calibrate residual for this very "
+        "motion, or free_response anew"
     ),
     "contact_line": (
         "estimate and position leave the contact line that the load has shown: calibrate residual, "
@@ -51,8 +51,8 @@ RESTLESS = (
     "vibration, or for gains that are too high"
 )
 POSITION_RESPONSE = (
-    "the free response misses what comes back in every cycle: learn from cycle to cycle, or "
-    "calibrate free_response anew"
+    "the free response has an error that repeats in every cycle: learn from cycle to cycle, "
+    "or calibrate free_response anew"
 )
 COLOURS: Mapping[Cause, str] = {
     "noise": "#8a939c",
@@ -118,7 +118,7 @@ def _causes(found: Sources, *, restless: bool, response: str) -> ErrorCauses:
         words = RESTLESS
     whole = sum(value * value for value in found.by_cause.values())
     if found.by_cause[largest] ** 2 < SMALL * whole:
-        words = f"no cause is above all others; the largest: {words}"
+        words = f"no cause dominates; the largest: {words}"
     return ErrorCauses(total=found.total, largest=largest, to_do=words, **found.by_cause)
 
 

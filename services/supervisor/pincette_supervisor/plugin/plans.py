@@ -134,7 +134,7 @@ def unconditioned(
         ]
     if present.memory_known is not False:
         return []
-    size = "some mN at the most"
+    size = "a few mN at most"
     if force_mN is not None:
         size = f"±{past_uncertainty_mN(rig, force_mN):.2g} mN by the past alone"
     if rig.limits.voltage_min_V >= 0.0:
@@ -354,8 +354,8 @@ def _unknown(present: Present, rig: RigFile) -> list[str]:
     if present.voltage_V is not None:
         return []
     return [
-        f"nothing has been heard of the arm: it is taken to stand at {rig.safety.safe_V:g} V, "
-        f"{present.stand_um(rig):g} µm"
+        f"the arm has not been reported yet: it is assumed to stand at {rig.safety.safe_V:g} "
+        f"V, {present.stand_um(rig):g} µm"
     ]
 
 

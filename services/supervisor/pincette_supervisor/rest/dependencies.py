@@ -88,7 +88,7 @@ NOT_BLANK = r"[^\s]"
 BEARER = HTTPBearer(
     scheme_name="key",
     auto_error=False,
-    description="A key of `pincette key add`, wanted where the supervisor has any. Scopes: "
+    description="A key of `pincette key add`, required if the supervisor has any. Scopes: "
     + "; ".join(f"`{name}`: {text}" for name, text in MEANINGS.items()),
 )
 SESSION = APIKeyCookie(
@@ -213,8 +213,8 @@ async def _operator(
     x_operator: Annotated[
         str | None,
         Header(
-            description="who asks, kept with the action; where there are keys, a label beside the "
-            "name of the key; of any alphabet, in UTF-8 or percent-encoded",
+            description="name of the person or program, stored with the action; with keys, a label "
+            "beside the name of the key; any alphabet, in UTF-8 or percent-encoded",
             min_length=1,
             max_length=OPERATOR_LENGTH,
             pattern=NOT_BLANK,
@@ -268,7 +268,7 @@ ClaimToken = Annotated[
     str | None,
     Header(
         alias="X-Claim",
-        description="secret of the caller's claim on a rig, which the caller has made up",
+        description="secret of the caller's claim on a rig, chosen by the caller",
         pattern=CLAIM_TOKEN,
     ),
 ]

@@ -53,7 +53,7 @@ def proposals(
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
     before: Annotated[
-        str | None, Query(description="those taken before this calibration", max_length=NAME_LENGTH)
+        str | None, Query(description="calibrations made before this one", max_length=NAME_LENGTH)
     ] = None,
 ) -> ProposalList:
     """What calibrations that succeeded propose, of every rig or of one, the newest first."""

@@ -66,7 +66,7 @@ STREAM_OF_JOB: dict[int | str, dict[str, Any]] = {
 }
 
 
-After = Annotated[int | None, Query(ge=0, le=LARGEST, description="only events beyond this number")]
+After = Annotated[int | None, Query(ge=0, le=LARGEST, description="only events after this number")]
 
 
 def _none_if_empty(text: Any) -> Any:
@@ -81,7 +81,7 @@ def _position(
             alias="Last-Event-ID",
             ge=0,
             le=LARGEST,
-            description="comes before `after`; empty: none",
+            description="takes precedence over `after`; empty: none",
         ),
         BeforeValidator(_none_if_empty),  # last: the bounds are of the number alone
     ] = None,

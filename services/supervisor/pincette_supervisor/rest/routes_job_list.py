@@ -78,7 +78,7 @@ async def _filter(
         ),
     ] = None,
     created_from: Annotated[
-        AwareDatetime | None, Query(description="taken then or later, with a time zone")
+        AwareDatetime | None, Query(description="accepted at this time or later, with a time zone")
     ] = None,
     created_to: Annotated[AwareDatetime | None, Query(description="taken before then")] = None,
 ) -> JobFilter:
@@ -101,12 +101,15 @@ async def _filter(
 Wanted = Annotated[JobFilter, Depends(_filter)]
 """Filter of a list of jobs."""
 
-TABLE = "a row for each job: what was said and asked, and every figure; units are in the names"
-NUMBERS = "a row for each job, in numbers: 1 yes, 0 no, nan none, times in seconds since 1970"
+TABLE = "one row for each job with its labels, request and results; units are in the names"
+NUMBERS = (
+    "one row for each job, as numbers: 1 for yes, 0 for no, nan for none, times in seconds "
+    "since 1970"
+)
 METADATA = "metadata in the form of CSVW; name it as the table, with -metadata.json at the end"
 NUMBERS_CSV = "export.numbers.csv"
 MostJobs = Annotated[
-    int | None, Query(ge=1, description="the newest ones alone; all of them by default")
+    int | None, Query(ge=1, description="only this many of the newest jobs; all by default")
 ]
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
@@ -118,7 +121,7 @@ def jobs(
     wanted: Wanted,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     before: Annotated[
-        str | None, Query(description="those taken before this job", max_length=NAME_LENGTH)
+        str | None, Query(description="jobs accepted before this one", max_length=NAME_LENGTH)
     ] = None,
 ) -> Response:
     """Jobs, the newest first; those alone that are as named."""

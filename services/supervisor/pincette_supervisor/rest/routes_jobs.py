@@ -72,7 +72,7 @@ CREATED: dict[int | str, dict[str, Any]] = {
     200: {
         "model": Job | AnyPlan,
         "description": "dry run: the plan, feasible or not; or the job that the Idempotency-Key "
-        f"has created already, with the header {REPLAYED}",
+        f"has created before, with the header {REPLAYED}",
     },
     201: {"model": Job, "description": "taken; Location names it"},
     **responses(404, 409),
@@ -223,12 +223,12 @@ async def job_state(
     wait: Annotated[
         Literal["terminal", "recorded", "change"] | None,
         Query(
-            description="answer when the job has ended, or its record is written, too, or it is "
-            "not as it was"
+            description="answer when the job has ended, when its record is written as well, or "
+            "when the job has changed"
         ),
     ] = None,
     since: Annotated[
-        int | None, Query(ge=0, description="with wait=change: the revision that is known")
+        int | None, Query(ge=0, description="with wait=change: the revision that the client has")
     ] = None,
     timeout_s: Annotated[
         float,
@@ -271,7 +271,7 @@ async def job_state(
     status_code=202,
     dependencies=[OPERATE],
     responses={
-        200: {"model": Job, "description": "what is asked for holds already"},
+        200: {"model": Job, "description": "the requested state holds already"},
         **responses(404, 409),
     },
 )

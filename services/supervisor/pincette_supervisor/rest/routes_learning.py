@@ -27,7 +27,7 @@ def learned(
     manager: Manager,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     before: Annotated[
-        str | None, Query(description="those that follow this program", pattern=PROGRAM)
+        str | None, Query(description="programs after this one", pattern=PROGRAM)
     ] = None,
 ) -> LearnedList:
     """What the programs of a rig have learned, with the error over their cycles."""

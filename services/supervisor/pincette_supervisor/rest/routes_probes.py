@@ -113,7 +113,7 @@ async def thing_description(
 
 
 def _turn(turn_s: float) -> Check:
-    words = f"the event loop took {1e3 * turn_s:.1f} ms to come round"
+    words = f"one turn of the event loop took {1e3 * turn_s:.1f} ms"
     return Check(
         name="event_loop",
         ok=turn_s <= TURN_S,

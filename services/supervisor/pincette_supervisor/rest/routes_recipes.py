@@ -33,8 +33,8 @@ Repository = Annotated[RecipeRepository, Depends(_repository)]
     status_code=201,
     dependencies=[OPERATE],
     responses={
-        200: {"model": Recipe, "description": "the newest version has these values already"},
-        201: {"model": Recipe, "description": "kept; Location names the version"},
+        200: {"model": Recipe, "description": "the newest version has the same values"},
+        201: {"model": Recipe, "description": "stored; Location names the version"},
         **responses(409),
     },
 )
@@ -61,7 +61,7 @@ def recipes(
     repository: Repository,
     limit: Annotated[int, Query(ge=1, le=500)] = 500,
     before: Annotated[
-        str | None, Query(description="those that follow this name", max_length=NAME_LENGTH)
+        str | None, Query(description="recipes after this name", max_length=NAME_LENGTH)
     ] = None,
 ) -> RecipeList:
     """The newest version of every recipe, by name."""

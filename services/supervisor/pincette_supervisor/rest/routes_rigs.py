@@ -151,8 +151,8 @@ def claim(
     x_claim: Annotated[
         str,
         Header(
-            description="a secret of at least 16 characters that the caller has made up; sent "
-            "again it renews the claim, and sent with other requests it lets them pass",
+            description="a secret of at least 16 characters chosen by the caller; sent again, it "
+            "renews the claim; sent with another request, it lets that request pass the claim",
             pattern=CLAIM_TOKEN,
         ),
     ],
@@ -226,7 +226,7 @@ def history(
     hours: Annotated[float, Query(gt=0.0, le=168.0, description="how far back")] = 1.0,
     to_s: Annotated[
         float | None,
-        Query(ge=0.0, le=4e9, description="up to then, in seconds since 1970; left out: now"),
+        Query(ge=0.0, le=4e9, description="end of the window, in seconds since 1970; default: now"),
     ] = None,
     points: Annotated[int, Query(ge=10, le=2000, description="most stretches of time")] = 600,
 ) -> History:
@@ -240,7 +240,7 @@ async def newest_samples(
     manager: Manager,
     after: Annotated[
         int | None,
-        Query(ge=0, le=LARGEST, description="`next` of the last reply; else the last minute"),
+        Query(ge=0, le=LARGEST, description="`next` of the last reply; default: the last minute"),
     ] = None,
 ) -> LiveList:
     """Samples in batches, as the stream has them, for a client that holds no connection."""

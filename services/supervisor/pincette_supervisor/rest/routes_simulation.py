@@ -54,7 +54,7 @@ def command(manager: Manager, body: SimulationCommand, asker: Asking) -> Simulat
         manager.context.bus.call(SIM_COMMAND, wanted)
     except RefusalError as error:
         raise ProblemError(
-            409, "simulation-refused", "The simulated rig takes no such command", str(error)
+            409, "simulation-refused", "The simulated rig has no such command", str(error)
         ) from error
     except BusError as error:
         raise unanswered(error) from error
@@ -84,5 +84,5 @@ def _require_simulated(manager: JobManager) -> None:
             409,
             "rig-is-real",
             "This rig is not simulated",
-            f"rig {rig.rig.name!r} is real: do at its bench what you want done",
+            f"rig {rig.rig.name!r} is real: make the change at its bench",
         )

@@ -133,7 +133,7 @@ def trajectories(
     rigs: AllRigs,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     before: Annotated[
-        str | None, Query(description="those that follow this digest", max_length=NAME_LENGTH)
+        str | None, Query(description="trajectories after this digest", max_length=NAME_LENGTH)
     ] = None,
 ) -> TrajectoryList:
     """Trajectories, the newest first."""

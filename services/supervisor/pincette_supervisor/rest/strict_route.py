@@ -235,5 +235,5 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         ((name, count),) = Counter(name for name, _ in pairs).most_common(1)
         shown = ascii(name) if len(name) <= 60 else ascii(name[:57]) + "..."
-        raise RepeatedKeyError(f"the member {shown} comes {count} times in one object")
+        raise RepeatedKeyError(f"the member {shown} is given {count} times in one object")
     return found

@@ -270,7 +270,7 @@ def _text(value: Any, unit: str = "") -> str:
 SAID = ("sample", "batch", "operator", "notes")
 LABEL = "label "
 """Begin of the names of labels in a manifest, and in the metadata of files of samples."""
-NOT_RECORDED = "no recorder has said what it has"
+NOT_RECORDED = "no recorder has reported on its record"
 
 
 def completeness(recorded: Recorded | str) -> dict[str, bool | str]:

@@ -187,7 +187,7 @@ class LiveSamples:
         with self._lock:
             if self._listeners[client] >= most:
                 raise TooManyListenersError(
-                    f"{client} has {most} listeners to live samples, which is the most"
+                    f"{client} has {most} listeners to live samples, the maximum"
                 )
             self._listeners[client] += 1
             oldest = self._rows[0].number if self._rows else self._count

@@ -46,7 +46,7 @@ def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period
     zeta = require_positive("damping ratio", damping_ratio, "")
     T = require_positive("period", period_s, "s")
     if zeta >= 1.0:
-        raise ValueError(f"damping ratio = {zeta}, must be below 1: the mode is to ring")
+        raise ValueError(f"damping ratio = {zeta}, must be below 1: the arm must be underdamped")
     sigma = zeta * omega_n
     omega_d = omega_n * sqrt(1.0 - zeta * zeta)
     decay = exp(-sigma * T)

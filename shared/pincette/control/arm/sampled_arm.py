@@ -47,7 +47,7 @@ class LoopCase:
         require_positive("frequency factor", self.frequency_factor, "")
         require_positive("gain factor", self.gain_factor, "")
         require_positive("damping factor", self.damping_factor, "")
-        require_not_negative("contact stiffness that is told", self.told, "mN/µm")
+        require_not_negative("stated contact stiffness", self.told, "mN/µm")
         if not 0.0 <= self.delay_periods <= 1.0:
             raise ValueError(f"delay = {self.delay_periods} periods, must be within 0 and 1")
 

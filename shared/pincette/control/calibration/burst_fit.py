@@ -150,8 +150,8 @@ def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: b
         if bool((moved_by < SETTLED * np.maximum(scale, 1e-9)).all()) or damping > 1e5:
             return at
     raise ValueError(
-        f"the fit of delay and lag has not settled in {ROUNDS} rounds: the arm does not answer "
-        "like one mode; take away what touches it"
+        f"the fit of delay and lag has not settled in {ROUNDS} rounds: the arm does not "
+        "answer like one mode; remove what touches it"
     )
 
 

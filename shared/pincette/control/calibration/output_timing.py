@@ -120,8 +120,8 @@ def output_timing(bursts: Sequence[Burst], period_s: float) -> IdentifiedTiming:
     if not 0.0 <= delay_s <= LONGEST_DELAY * T:
         raise ValueError(
             f"delay from sample to voltage {1e3 * delay_s:.3f} ms, must be within 0 and "
-            f"{1e3 * LONGEST_DELAY * T:g} ms: a free arm does not answer so; take away what "
-            "touches it"
+            f"{1e3 * LONGEST_DELAY * T:g} ms: a free arm does not answer like this; "
+            "remove what touches it"
         )
     gains, residuals_um = solved(some, T, found)
     ends = np.cumsum([len(one.x_um) for one in some])[:-1]

@@ -335,7 +335,7 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
     message = (
         f"contact at {request.contact_um:g} µm, less its tolerance of "
         f"{request.contact_tolerance_um:g} µm and {MARGIN_UM:g} µm, is {stand_off_um:g} µm "
-        f"and lies before the start at {x_start_um:g} µm: the arm may touch already"
+        f"and is before the start at {x_start_um:g} µm: the arm may touch already"
     )
     return [Violation("/contact_um", "position", stand_off_um, x_start_um, "µm", 0.0, message)]
 

@@ -100,7 +100,7 @@ class MoveRequest:
         require_positive("speed_um_per_s", self.speed_um_per_s, "µm/s")
         require_positive("rest_s", self.rest_s, "s")
         if [self.to_um, self.to_V, self.by_V].count(None) != 2:
-            raise ValueError("a move wants exactly one target")
+            raise ValueError("a move needs exactly one target")
 
 
 def plan_move(

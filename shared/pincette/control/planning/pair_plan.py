@@ -118,10 +118,10 @@ class PairPaths:
 
     def __post_init__(self) -> None:
         if self.force is None and self.place is None:
-            raise ValueError("a track wants a path of force or of place; there is none")
+            raise ValueError("a track needs a path of force or of place")
         for path, quantity in ((self.force, "force"), (self.place, "position")):
             if path is not None and path.quantity != quantity:
-                raise ValueError(f"a path of {path.quantity} in the place of one of {quantity}")
+                raise ValueError(f"a path of {path.quantity} in place of one of {quantity}")
 
     @property
     def duration_s(self) -> float:

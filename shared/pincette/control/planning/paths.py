@@ -71,7 +71,9 @@ class Path(FrozenRecord, frozen=True):
         if not (isfinite(self.mean) and isfinite(self.amplitude)):
             raise ValueError(f"mean {self.mean} and amplitude {self.amplitude} must be finite")
         if self.cycles < 1 or self.blend_cycles < 1:
-            raise ValueError(f"{self.cycles} cycles and {self.blend_cycles} to blend, at least 1")
+            raise ValueError(
+                f"{self.cycles} cycles and {self.blend_cycles} to blend, must be at least 1"
+            )
         if self.shape == "triangle" and not 0.0 < self.corner <= 0.25:
             raise ValueError(f"corner = {self.corner}, must be above 0 and at most 0.25")
 
@@ -134,7 +136,7 @@ class Path(FrozenRecord, frozen=True):
 
 def _check_knots(knots: tuple[Knot, ...]) -> None:
     if len(knots) < 2 or knots[0].t_s != 0.0:
-        raise ValueError("a path wants two knots at least, the first at 0 s")
+        raise ValueError("a path needs at least two knots, the first at 0 s")
     if knots[0].rate != 0.0 or knots[-1].rate != 0.0:
         raise ValueError("a path begins and ends at rest")
     before_s = -1.0

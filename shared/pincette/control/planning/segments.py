@@ -167,10 +167,10 @@ class Seek(Move, frozen=True, tag="seek"):
 
     def __post_init__(self) -> None:
         if len(self.sides) != len(self.to_um) or not any(self.sides):
-            raise ValueError(f"{self.phase}: a seek wants an arm that must touch: {self.sides}")
+            raise ValueError(f"{self.phase}: a seek needs an arm that must touch: {self.sides}")
         for goal_um, must_touch in zip(self.to_um, self.sides, strict=True):
             if must_touch and goal_um is None:
-                raise ValueError(f"{self.phase}: a seek wants a goal for each arm that must touch")
+                raise ValueError(f"{self.phase}: a seek needs a goal for each arm that must touch")
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
         """Return the references at a time since the begin of the segment, in s."""
@@ -286,7 +286,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
     def __post_init__(self) -> None:
         if self.force is None and self.place is None:
-            raise ValueError(f"{self.phase}: a track wants a path of force or of place")
+            raise ValueError(f"{self.phase}: a track needs a path of force or of place")
 
     @property
     def arms(self) -> int | None:
@@ -383,7 +383,7 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 
     def __post_init__(self) -> None:
         if not self.duration_s and any(isinstance(one, Ramp) for one in self.courses):
-            raise ValueError(f"{self.phase}: a ramp of a voltage wants a duration")
+            raise ValueError(f"{self.phase}: a ramp of a voltage needs a duration")
 
     @property
     def arms(self) -> int | None:

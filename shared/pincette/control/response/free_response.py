@@ -272,7 +272,7 @@ def free_position(model: LinearResponse, voltage_V: float) -> float:
 def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
     """Return the mean of the last ``rest_samples``; raises ValueError if there are fewer."""
     if not 1 <= rest_samples <= len(samples):
-        raise ValueError(f"{len(samples)} samples, where a rest of {rest_samples} is wanted")
+        raise ValueError(f"{len(samples)} samples, must be at least {rest_samples} at rest")
     voltage_V = x_um = displacement_um = 0.0
     for index in range(len(samples) - rest_samples, len(samples)):
         voltage_V += samples[index].voltage_V

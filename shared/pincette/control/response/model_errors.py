@@ -169,7 +169,7 @@ def rehearsed_errors(
         Where there are none, or the voltage does not move.
     """
     if not grips:
-        raise ValueError("no rehearsed grips, one is wanted at least")
+        raise ValueError("no rehearsed grips, at least one is needed")
     count = max(1, round(REST_S / period_s))
 
     def mean(values: Column, start: int) -> float:
@@ -285,7 +285,7 @@ def at_end(voltage_V: Column, samples: slice) -> slice:
 def _together(what: str, values: Sequence[float], scatter: Sequence[float]) -> Value:
     """Return the root mean square of several values, with its uncertainty."""
     if not values:
-        raise ValueError(f"no {what}, one is wanted at least")
+        raise ValueError(f"no {what}, at least one is needed")
     mean = sqrt(float(np.mean(np.square(values))))
     within = sqrt(float(np.mean(np.square(scatter))) / len(values))
     between = float(np.std(values)) / sqrt(max(1, len(values) - 1))

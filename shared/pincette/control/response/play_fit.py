@@ -128,7 +128,9 @@ def require_enough(samples: int, coefficients: int) -> None:
     """Refuse too few samples for some coefficients; raises ValueError."""
     wanted = MIN_SAMPLES_PER_COEFFICIENT * coefficients
     if samples < wanted:
-        raise ValueError(f"{samples} samples, {wanted} are wanted for {coefficients} coefficients")
+        raise ValueError(
+            f"{samples} samples, must be at least {wanted} for {coefficients} coefficients"
+        )
 
 
 def first_known(u: Column, threshold_V: float) -> int:

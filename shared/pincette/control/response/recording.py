@@ -58,7 +58,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
 def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
     """Return the mean branches of all strokes from end to end; raises ValueError as above."""
     if len(voltage_V) < 2 or not float(np.ptp(voltage_V)) > 0.0:
-        raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is wanted")
+        raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is needed")
     shapes: list[tuple[float, ...]] = []
     ends: list[NDArray[np.float64]] = []
     for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -70,8 +70,8 @@ def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
             u, x = voltage_V[first : last + 1], x_um[first : last + 1]
             if len(u) < MIN_SAMPLES_PER_CELL * CELLS:
                 raise ValueError(
-                    f"{len(u)} samples in a stroke {name}, "
-                    f"{MIN_SAMPLES_PER_CELL * CELLS} are wanted"
+                    f"{len(u)} samples in a stroke {name}, {MIN_SAMPLES_PER_CELL * CELLS} "
+                    "are needed"
                 )
             way = (u - u[0]) / (u[-1] - u[0])
             knots = _knots(way, x)

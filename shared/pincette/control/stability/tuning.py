@@ -120,7 +120,7 @@ def tune(
     """
     searched = dict(definition.search) if grid is None else grid
     if not searched:
-        raise ValueError(f"{definition.title} has no search for gains: give them one by one")
+        raise ValueError(f"{definition.title} has no search for gains: give each gain")
     start = definition.settings(parameter_set)
     laws = [
         start.with_gains(**dict(zip(searched, values, strict=True)))

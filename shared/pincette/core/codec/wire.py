@@ -25,7 +25,7 @@ def of_other_wires(tokens: Iterable[str]) -> dict[str, int]:
 def update_which(program: str, wire: int) -> str:
     """Return what to tell a person about a program with another version of the wire."""
     older = "this program" if wire > WIRE else f"the {program}"
-    return f"{program} is there with wire version {wire}, this program has {WIRE}: update {older}"
+    return f"{program} runs with wire version {wire}, this program has {WIRE}: update {older}"
 
 
 def explained(error: CodecError, encoding: str, sender: str) -> str:
@@ -38,8 +38,8 @@ def explained(error: CodecError, encoding: str, sender: str) -> str:
         return f"{error}; {update_which(sender, int(version))}" if _is_wire(version) else str(error)
     if isinstance(error, FieldsError):
         return (
-            f"{error}; {sender} says that it has wire version {WIRE}, as this program has: "
-            "start all programs with the same version of pincette"
+            f"{error}; {sender} states wire version {WIRE}, as this program has: start all "
+            "programs with the same version of pincette"
         )
     return str(error)
 

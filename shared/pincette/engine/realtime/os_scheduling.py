@@ -136,7 +136,7 @@ def _memory_limit(system: Linux, why: str = "") -> Refusal | None:
     limit = system.memory_limit_bytes()
     if limit is None and not why:
         return None
-    held_by = why if limit is None else f"memlock limit {limit // 1024} KiB, it takes unlimited"
+    held_by = why if limit is None else f"memlock limit {limit // 1024} KiB, it must be unlimited"
     return Refusal(
         "memory",
         f"locked memory ({held_by})",
@@ -165,7 +165,7 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
     # tick has a dozen such waits one after another. So a fixed priority is asked for first.
     if system is None and sys.platform != "linux":
         if scheduling.required:
-            raise ConfigError(f"[realtime] required = {_named(scheduling)}: it takes Linux")
+            raise ConfigError(f"[realtime] required = {_named(scheduling)}: it needs Linux")
         return
     refusals = ask(scheduling, Linux() if system is None else system)
     if not refusals:

@@ -129,7 +129,7 @@ def _armed(
     """Return the service in its state at the beginning of the epoch."""
     armed = next((item for item in requests if item.arm is not None), None)
     if armed is None or armed.arm is None:
-        raise _StoppedError("its arming is not in the record; older records do not hold it")
+        raise _StoppedError("its arming is not in the record; older records lack it")
     runner = Runner(service, rig, tapes, armed.arm.owner, recorded=True)
     # A newer version has another digest of the same rig file where it knows more quantities.
     arm = replace(armed.arm, digest=runner.digest)
@@ -139,7 +139,7 @@ def _armed(
     for request in (*before, arm):
         reply, _ = runner.call(request, 0.0)
         if isinstance(reply, str):
-            raise _StoppedError(f"it refuses to begin: {reply}")
+            raise _StoppedError(f"it refuses to start: {reply}")
     try:
         runner.state = restored(service, runner.config, runner.state, armed.state_snapshot)
     except (KeyError, TypeError, ValueError) as error:
@@ -164,7 +164,9 @@ def _request_of(item: RequestLog) -> Message | None:
 def _ask(runner: Runner, item: RequestLog, comparison: Comparison) -> None:
     reply, outputs = runner.call(cast(Message, _request_of(item)), 0.0)
     if isinstance(reply, str):
-        raise _StoppedError(f"after sample {item.seq} it refuses what it took then: {reply}")
+        raise _StoppedError(
+            f"after sample {item.seq} it refuses what it accepted in the recorded run: {reply}"
+        )
     comparison.take(outputs)
 
 

@@ -122,7 +122,7 @@ class DconModule:
         """Return what the channel puts out; raises InstrumentError."""
         reply = self._answer(b"$%02X8%d" % (self.address, self.channel), VALUE)
         if reply[:3] != b"!%02X" % self.address or VALUE.fullmatch(reply[3:]) is None:
-            raise InstrumentError(f"I-7024: {reply[:40]!r} carries no voltage", "garbled")
+            raise InstrumentError(f"I-7024: {reply[:40]!r} has no voltage", "garbled")
         return float(reply[3:])
 
     def ordered(
@@ -166,7 +166,7 @@ class DconModule:
         """Return the error for commands that a tripped module ignores."""
         text = (
             f"I-7024: {what} ignored: the host watchdog has tripped and the output is at its "
-            "safe value; reset the rig, or start the program anew"
+            "safe value; reset the rig, or start the program again"
         )
         return InstrumentError(text, "tripped")
 
@@ -186,7 +186,7 @@ class DconModule:
             return InstrumentError(f"{text} format", "refused")
         if reply == b"!":
             return self.tripped(what)
-        text = f"I-7024: {what} answered by {reply[:40]!r}, which means nothing here"
+        text = f"I-7024: {what} answered by {reply[:40]!r}, which is unknown"
         return InstrumentError(text, "garbled")
 
 

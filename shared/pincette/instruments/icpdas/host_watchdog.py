@@ -56,7 +56,7 @@ class HostWatchdog:
         if abs(found_V) <= ZERO_V:
             self._module.ordered(b"~", b"5%d" % self._module.channel, "safe value")
         else:
-            text = "I-7024: the output stands at %+.3f V, so its safe value stays what it is"
+            text = "I-7024: the output stands at %+.3f V, so its safe value is not changed"
             _log.warning(text, found_V)
 
     def feed_with_write(self) -> None:
@@ -144,5 +144,5 @@ class HostWatchdog:
     def _has_tripped(self) -> bool:
         status = self._module.ordered(b"~", b"0", "status", STATUS)
         if STATUS.fullmatch(status) is None:
-            raise InstrumentError(f"I-7024: {status[:40]!r} is no status", "garbled")
+            raise InstrumentError(f"I-7024: {status[:40]!r} is not a status", "garbled")
         return bool(int(status, 16) & TRIPPED)

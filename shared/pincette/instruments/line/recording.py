@@ -57,7 +57,10 @@ class Recorder:
         self._began_s = clock()
         try:
             if path.is_file() and not _is_recording(path):
-                text = f"{path}: there already, and no recording; name another file to record to"
+                text = (
+                    f"{path}: exists already, and is not a recording; name another file to "
+                    "record to"
+                )
                 raise InstrumentError(text, "cannot_open")
             self._file = path.open("w", encoding="ascii", errors="backslashreplace", newline="\n")
         except OSError as error:
@@ -153,11 +156,11 @@ def read_recording(path: Path) -> list[Entry]:
     """
     try:
         if not _is_recording(path):
-            text = f"{path}: no recording, its first line is not {HEAD!r}"
+            text = f"{path}: not a recording: its first line is not {HEAD!r}"
             raise InstrumentError(text, "cannot_open")
         lines = path.read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        text = f"{path}: no recording can be read ({error}); check the url in the rig file"
+        text = f"{path}: the recording cannot be read ({error}); check the url in the rig file"
         raise InstrumentError(text, "cannot_open") from error
     numbered = enumerate(lines, start=1)
     return [_entry(path, number, line) for number, line in numbered if line[:1] not in ("", "#")]
@@ -179,7 +182,7 @@ def _entry(path: Path, number: int, line: str) -> Entry:
         request, outcome = columns
         return Entry(number, _meant(request), _outcome(outcome))
     except ValueError as error:
-        text = f"{path}, line {number}: {line[:80]!r} is no line of a recording ({error})"
+        text = f"{path}, line {number}: {line[:80]!r} is not a line of a recording ({error})"
         raise InstrumentError(text, "cannot_open") from error
 
 
@@ -188,7 +191,7 @@ def _outcome(text: str) -> bytes | InstrumentError:
         return _meant(text)
     word, _, why = text[1:].partition(" ")
     if word not in CAUSES:
-        raise ValueError(f"{word!r} is no cause of an error")
+        raise ValueError(f"{word!r} is not a cause of an error")
     return InstrumentError(why.encode("ascii").decode("unicode_escape"), CAUSES[word])
 
 
@@ -199,5 +202,5 @@ def _written(data: bytes) -> str:
 
 def _meant(text: str) -> bytes:
     if MARKED.match(text):
-        raise ValueError("a mark that is not known")
+        raise ValueError("an unknown mark")
     return text.encode("ascii").decode("unicode_escape").encode("latin-1")

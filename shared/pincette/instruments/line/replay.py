@@ -44,7 +44,7 @@ class ReplayLink:
         """
         outcome = self._taken(request).outcome
         if outcome is None:
-            raise self._unlike(request, "wants an answer, recorded without one")
+            raise self._unlike(request, "needs an answer, recorded without one")
         if isinstance(outcome, InstrumentError):
             raise InstrumentError(str(outcome), outcome.code)
         return outcome
@@ -55,7 +55,7 @@ class ReplayLink:
         if isinstance(outcome, InstrumentError):
             raise InstrumentError(str(outcome), outcome.code)
         if outcome is not None:
-            raise self._unlike(line, f"wants no answer, recorded with {outcome[:40]!r}")
+            raise self._unlike(line, f"needs no answer, recorded with {outcome[:40]!r}")
 
     def close(self) -> None:
         """Close the link; repeated calls do nothing."""

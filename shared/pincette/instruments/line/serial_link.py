@@ -208,7 +208,7 @@ class Line:
             self._bring_to_order(port, matching, line, until_s)
             reply = self._ask(port, matching, line, until_s)
         except TimeoutError as error:
-            text = f"{self.url}: cannot send, the line does not drain; is the other end deaf?"
+            text = f"{self.url}: cannot send, the line does not drain; does the other end read?"
             raise InstrumentError(text, "silent") from error
         except (OSError, ValueError) as error:
             text = f"{self._hung_up_text(error)}; it is opened again"
@@ -323,7 +323,7 @@ class Line:
         except InstrumentError as error:
             self._drop()
             self._failure = str(error)
-            text = f"{self.url}: opened again, but the instrument cannot work on: {error}"
+            text = f"{self.url}: opened again, but the instrument cannot continue: {error}"
             raise InstrumentError(text, error.code) from error
         finally:
             self._opening_until_s = None
@@ -536,9 +536,9 @@ class Line:
 
     def _doubled(self, wait_s: float) -> InstrumentError:
         text = (
-            f"{self.url}: {MOST_UNEXPECTED} exchanges in a row found more answers than requests, "
-            f"so answers cannot be told apart; silent for {wait_s:.1f} s, then opened again. Does "
-            "an adapter or a second program repeat lines?"
+            f"{self.url}: {MOST_UNEXPECTED} exchanges in a row had more answers than "
+            f"requests, so answers cannot be told apart; silent for {wait_s:.1f} s, then "
+            "opened again. Does an adapter or a second program repeat lines?"
         )
         return InstrumentError(text, "garbled")
 

@@ -38,7 +38,7 @@ from pincette.sim.plant.state import Event, newest_events
 def advance_pair(p: PairParameters, state: PairState, dt_s: float) -> PairState:
     """Let ``dt_s`` pass: whole substeps, then the rest; the same bits for the same arguments."""
     if not 0.0 <= dt_s < math.inf:
-        raise ValueError(f"dt_s = {dt_s} s: time runs forward and is finite")
+        raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
     longest_s = min(p.first.substep_s, p.second.substep_s)
     whole = int(dt_s / longest_s + 1e-9)
     rest_s = dt_s - whole * longest_s

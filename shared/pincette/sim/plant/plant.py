@@ -107,7 +107,7 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
     left is creep, which is linear with a constant input, and the arm follows its equilibrium.
     """
     if not 0.0 <= dt_s < math.inf:
-        raise ValueError(f"dt_s = {dt_s} s: time runs forward and is finite")
+        raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
     moving_s = settled_s(parameters, state) if dt_s > parameters.substep_s else math.inf
     if dt_s - moving_s > parameters.substep_s:
         settled = advance(parameters, state, moving_s)
@@ -127,7 +127,9 @@ def play(
     Also returns position in µm and voltage at the amplifier's input in V at the end of each.
     """
     if not 0.0 < dt_s <= parameters.substep_s:
-        raise ValueError(f"dt_s = {dt_s} s: above 0, up to a substep of {parameters.substep_s} s")
+        raise ValueError(
+            f"dt_s = {dt_s} s: must be above 0 and at most a substep of {parameters.substep_s} s"
+        )
     targets = [quantised_V(parameters, voltage_V) for voltage_V in voltages_V]
     return _substeps(parameters, state, dt_s, len(targets), targets)
 

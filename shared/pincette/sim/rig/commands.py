@@ -36,7 +36,7 @@ class Orders:
 
     def lose_part(self) -> None:
         """Let the part fall."""
-        self._take_part("lost", "the part fell by order")
+        self._take_part("lost", "the part fell, as commanded")
 
     def slip_part(self, by_um: float) -> None:
         """Let the face of the part give way by so much, away from the driven arm."""

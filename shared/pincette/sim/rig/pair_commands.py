@@ -74,7 +74,7 @@ class PairOrders(Orders):
             at_um, (x_1, x_2) = finite("contact_um", wanted_um, "µm"), state.tips_um
             if x_1 > at_um or x_2 > gap_um - at_um:
                 raise ValueError(
-                    f"the arms are at {x_1:.2f} µm and {x_2:.2f} µm, the part wants them up to "
+                    f"the arms are at {x_1:.2f} µm and {x_2:.2f} µm, the part allows at most "
                     f"{at_um:.2f} µm and {gap_um - at_um:.2f} µm: open the gripper first"
                 )
             placed = replace(

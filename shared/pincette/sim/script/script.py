@@ -36,8 +36,8 @@ from pincette.sim.script.faults import (
 from pincette.sim.script.scripted_line import ScriptedLine
 
 FORBIDDEN = (
-    "this rig takes no orders: write `scripts = true` into [simulation] of its rig file and start "
-    "it again"
+    "this rig takes no commands: write `scripts = true` into [simulation] of its rig file "
+    "and start it again"
 )
 
 log = logging.getLogger(__name__)

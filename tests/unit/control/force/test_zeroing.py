@@ -53,7 +53,7 @@ def test_zero_is_refused_while_a_part_is_held() -> None:
 
 
 def test_zero_is_refused_without_enough_rest() -> None:
-    assert "4 samples of rest, 5 are wanted" in refusal([0.0] * 4)
+    assert "4 samples of rest, must be 5" in refusal([0.0] * 4)
 
 
 def test_zero_is_refused_while_the_arm_moves() -> None:

@@ -207,7 +207,7 @@ def test_each_limit_points_at_the_member_that_breaks_it() -> None:
 def test_contact_before_the_start_is_refused() -> None:
     violations = planned(x_start_um=28.0).violations
     assert [(v.pointer, v.value, v.limit) for v in violations] == [("/contact_um", 26.0, 28.0)]
-    assert "lies before the start at 28 µm" in violations[0].message
+    assert "is before the start at 28 µm" in violations[0].message
 
 
 def test_impossible_requests_are_refused() -> None:

@@ -160,7 +160,7 @@ def test_a_path_travels_within_its_program(path: Path) -> None:
 def test_impossible_paths_are_refused() -> None:
     with pytest.raises(ValueError, match=r"frequency = 0\.0 Hz, must be finite and above 0"):
         sinusoid("force", 12.0, 20.0, 0.0, 3)
-    with pytest.raises(ValueError, match="0 cycles and 1 to blend, at least 1"):
+    with pytest.raises(ValueError, match="0 cycles and 1 to blend, must be at least 1"):
         sinusoid("force", 12.0, 20.0, 1.0, 0)
     with pytest.raises(ValueError, match=r"time from point 0 to point 1 = -1\.0 s"):
         waypoints("force", [(1.0, 5.0), (0.0, 6.0)])

@@ -72,7 +72,7 @@ def test_too_little_travel_keeps_the_nominal_slope() -> None:
 
 @pytest.mark.parametrize("rest_samples", [0, 3])
 def test_a_rest_that_is_not_there_is_refused(rest_samples: int) -> None:
-    with pytest.raises(ValueError, match=f"2 samples, where a rest of {rest_samples}"):
+    with pytest.raises(ValueError, match=f"2 samples, must be at least {rest_samples} at rest"):
         MODEL.rezero([FreeSample(0.0, 0.0)] * 2, rest_samples)
 
 

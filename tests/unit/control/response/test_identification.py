@@ -256,7 +256,7 @@ def test_a_displacement_that_would_fall_after_a_turn_is_refused() -> None:
     [
         ([0.0] * 100, [0.0] * 99, "100 voltages for 99 positions"),
         (drive(15), [0.0] * 15, r"travels 0\.\d+ V, must be at least 1\.000 V"),
-        (drive(76), [0.0] * 76, "57 samples, 60 are wanted for 3 coefficients"),
+        (drive(76), [0.0] * 76, "57 samples, must be at least 60 for 3 coefficients"),
         ([float("nan")] * 100, [0.0] * 100, "a sample is not finite"),
         (drive(400), [-19.0 * u for u in drive(400)], "slope up to .* V = -"),
     ],

@@ -42,7 +42,7 @@ def test_the_error_grows_with_travel_and_ends() -> None:
 
 
 def test_a_rest_that_is_not_there_is_refused() -> None:
-    with pytest.raises(ValueError, match="1 samples, where a rest of 10"):
+    with pytest.raises(ValueError, match="1 samples, must be at least 10 at rest"):
         FRESH.rezero([FreeSample(0.0, 0.0)], 10)
 
 

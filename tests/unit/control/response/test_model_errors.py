@@ -53,5 +53,5 @@ def test_what_forgets_nothing_is_within_noise() -> None:
     assert unknown_forgetting(u, left_um, PERIOD_S, (slice(50, 250),)).full_um.value < 0.02
     with pytest.raises(ValueError, match="small swings = 0"):
         unknown_forgetting(0.0 * u, left_um, PERIOD_S, (slice(50, 250),))
-    with pytest.raises(ValueError, match="no small swings, one is wanted at least"):
+    with pytest.raises(ValueError, match="no small swings, at least one is needed"):
         unknown_forgetting(u, left_um, PERIOD_S, ())

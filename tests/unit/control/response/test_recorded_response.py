@@ -163,7 +163,7 @@ def test_branches_of_plays_are_taken_from_their_motion() -> None:
         (ramp(0.0, 2.0, 1.0, 1.5), r"no stroke down over the 1\.980 V"),
         (
             [0.0, *ramp(0.0, 2.0, 0.0, 2.0, 0.0, step_V=0.2)],
-            "11 samples in a stroke up, 48 are wanted",
+            "11 samples in a stroke up, 48 are needed",
         ),
         ([0.0, float("inf")], "not finite"),
     ],

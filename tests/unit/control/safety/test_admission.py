@@ -70,8 +70,8 @@ def test_a_final_command_ends_the_arming_at_its_voltage() -> None:
         ({"epoch": 12}, "command of epoch 12, armed for 11"),
         ({"epoch": 0}, "command of epoch 0, armed for 11"),
         ({"owner": 6}, "command of owner 6, armed for 5"),
-        ({"seq": 10}, "command 10 of the future, the newest sample is 1"),
-        ({"seq": 2**40}, f"command {2**40} of the future, the newest sample is 1"),
+        ({"seq": 10}, "command 10 is ahead, the newest sample is 1"),
+        ({"seq": 2**40}, f"command {2**40} is ahead, the newest sample is 1"),
     ],
 )
 def test_what_has_no_authority_is_not_heard(changes: dict[str, Any], words: str) -> None:
@@ -95,7 +95,7 @@ def test_strangers_raise_an_alarm_at_their_third_command_and_trip_nobody() -> No
         assert ("alarm" in detail_words(state)) is (seq > 3)
         state = offered(state, command(seq=seq, owner=9), seq * T + 0.005)
     assert (state.mode, state.taken_seq, state.strangers.count) == ("armed", 9, 9)
-    assert "alarm: 9 commands of a stranger refused" in detail_words(state)
+    assert "alarm: 9 commands from another controller refused" in detail_words(state)
     assert "command of owner 9, armed for 5" in detail_words(state)
 
 
@@ -109,11 +109,11 @@ def test_an_invalid_command_of_another_epoch_is_a_remnant() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"voltage_V": nan}, "command 1: nan V is no voltage"),
-        ({"voltage_V": 1e9}, "command 1: 1e+09 V is absurd, the range is -1.0 V to 4.0 V"),
-        ({"force_mN": inf}, "command 1: nan mN is no force"),
-        ({"force_mN": nan}, "command 1: nan mN is no force"),
-        ({"x_d_um": -inf}, "command 1: nan µm is no position"),
+        ({"voltage_V": nan}, "command 1: nan V is not a voltage"),
+        ({"voltage_V": 1e9}, "command 1: 1e+09 V is impossible, the range is -1.0 V to 4.0 V"),
+        ({"force_mN": inf}, "command 1: nan mN is not a force"),
+        ({"force_mN": nan}, "command 1: nan mN is not a force"),
+        ({"x_d_um": -inf}, "command 1: nan µm is not a position"),
         ({"sweep_V": 0.2}, "sweep of ±0.2 V, limit ±0.1 V"),
         ({"sweep_V": nan}, "sweep of ±nan V, limit ±0.1 V"),
     ],
@@ -270,7 +270,7 @@ def test_a_frozen_part_is_let_go_by_a_force_that_grows() -> None:
     state = forced(frozen, range(1, 4), **blind)
     assert (state.mode, state.arms[0].ramp_from_V, state.since_s) == ("ramping", 0.5, 3 * T + 0.004)
     assert cause_words(state) == (
-        "estop: an emergency stop was asked for; "
+        "estop: an emergency stop was requested; "
         "released: 55.0 mN, limit 50.0 mN, 3 samples in a row"
     )
     kept = forced(frozen, range(1, 30), valid=False, force_mN=49.0, x_d_um=900.0)

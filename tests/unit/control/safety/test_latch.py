@@ -169,7 +169,7 @@ def test_a_freeze_that_is_released_says_so_beside_its_cause() -> None:
     state = released(frozen, PRESSED, 0.2)
     assert (state.mode, state.since_s, state.arms[0].ramp_from_V) == ("ramping", 0.2, 0.5)
     assert cause_words(state) == (
-        "estop: an emergency stop was asked for; released: 55.0 mN, limit 50.0 mN"
+        "estop: an emergency stop was requested; released: 55.0 mN, limit 50.0 mN"
     )
 
 
@@ -301,7 +301,7 @@ def test_the_detail_says_what_a_person_asks_for_first() -> None:
         strangers=Strangers(3, fault(FaultCode.OTHER_OWNER, owner=7, armed_owner=5)),
     )
     assert detail_words(state) == (
-        "armed; alarm: 3 commands of a stranger refused; command of owner 7, armed "
+        "armed; alarm: 3 commands from another controller refused; command of owner 7, armed "
         "for 5; command 3 after 3; stood still 2 times"
     )
     quiet = replace(state, strangers=Strangers(2, OFF), refusal=None, standstills=0)

@@ -66,7 +66,7 @@ def test_the_following_bound_grows_with_the_speed(
 
 def test_a_following_error_is_told_with_its_numbers() -> None:
     assert fault_text(following_excess(MONITORS, -2.0, 10.0, 20.0)) == (
-        "the arm is at -2.00 µm, wanted at 10.00 µm: off by 12.00 µm, limit 4.00 µm"
+        "the arm is at -2.00 µm, target 10.00 µm: off by 12.00 µm, limit 4.00 µm"
     )
 
 

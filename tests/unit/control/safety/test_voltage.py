@@ -115,12 +115,12 @@ def test_a_wish_is_none_but_a_limited_one(voltage_V: float) -> None:
 @pytest.mark.parametrize(
     ("voltage_V", "words"),
     [
-        (54.01, "54.01 V is absurd, the range is -1.0 V to 4.0 V"),
-        (-51.01, "-51.01 V is absurd, the range is -1.0 V to 4.0 V"),
-        (1e300, "1e+15 V is absurd, the range is -1.0 V to 4.0 V"),
-        (nan, "nan V is no voltage"),
-        (inf, "nan V is no voltage"),
-        (-inf, "nan V is no voltage"),
+        (54.01, "54.01 V is impossible, the range is -1.0 V to 4.0 V"),
+        (-51.01, "-51.01 V is impossible, the range is -1.0 V to 4.0 V"),
+        (1e300, "1e+15 V is impossible, the range is -1.0 V to 4.0 V"),
+        (nan, "nan V is not a voltage"),
+        (inf, "nan V is not a voltage"),
+        (-inf, "nan V is not a voltage"),
     ],
 )
 def test_what_cannot_be_wished_for_is_refused(voltage_V: float, words: str) -> None:

@@ -27,7 +27,7 @@ class CarryJobRequest(PairJobRequest, frozen=True):
     @model_validator(mode="after")
     def _one_target(self) -> "CarryJobRequest":
         if (self.by_um is None) == (self.to_um is None):
-            raise ValueError("a carry wants exactly one of by_um, to_um")
+            raise ValueError("a carry needs exactly one of by_um, to_um")
         return self
 
 

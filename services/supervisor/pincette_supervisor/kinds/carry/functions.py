@@ -29,7 +29,7 @@ def plan(request: CarryJobRequest, model: ModelInUse, present: Present) -> Plann
     if request.to_um is not None:
         if tips is None:
             raise FaultyRequestError(
-                "/to_um", "where the tips are is not known yet: ask for by_um, or wait"
+                "/to_um", "the positions of the tips are not known yet: ask for by_um, or wait"
             )
         by_um = request.to_um - 0.5 * (tips[0] - tips[1])
     values = contact_values(request, CONTACT_FIELDS, rig)

@@ -56,19 +56,17 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
         said = [name for name in TARGETS if getattr(self, name) is not None]
         if len(said) != 1:
             found = " and ".join(said) or "none"
-            raise ValueError(f"a move wants exactly one of {', '.join(TARGETS)}; there is {found}")
+            raise ValueError(f"a move needs exactly one of {', '.join(TARGETS)}; there is {found}")
         if self.low_V is not None and self.high_V is not None and self.low_V >= self.high_V:
             raise ValueError(f"low_V = {self.low_V} V is not below high_V = {self.high_V} V")
         led = self.to_um is not None or self.by_um is not None
         if self.position_tolerance_um is not None and not led:
             raise ValueError(
-                "position_tolerance_um is held against the reference of the law, which a voltage "
-                "does without: ask for to_um or by_um"
+                "position_tolerance_um is compared with the reference of the law, and a "
+                "target voltage has none: give to_um or by_um"
             )
         if self.force_tolerance_mN is not None:
-            raise ValueError(
-                "force_tolerance_mN: a move has no reference of the force; leave it out"
-            )
+            raise ValueError("force_tolerance_mN: a move has no force reference; leave it out")
         cycled = self.conditioning_cycles or self.warm_up_s
         for name in ("low_V", "high_V", "rate_V_per_s"):
             if getattr(self, name) is not None and not cycled:

@@ -107,7 +107,7 @@ def _plan_pair(request: TrackJobRequest, model: ModelInUse, present: Present) ->
     rig = model.rig
     if request.force is None and request.place is None:
         raise FaultyRequestError(
-            "", "a track with two arms wants a path: give force, place or both"
+            "", "a track with two arms needs a path: give force, place or both"
         )
     values = contact_values(request, CONTACT_FIELDS, rig)
     force_mN = request.force_mN or rig.grip.force_mN

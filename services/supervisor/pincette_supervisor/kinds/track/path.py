@@ -28,7 +28,7 @@ def requested_path(request: TrackJobRequest, rig: RigFile) -> tuple[Path, dict[s
         if getattr(request, name) is not None and not belongs:
             raise FaultyRequestError(f"/{name}", _stray(name, shape, members))
     if shape == "waypoints" and request.points is None:
-        raise FaultyRequestError("/points", "points is missing: waypoints want two at least")
+        raise FaultyRequestError("/points", "points is missing: waypoints need at least two")
     values: dict[str, Any] = {"shape": shape}
     for name in (*members, *LIMITS):
         value = getattr(request, name)
@@ -93,7 +93,7 @@ def path_of_two(path: ForcePath | PlacePath, rig: RigFile, place_um: float) -> P
             raise FaultyRequestError(pointer, _stray(name, shape, members))
     missing = [name for name, value in values.items() if value is None]
     if missing:
-        raise FaultyRequestError(pointer, f"a {shape} of {quantity} wants {', '.join(missing)}")
+        raise FaultyRequestError(pointer, f"a {shape} of {quantity} needs {', '.join(missing)}")
     if shape == "waypoints":
         values["points"] = [tuple(point.model_dump().values()) for point in values["points"]]
     limits = track.rate_um_per_s / squeeze, track.acceleration_um_per_s2 / squeeze
