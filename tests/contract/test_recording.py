@@ -126,13 +126,13 @@ def test_what_leaves_the_recording_is_named_with_its_line(tmp_path: Path) -> Non
     assert error.code == "misused"
     assert f"{path}, line 3: b'MS,01' asked, recorded b'R0'" in str(error)
     assert link.exchange(b"R0") == b"ER,R0,01"
-    assert "line 4: b'~**' wants an answer" in str(failure(link, b"~**"))
+    assert "line 4: b'~**' needs an answer" in str(failure(link, b"~**"))
     link.tell(b"~**")
 
 
 def test_a_line_that_was_to_have_no_answer_must_have_had_none(tmp_path: Path) -> None:
     link = replay(written(tmp_path / "d.txt", "0.1\tR0\tER,R0,01"))
-    with pytest.raises(InstrumentError, match="line 2: b'R0' wants no answer") as caught:
+    with pytest.raises(InstrumentError, match="line 2: b'R0' needs no answer") as caught:
         link.tell(b"R0")
     assert caught.value.code == "misused"
 

@@ -76,7 +76,7 @@ def test_keys_hold_and_who_has_no_part_of_the_authority_is_told(
                 seeing.rig().reset()
         with (
             Supervisor(address, authority=authority) as nobody,
-            pytest.raises(ProblemError, match="wants a key"),
+            pytest.raises(ProblemError, match="requires a key"),
         ):
             nobody.rigs()
         other = folder_for(tmp_path / "other", "demo").path / "authority.crt"
