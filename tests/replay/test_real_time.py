@@ -76,7 +76,7 @@ class Loop:
         """Sample k through all three."""
         k, now = position.seq, position.seq * PERIOD_S
         self._say([position])
-        self._step("actuator", position, now)
+        answers = self._step("actuator", position, now)  # at once where the program is over
         estimator = self.runners["estimator"]
         if k not in NO_PARTNER:
             estimator.take(self.partner, now)
@@ -86,7 +86,6 @@ class Loop:
         (estimate,) = self._say(estimator.fire(late) or ())
         estimator.take(self.partner, late)
         commands = [] if k in PASSED_OVER else self._step("controller", estimate, late)
-        answers: list[Message] = []
         if k in TWICE or k in PASSED_OVER:
             answers += self._say(self.runners["actuator"].tick(now + 0.8 * PERIOD_S))
         for command in commands:

@@ -91,7 +91,7 @@ def order_of(state: State, before: State) -> DeviceCommand:
         return SetVoltage(voltages_of(state))
     if state.sweep == before.sweep:
         return CheckWave()
-    # Arrays, which no other program of the loop needs. ``start`` has loaded the module.
+    # Loaded where an output that plays waves was opened; other programs need no NumPy.
     from pincette.control.planning.swept_voltages import SweptVoltages
 
     return Wave(SweptVoltages(state.sweep, state.arms[0].voltage_V), state.sweep.rate_hz)

@@ -1,8 +1,6 @@
 """The actuator as a service: commands and positions in, the instrument's voltage and what became
 of the tick out."""
 
-from importlib import import_module
-
 from msgspec.structs import replace
 
 from pincette.config import RigFile
@@ -17,7 +15,7 @@ from pincette.control.safety.admission import (
     unheard,
 )
 from pincette.control.safety.arm import ArmOutput
-from pincette.control.safety.causes import Cause, Mode
+from pincette.control.safety.causes import AT_REST, Cause, Mode
 from pincette.control.safety.confirmation import (
     begun,
     failed,
@@ -39,6 +37,7 @@ from pincette.control.safety.latch import (
 )
 from pincette.control.safety.state import SafetyLimits
 from pincette.control.safety.watchdog_feed import may_kick_watchdog
+from pincette.core.idle_sampling import SAMPLE_S
 from pincette.core.messages import Command, Message, Position
 from pincette.core.service import Busy, DeviceCommand, Input, PutOut, ReadBack, Service, Slept
 from pincette.core.topics import APPLIED, ARM, COMMAND, POSITION, RESET, STATUS, TIMING_OF, TRIP
@@ -47,7 +46,8 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State, applied_of, facts_of, order_of, step_of, voltages_of
 
 ANSWER_PERIODS = 0.75
-"""A tick without a command by then is answered with the voltage that is kept."""
+"""Time, in periods, after which a tick without a command is answered with the voltage that is kept;
+at rest, where no command is accepted, it is answered at once."""
 
 Outputs = tuple[Message | DeviceCommand, ...]
 
@@ -63,8 +63,6 @@ class Inputs(FrozenRecord, frozen=True):
 
 def start(limits: SafetyLimits) -> State:
     """Boot latched, with each arm at the safe voltage."""
-    # A sweep begins within a tick, which is too short to load NumPy.
-    import_module("pincette.control.planning.swept_voltages")
     return State(arms=tuple(ArmOutput(limits.safe_V) for _ in limits.arms))
 
 
@@ -106,7 +104,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
     if skipped < 0 or skipped == state.taken_seq:
         return state, outputs
     # The estimate of a sample needs the voltage of the tick before it, seen here or not.
-    return state, (*outputs, applied_of(state, skipped))
+    return state, (*outputs[:-1], applied_of(state, skipped), *outputs[-1:])
 
 
 def _measured(position: Position) -> tuple[float | None, ...]:
@@ -192,7 +190,8 @@ def _let_pass(
         return _answer_tick(limits, later, now)
     if not later.arrivals or later.arrivals[-1].seq <= later.answered_seq:
         return later, ()
-    if now - later.arrivals[-1].at_s < ANSWER_PERIODS * limits.period_s:
+    waits = later.mode not in AT_REST
+    if waits and now - later.arrivals[-1].at_s < ANSWER_PERIODS * limits.period_s:
         return later, ()
     return _answer_tick(limits, later, now)
 
@@ -223,6 +222,13 @@ def _wake_s(limits: SafetyLimits) -> float:
     return limits.age.wake_s
 
 
+def _timer_s(limits: SafetyLimits, state: State) -> float:
+    """Return the time to the next look at the clock; at rest nothing ages and no voltage moves."""
+    if state.mode in AT_REST and not waits_for_read_back(limits, state):
+        return max(SAMPLE_S, limits.age.wake_s)
+    return limits.age.wake_s
+
+
 def _shutdown(limits: SafetyLimits, state: State, now: float) -> tuple[State, bool]:
     state, at_rest = shutdown(limits, state, now)
     return state.settled(), at_rest
@@ -241,6 +247,7 @@ SERVICE: Service[RigFile, SafetyLimits, State, Inputs] = Service(
     handle=handle,
     instrument="voltage_output",
     wake_s=_wake_s,
+    timer_s=_timer_s,
     initialize_from_output=initialize_from_output,
     booted=booted,
     ending=ending,

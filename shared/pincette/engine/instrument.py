@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from math import ceil, inf
 from time import monotonic, sleep
 from typing import Any, TypeVar
@@ -187,6 +188,11 @@ class Instrument:
         except Exception as error:  # noqa: BLE001  a driver from outside may raise anything
             return fault_of(error)
         return None
+
+    @property
+    def watched(self) -> bool:
+        """Whether the output has a watchdog that waits for heartbeats."""
+        return self._watched is not None
 
     def keep_alive(self, now: float) -> Fault | None:
         """Send a heartbeat to a watched output once a period; return its fault."""
@@ -386,6 +392,9 @@ def _open(
         settings = rig.output.model_copy(update=patience)
         output = plugins.load(plugins.VOLTAGE_OUTPUTS, settings.driver)
         opened = _retried(partial(output, settings), TRIES)
+        if isinstance(opened, WaveOutput):
+            # A sweep begins within a tick, which is too short to load NumPy.
+            import_module("pincette.control.planning.swept_voltages")
         if settings.shaping and not isinstance(opened, PartsOutput):
             opened.close()
             raise ConfigError(

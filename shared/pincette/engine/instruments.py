@@ -45,6 +45,8 @@ class Instruments:
             for arm, one in enumerate(devices)
         )
         self._several = len(devices) > 1
+        self.watched = any(one.watched for one in self._arms)
+        """Whether an output waits for heartbeats."""
 
     def read(self) -> Reading:
         """Read the sensor of each arm; the first reading is as old as all readings took."""

@@ -150,7 +150,9 @@ class Runner:
         interval_s, timer_s = self.interval_s, self.service.timer_s
         if interval_s is None or timer_s is None:
             return interval_s
-        return timer_s(self.config, self.state)
+        until_s = timer_s(self.config, self.state)
+        # A watched output is sent a heartbeat once a period.
+        return min(until_s, self.period_s) if self._device.watched else until_s
 
     def _hasten(self, now: float) -> None:
         """Bring the next timer step forward if the state needs steps more often.

@@ -62,6 +62,11 @@ def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
     assert again.mode == mode
 
 
+def test_at_rest_a_tick_is_answered_at_once_and_after_the_one_that_was_not_seen() -> None:
+    _, outputs = play(stood("idle"), (position(1), 0.02), (position(6), 0.12), (WAKE, 0.2))
+    assert [one.seq for one in outputs if isinstance(one, Applied)] == [1, 5, 6]
+
+
 def test_a_tick_is_not_answered_before_its_time() -> None:
     state, outputs = play(holding(held=False), (position(1), 0.02), (WAKE, 0.0349))
     assert outputs == []

@@ -21,7 +21,7 @@ from pincette.core.messages import (
     StatusRequest,
 )
 from pincette.engine.joiner import KEPT
-from pincette.engine.runner import IDLE_S, Runner
+from pincette.engine.runner import EARLY, IDLE_S, Runner
 from pincette_actuator import SERVICE as ACTUATOR
 from pincette_estimator import SERVICE as ESTIMATOR
 from pincette_sensor import SERVICE as SENSOR
@@ -105,6 +105,30 @@ def test_an_actuator_keeps_its_grid_of_wakings_and_counts_no_missed_ones() -> No
     runner.settle(10.0 + 3.1 * wake_s)
     assert runner.missed == 0
     assert runner.wait_s(10.0 + 3.1 * wake_s) == pytest.approx(0.9 * wake_s)
+
+
+class Watched(Output):
+    def keep_alive(self) -> None:
+        """Tells nobody."""
+
+    def clear_trip(self) -> None:
+        """Has never tripped."""
+
+
+@pytest.mark.parametrize(("output", "look_s"), [(Output(), SAMPLE_S), (Watched(), T)])
+def test_an_actuator_at_rest_looks_at_its_clock_seldom_until_it_is_armed(
+    output: Output, look_s: float
+) -> None:
+    runner = Runner(ACTUATOR, RIG, output)
+    runner.begin(10.0)
+    now = 10.0 + runner.wait_s(10.0)
+    runner.tick(now)
+    runner.settle(now)
+    assert runner.wait_s(now) == pytest.approx(look_s)
+    now += 0.3 * look_s
+    runner.call(Reset(acknowledge=True), now)
+    runner.call(Arm(1, 1, RIG.digest()), now)
+    assert 0.0 < runner.wait_s(now) <= EARLY * runner.config.age.wake_s
 
 
 def test_an_arming_with_another_model_moves_the_wakings() -> None:
