@@ -37,7 +37,8 @@ class Attention:
         self._late_s = 0.0
         self._sampled_s = clock()
         self._rows: deque[tuple[float, float, dict[Share, float]]] = deque(maxlen=KEPT)
-        self._repeated = RepeatedAction("attention", GRID_S, self.sample)
+        self._beside: tuple[Callable[[], None], ...] = ()
+        self._repeated = RepeatedAction("attention", GRID_S, self._look)
 
     @contextmanager
     def at(self, share: Share) -> Generator[None]:
@@ -62,6 +63,11 @@ class Attention:
             self._late_s += late_s if late_s > LATE_S else 0.0
             self._rows.append((now_s, self._late_s, dict(self._spent_s)))
 
+    def _look(self) -> None:
+        self.sample()
+        for one in self._beside:
+            one()
+
     def within(self, last_s: float) -> tuple[float, dict[Share, float]]:
         """For how long nothing ran, and what was spent on each share, in the last seconds."""
         self.sample()
@@ -79,8 +85,9 @@ class Attention:
         with self._lock:
             return self._late_s, dict(self._spent_s)
 
-    def start(self) -> None:
-        """Measure from here on, in a thread."""
+    def start(self, *beside: Callable[[], None]) -> None:
+        """Measure from here on, in a thread that also calls ``beside`` each time."""
+        self._beside = beside
         self._repeated.start()
 
     def close(self) -> None:

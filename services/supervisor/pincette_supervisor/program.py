@@ -122,9 +122,8 @@ def run(context: Context) -> None:
         bus = stack.enter_context(closing(context.open_bus()))  # which checks the certificate
         serve_alone(bus, context.rig.rig.name, context.stop)
         tls = None if config.tls is None else server_context(config.tls)
-        clock = stack.enter_context(closing(SuspendAwareClock()))
-        clock.start()
-        stack.enter_context(closing(ATTENTION)).start()
+        clock = SuspendAwareClock()
+        stack.enter_context(closing(ATTENTION)).start(clock.sample)
         senders = senders_of(context.rig.supervisor, context.data)
         stack.enter_context(closing(Outbox(store, senders)))
         listeners = Listeners()

@@ -20,8 +20,8 @@ from time import monotonic
 
 SEND_BYTES = 262_144
 """Size of a send buffer; the kernel's own grows to 4 MB, which hide a stall."""
-LOOKS = 5
-"""How often within a lease the watch looks."""
+LOOKS, IDLE_LOOKS = 5, 2
+"""How often within a lease the watch looks while data wait to be sent, and while none do."""
 BYTES_ACKED = 120
 """Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``."""
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
@@ -175,7 +175,7 @@ class StallWatch:
     """
 
     def __init__(self, lease_s: float) -> None:
-        self._lease_s, self._interval_s = lease_s, lease_s / LOOKS
+        self._lease_s = lease_s
         self._lock = threading.Lock()
         self._lines: dict[int, _Line] = {}
         """By descriptor."""
@@ -194,15 +194,19 @@ class StallWatch:
                 self._thread.start()
 
     def _run(self) -> None:
-        while not self._closing.wait(self._interval_s):
+        while not self._closing.wait(self._interval_s()):
             self.look()
+
+    def _interval_s(self) -> float:
+        waits = any(line.mark != -1 for line in list(self._lines.values()))
+        return self._lease_s / (LOOKS if waits else IDLE_LOOKS)
 
     def look(self) -> None:
         """Look at each connection once."""
         with self._lock:
             now_s = monotonic()
             # Time in which this process did not run says nothing of a partner.
-            passed_s = min(now_s - self._looked_s, 2.0 * self._interval_s)
+            passed_s = min(now_s - self._looked_s, 2.0 * self._lease_s / LOOKS)
             self._looked_s = now_s
             for descriptor, line in list(self._lines.items()):
                 try:

@@ -1,6 +1,5 @@
 """A clock that stands still while its program does, and who is called silent by it."""
 
-import threading
 from dataclasses import dataclass
 from time import monotonic, sleep
 
@@ -9,12 +8,8 @@ import pytest
 from pincette.config import RigFile
 from pincette.core.messages import Position
 from pincette.core.messages.arms import ArmPosition
-from pincette_supervisor.rigs.observer import (
-    SAMPLE_COUNTS_S,
-    SAMPLE_S,
-    Observer,
-    SuspendAwareClock,
-)
+from pincette_supervisor.attention import GRID_S, Attention
+from pincette_supervisor.rigs.observer import SAMPLE_COUNTS_S, Observer, SuspendAwareClock
 
 from .canned import CannedRig
 
@@ -33,11 +28,11 @@ def test_awake_it_goes_as_the_clock_does() -> None:
     hand = Hand()
     awake_clock = SuspendAwareClock(hand)
     for _ in range(60):
-        hand.now_s += SAMPLE_S
+        hand.now_s += GRID_S
         awake_clock.sample()
-    assert awake_clock() == pytest.approx(60 * SAMPLE_S)
+    assert awake_clock() == pytest.approx(60 * GRID_S)
     hand.now_s += 0.02
-    assert awake_clock() == pytest.approx(60 * SAMPLE_S + 0.02)
+    assert awake_clock() == pytest.approx(60 * GRID_S + 0.02)
 
 
 def test_it_stands_still_while_nobody_looks() -> None:
@@ -61,18 +56,20 @@ def test_a_sensor_was_not_silent_to_one_who_slept(rig_file: RigFile) -> None:
     assert observer.age_s(Position) == pytest.approx(5.0)
     assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S)
     for _ in range(4):
-        hand.now_s += SAMPLE_S
+        hand.now_s += GRID_S
         awake_clock.sample()
-    assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S + 4 * SAMPLE_S)
+    assert observer.silent_s(Position) == pytest.approx(SAMPLE_COUNTS_S + 4 * GRID_S)
 
 
-def test_its_thread_looks_until_it_is_closed() -> None:
-    awake_clock = SuspendAwareClock()
-    awake_clock.start()
+def test_a_thread_samples_it_until_it_is_closed() -> None:
+    awake_clock, attention = SuspendAwareClock(), Attention()
+    attention.start(awake_clock.sample)
     deadline = monotonic() + 10.0
     while awake_clock() <= 2.0 * SAMPLE_COUNTS_S:
         assert monotonic() < deadline, "nobody looks"
         sleep(0.01)
-    assert "suspend-aware-clock" in {thread.name for thread in threading.enumerate()}
-    awake_clock.close()
-    assert "suspend-aware-clock" not in {thread.name for thread in threading.enumerate()}
+    attention.close()
+    sleep(1.5 * SAMPLE_COUNTS_S)
+    stood_s = awake_clock()
+    sleep(0.01)
+    assert awake_clock() == stood_s
