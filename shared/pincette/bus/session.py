@@ -5,6 +5,7 @@
 
 import json
 import logging
+import os
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -35,6 +36,12 @@ OWN_QUESTION = "@pincette/router"
 """Key of the query that a router sends to itself. No wildcard matches a part that begins with @."""
 UNANSWERED_S = 3600.0
 """Zenoh's timeout of this query, which a missing answer must not end."""
+THREADS = "ZENOH_RUNTIME", "(rx:(worker_threads:1))"
+"""Environment variable of Zenoh's threads, and its value: one thread that receives.
+
+By default there are two, which wake each other for most messages. Connections are still accepted by
+another thread, since that one may have to wait for the end of a connection.
+"""
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this "
     "machine can keep others from connecting to this program"
@@ -136,6 +143,7 @@ def open_session(config: SessionConfig, name: str) -> Joined:
     """Open a session; raises BusError or SecurityError with the remedy."""
     # Its threads would write lines to standard output, and wait where nobody reads that.
     zenoh.init_log_from_env_or("off")
+    os.environ.setdefault(*THREADS)
     stalls = StallWatch(lease_s(config))
     if not config.listen:
         return Joined(_opened(config, settings(config, name), name), stalls)
