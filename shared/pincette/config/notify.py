@@ -16,7 +16,7 @@ Address = Annotated[str, Field(pattern=r"^[^@\s<>,;]{1,64}@[^@\s<>,;]{1,190}$")]
 class Webhook(Table):
     """Address that receives POST requests signed as in Standard Webhooks."""
 
-    url: Annotated[str, Field(pattern=r"^https?://[^\s]{1,2000}$")]
+    url: Annotated[str, Field(pattern=r"^https?://[^\s]+$", max_length=2000)]
     """Address, such as https://laboratory.example/hooks/pincette."""
     secret_file: str
     """File with the secret, whsec_ and base64, readable by its owner alone; relative to the data

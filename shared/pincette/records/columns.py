@@ -27,8 +27,8 @@ from pincette.core.messages.arms import (
     ArmTruth,
 )
 from pincette.core.units import unit_of
+from pincette.records.message_fields import scalar_of
 from pincette.records.parquet import Field, Kind
-from pincette.records.schemas import scalar_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,6 @@ from pincette.records import record_times
 from pincette.records.columns import ARMS
 from pincette.records.memory_file import MemoryFile
 from pincette.records.record_times import LAST_NS, sample_0_ns, utc_text
-from pincette.records.schemas import SCHEMAS
 
 NAME = "job.mcap"
 PROFILE = "pincette"
@@ -121,6 +120,10 @@ class McapFile:
     def __init__(
         self, path: Path, rig: str, *, about: Mapping[str, str], start_ns: int, period_s: float
     ) -> None:
+        # Protocol Buffers take 5 MB, which a recorder without a job does not need.
+        from pincette.records.schemas import SCHEMAS
+
+        self._schemas = SCHEMAS
         self._stream = Unbuffered(path)
         self._chunks = Chunks(self._stream)
         self._writer = self._chunks.writer
@@ -141,7 +144,7 @@ class McapFile:
         self._writer.add_metadata(ABOUT, {**about, **self._begin})
 
     def _register(self, rig: str, topic: Topic) -> int:
-        schema = SCHEMAS[topic.name]
+        schema = self._schemas[topic.name]
         number = self._writer.register_schema(schema.name, "protobuf", schema.descriptor)
         records = [topic.message, *([ARMS[topic.message]] if topic.message in ARMS else [])]
         names = [name for record in records for name in record.__struct_fields__]
@@ -162,7 +165,7 @@ class McapFile:
         """Write a message; raises OSError, or ValueError for a number beyond 64 bit."""
         name = TOPIC_OF[type(message)].name
         number = getattr(message, "seq", 0)
-        payload = SCHEMAS[name].pack(message)
+        payload = self._schemas[name].pack(message)
         if not self._sampled:
             self._place_sample_0(message, arrival_ns)
         self._writer.add_message(

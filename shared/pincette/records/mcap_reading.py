@@ -14,10 +14,11 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from zstandard import ZstdError
 
 from pincette.core.messages import Message
+from pincette.core.topics import TOPICS
 from pincette.records.mcap_file import ABOUT, CLOSING
-from pincette.records.schemas import SCHEMAS, unpacker
 
 MAGIC = b"\x89MCAP0\r\n"
+NAMES = frozenset(topic.name for topic in TOPICS)
 LONGEST_BYTES = 256 * 2**20
 """Length above which a record of the file format is taken for damage."""
 BROKEN = (McapError, ZstdError, struct.error, ValueError)
@@ -78,14 +79,12 @@ def read(path: Path) -> Recording:
     return Recording(metadata.get(ABOUT, {}), metadata.get(CLOSING), messages, attachments)
 
 
-def messages_of(path: Path, topics: Collection[str] = SCHEMAS.keys()) -> Iterator[Message]:
+def messages_of(path: Path, topics: Collection[str] = NAMES) -> Iterator[Message]:
     """Read the messages of some topics one by one; raises as ``read`` does."""
     return (message for message, _ in arrivals_of(path, topics))
 
 
-def arrivals_of(
-    path: Path, topics: Collection[str] = SCHEMAS.keys()
-) -> Iterator[tuple[Message, int]]:
+def arrivals_of(path: Path, topics: Collection[str] = NAMES) -> Iterator[tuple[Message, int]]:
     """Read the messages of some topics, each with its arrival in ns of UTC; raises as ``read``."""
     decoder = Decoder(topics)
     for entry in entries(path):
@@ -97,7 +96,7 @@ def arrivals_of(
 class Decoder:
     """Decodes the messages of a file by the schemas that the file holds."""
 
-    def __init__(self, topics: Collection[str] = SCHEMAS.keys()) -> None:
+    def __init__(self, topics: Collection[str] = NAMES) -> None:
         self._topics = topics
         self._schemas: dict[int, bytes] = {}
         self._readers: dict[int, Callable[[bytes], Any]] = {}
@@ -107,7 +106,10 @@ class Decoder:
         match entry:
             case mcap.Schema():
                 self._schemas[entry.id] = entry.data
-            case mcap.Channel() if entry.topic in self._topics and entry.topic in SCHEMAS:
+            case mcap.Channel() if entry.topic in self._topics and entry.topic in NAMES:
+                # Protocol Buffers are loaded when the first record is read.
+                from pincette.records.schemas import unpacker
+
                 self._readers[entry.id] = unpacker(entry.topic, self._schemas[entry.schema_id])
             case mcap.Message() if entry.channel_id in self._readers:
                 yield self._readers[entry.channel_id](entry.data)

@@ -14,6 +14,7 @@ from msgspec import inspect
 
 from pincette.core.messages import Message
 from pincette.core.topics import TOPICS
+from pincette.records.message_fields import fields_of, is_none, plain_type
 
 PACKAGE = "pincette"
 M = TypeVar("M", bound=Message)
@@ -91,25 +92,11 @@ def unpacker(topic: str, descriptor: bytes) -> Callable[[bytes], Any]:
     return lambda payload: from_proto(proto.FromString(payload))
 
 
-def _fields(kind: type) -> tuple[inspect.Field, ...]:
-    return cast(inspect.StructType, inspect.type_info(kind)).fields
-
-
-def scalar_of(kind: type[Message], field: str) -> type[inspect.Type]:
-    """Return the type of a message's field, or of its values if it is optional.
-
-    Repeated ones apart.
-    """
-    (node,) = (item.type for item in _fields(kind) if item.name == field)
-    plain, _, repeated = _plain(node)
-    return inspect.VarTupleType if repeated else type(plain)
-
-
 def _describe(kind: type, into: descriptor_pb2.DescriptorProto, within: str) -> None:
     into.name = kind.__name__
     full_name = f"{within}.{kind.__name__}"
-    for number, field in enumerate(_fields(kind), start=1):
-        node, optional, repeated = _plain(field.type)
+    for number, field in enumerate(fields_of(kind), start=1):
+        node, optional, repeated = plain_type(field.type)
         entry = into.field.add(name=field.name, number=number)
         entry.label = _Proto.LABEL_REPEATED if repeated else _Proto.LABEL_OPTIONAL
         if isinstance(node, inspect.UnionType):
@@ -189,7 +176,7 @@ def _by_tag(node: inspect.Type, value: Any) -> Any:
         case inspect.UnionType():
             records = {record.tag: record for record in _records(node)}
             if len(records) < 2:
-                return _by_tag(next(t for t in node.types if not _is_none(t)), value)
+                return _by_tag(next(t for t in node.types if not is_none(t)), value)
             tag_field = str(next(iter(records.values())).tag_field)
             fields = {name: inner for name, inner in value.items() if name != tag_field}
             return {value[tag_field]: _by_tag(records[value[tag_field]], fields)}
@@ -200,10 +187,6 @@ def _by_tag(node: inspect.Type, value: Any) -> Any:
             return [_by_tag(node.item_type, item) for item in value]
         case _:
             return value
-
-
-def _is_none(node: inspect.Type) -> bool:
-    return isinstance(node, inspect.NoneType)
 
 
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
@@ -224,28 +207,13 @@ def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
         _without_proto3(inner)
 
 
-def _plain(node: inspect.Type) -> tuple[inspect.Type, bool, bool]:
-    """Return the inner type, whether it may be None, and whether there are several."""
-    match node:
-        case inspect.UnionType():
-            inner = [item for item in node.types if not _is_none(item)]
-            optional = len(inner) < len(node.types)
-            return (_plain(inner[0])[0] if len(inner) == 1 else node), optional, False
-        case inspect.VarTupleType():
-            return _plain(node.item_type)[0], False, True
-        case inspect.Metadata():
-            return _plain(node.type)
-        case _:
-            return node, False, False
-
-
 def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
     """Return a reader from a Protobuf message, by a file's descriptor or the present one."""
     # Fields that an older file does not know get their defaults; KeyError where one has none.
     there = None if described is None else described.fields_by_name
     takes: dict[str, Callable[[Any], Any]] = {}
     missing: list[str] = []
-    for field in _fields(kind):
+    for field in fields_of(kind):
         if there is None or field.name in there:
             inner = None if there is None else there[field.name].message_type
             takes[field.name] = _taker(field, inner)
@@ -258,7 +226,7 @@ def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
 
 def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
     name = field.name
-    inner, optional, repeated = _plain(field.type)
+    inner, optional, repeated = plain_type(field.type)
     read: Callable[[Any], Any] = _same
     if isinstance(inner, inspect.UnionType):
         read = _union_reader(inner, described)

@@ -8,11 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
-from alembic import command
-from alembic.config import Config
-from alembic.runtime.migration import MigrationContext
-from alembic.script import ScriptDirectory
-from sqlalchemy import Column, Connection, Select, delete, inspect, select
+from sqlalchemy import Column, Connection, Select, column, delete, inspect, select, table
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError, StatementError
 
 from pincette.core.files import make_folder
@@ -20,6 +16,8 @@ from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal import engines
 
 MIGRATIONS = Path(__file__).parent / "migrations"
+VERSION = table("alembic_version", column("version_num"))
+"""Table in which Alembic keeps the number of the schema."""
 KEY_FILE = "keys.json"
 """Name of the key file, which lies beside the journal."""
 TURN_S = 10.0
@@ -254,6 +252,16 @@ def matching(query: Select[Any], **values: object) -> Select[Any]:
 
 def _migrate(connection: Connection) -> None:
     """Create or upgrade the tables within the connection's transaction."""
+    newest = max(path.name[1:5] for path in (MIGRATIONS / "versions").glob("v*.py"))
+    tables = inspect(connection).get_table_names()
+    if VERSION.name in tables and list(connection.scalars(select(VERSION))) == [newest]:
+        return
+    # Alembic and what it loads take 10 MB, and most starts find the newest schema.
+    from alembic import command
+    from alembic.config import Config
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
     config.attributes["connection"] = connection
@@ -262,7 +270,6 @@ def _migrate(connection: Connection) -> None:
     for revision in present:
         if revision not in known:
             raise _UnknownSchemaError(f"has schema {revision}, this program knows {known[0]}")
-    if not present and inspect(connection).get_table_names():
+    if not present and tables:
         raise _UnknownSchemaError(f"has a schema without a number, this program knows {known[0]}")
-    if present != (known[0],):
-        command.upgrade(config, "head")
+    command.upgrade(config, "head")

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import ColumnElement, Integer, Select, String, cast, literal_column, or_, select
-from sqlalchemy.dialects.postgresql import JSONB
 
 from pincette.api.states import JobState
 from pincette_supervisor.journal.database import matching
@@ -132,6 +131,9 @@ class JobFilter:
 
     def _found_on_server(self) -> list[ColumnElement[bool]]:
         """Return conditions for the indexes of a server that all matching jobs meet."""
+        # A journal in a file does not need this dialect, which takes 4 MB.
+        from sqlalchemy.dialects.postgresql import JSONB
+
         found: list[ColumnElement[bool]] = []
         if self.label is not None:
             found.append(cast(JOBS.c.labels, JSONB).contains(dict([self.label])))
