@@ -37,6 +37,10 @@ class ErrorGrowth(NamedTuple):
             from_V, from_um = to_V, to_um
         return from_um
 
+    def at_least(self, error_um: float) -> "ErrorGrowth":
+        """Return the growth with no error below one, in µm, from the first way on."""
+        return self._replace(errors_um=tuple(max(error_um, um) for um in self.errors_um))
+
 
 def checked_growth(ways_V: Sequence[float], errors_um: Sequence[float]) -> ErrorGrowth:
     """Return the growth from stored numbers.

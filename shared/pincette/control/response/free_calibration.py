@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from pincette.control.calibration.free_motion import (
@@ -159,7 +160,8 @@ def calibrate_free_response(
     modelled = secant_gain(u[motion.presses], free[motion.presses], samples_per_cycle)
     cycles_residual_um = float(np.std(left[motion.cycles]))
     swings = [grip.swings for grip in motion.grips if grip.swings is not None]
-    _require_explained(max(identified.residual_um, cycles_residual_um), x, creep)
+    noise_um = _noise_um(creep)
+    _require_explained(max(identified.residual_um, cycles_residual_um), x, noise_um)
     measured = measured_branch(identified.model, u, x, motion.period_s, motion.conditioned)
     returns_um = [
         error_um
@@ -169,6 +171,15 @@ def calibrate_free_response(
         )
         if error_um is not None
     ]
+    rehearsed = rehearsed_errors(u, left, motion.period_s, motion.grips)
+    branch = None if measured is None else measured.branch
+    if identified.model.return_fadings_per_V:
+        # Such a model fits rehearsed grips better than any other motion. Grips differ from them:
+        # noise and the law turn the voltage, and this arm remembers each turn.
+        least_um = sqrt(max(0.0, identified.residual_um**2 - noise_um**2))
+        rehearsed = rehearsed._replace(growth=rehearsed.growth.at_least(least_um))
+        if branch is not None:
+            branch = replace(branch, errors=branch.errors.at_least(least_um))
     return FreeCalibration(
         gain=gain,
         creep=creep,
@@ -179,10 +190,10 @@ def calibrate_free_response(
         cycles_residual_um=cycles_residual_um,
         line_error=line_error((gain, presses)),
         forgetting=unknown_forgetting(u, left, motion.period_s, swings),
-        rehearsed=rehearsed_errors(u, left, motion.period_s, motion.grips),
+        rehearsed=rehearsed,
         return_error_um=max(returns_um, default=None),
         turn_error_um_per_V=turn_error(u, left, motion.period_s, motion.grips),
-        branch=None if measured is None else measured.branch,
+        branch=branch,
         unpoled=begun_unpoled,
         t_s=np.arange(len(u), dtype=np.float64) * motion.period_s,
         voltage_V=u,
@@ -201,9 +212,12 @@ def kink_text(kink: ContactKink) -> str:
     )
 
 
-def _require_explained(residual_um: float, x: Column, creep: Creep) -> None:
-    # of one sample from the next: what shakes the arm slowly is no noise
-    noise_um = float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
+def _noise_um(creep: Creep) -> float:
+    """Return the noise of one sample from the next: what shakes the arm slowly is no noise."""
+    return float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
+
+
+def _require_explained(residual_um: float, x: Column, noise_um: float) -> None:
     limit_um = LARGEST_RESIDUAL * float(np.ptp(x)) + NOISES * noise_um
     if residual_um > limit_um:
         raise ValueError(

@@ -47,12 +47,9 @@ HELD_OUT = 0.25
 """Share of the record, the last one, that the coefficients are not fitted to."""
 PARTS = 3
 """Number of parts of the fitted samples by which bends are chosen."""
-POOR = 5.0
-"""Noises beyond which plays do not describe an arm, so that a play that never yields is tried.
-
-Where they leave less, their stated uncertainty covers the force. That of the other model, which
-fits better, covered two thirds of the samples of simulated arms with loops of ordinary width.
-"""
+POOR = 2.0
+"""Noises beyond which plays do not describe an arm, so that a play that never yields is tried; what
+they leave contains one."""
 WORTH = 0.9
 """Another candidate must leave less than this share of what the present one leaves: by a few per
 cent two spans of one record differ anyway."""

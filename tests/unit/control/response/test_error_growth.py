@@ -104,6 +104,12 @@ def test_x_1_states_it_since_its_zero() -> None:
     assert errors == pytest.approx([0.0, 0.05, 0.125, 0.2])
 
 
+def test_no_error_is_below_a_least_one_from_the_first_way_on() -> None:
+    growth = checked_growth([0.1, 1.0], [0.05, 0.2]).at_least(0.1)
+    errors_um = [growth.at(way_V) for way_V in (0.0, 0.05, 0.1, 1.0)]
+    assert errors_um == pytest.approx([0.0, 0.05, 0.1, 0.2])
+
+
 def test_what_cannot_be_is_refused() -> None:
     for ways_V, errors_um, why in (
         ([0.1, 0.1], [0.1, 0.2], "way 0.1 follows 0.1, must rise"),
