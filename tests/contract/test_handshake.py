@@ -69,11 +69,11 @@ def test_tls_to_one_that_speaks_plainly(folder: Folder) -> None:
 
 def test_another_authority(place: str, tmp_path: Path, folder: Folder) -> None:
     other = folder_for(tmp_path / "other", "demo")
-    assert "not believed here" in diagnose_link(place, other.credentials(TOOL))
+    assert "not trusted here" in diagnose_link(place, other.credentials(TOOL))
     # One that believes the router, which does not believe it.
     shutil.copy(folder.path / "authority.crt", other.path / "authority.crt")
     said = diagnose_link(place, other.credentials(TOOL))
-    assert "believes another authority" in said
+    assert "trusts another authority" in said
     assert str(other.path / "supervisor.crt") in said
 
 
@@ -81,11 +81,11 @@ def test_one_whose_certificate_has_ended(place: str, tmp_path: Path, folder: Fol
     copy = Folder(tmp_path / "copy")
     shutil.copytree(folder.path, copy.path)
     copy.renew(TOOL, NOW - timedelta(days=10), 1.0)
-    assert "has ended" in diagnose_link(place, copy.credentials(TOOL))
+    assert "has expired" in diagnose_link(place, copy.credentials(TOOL))
     copy.renew(ROUTER, NOW - timedelta(days=10), 1.0)
     with router(copy.credentials(ROUTER)) as ended:
         said = diagnose_link(ended, folder.credentials(TOOL))
-    assert "not believed here: certificate has expired" in said
+    assert "not trusted here: certificate has expired" in said
 
 
 def test_one_who_is_at_another_host(tmp_path: Path) -> None:
@@ -107,5 +107,5 @@ def test_a_session_that_cannot_be_opened_says_the_same(place: str, tmp_path: Pat
     ends = client_session("127.0.0.1", port)
     with pytest.raises(BusError, match="speaks TLS"):
         open_session(ends, "plain")
-    with pytest.raises(BusError, match="not believed here"):
+    with pytest.raises(BusError, match="not trusted here"):
         open_session(secured(ends, TlsIdentity(other.credentials(TOOL), {})), "stranger")

@@ -161,7 +161,7 @@ def test_what_is_no_recording_is_not_opened(tmp_path: Path, text: str | None) ->
     path = tmp_path / "d.txt"
     if text is not None:
         path.write_text(text, encoding="latin-1")
-    with pytest.raises(InstrumentError, match="no recording") as caught:
+    with pytest.raises(InstrumentError, match="recording") as caught:
         open_link(f"replay:{path}", baud=9600, timeout_s=1.0)
     assert caught.value.code == "cannot_open"
 

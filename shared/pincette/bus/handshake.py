@@ -22,7 +22,7 @@ REASONS = {
     "DECRYPT_ERROR": UNKNOWN,
     "BAD_CERTIFICATE": REFUSED,
     "CERTIFICATE_EXPIRED": (
-        "it takes the certificate {ours} for expired: check its clock and this one's"
+        "for it the certificate {ours} has expired: check its clock and this one's"
     ),
     "WRONG_VERSION_NUMBER": PLAIN,
     "UNEXPECTED_EOF": PLAIN,
