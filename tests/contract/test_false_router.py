@@ -38,7 +38,7 @@ def test_a_viewer_cannot_be_taken_for_a_router(folder: Folder) -> None:
     rig = demo_rig().secured(folder.path)
     viewer = TlsIdentity(folder.credentials(person("viewer", "viewer")), {})
     false = secured(router_session("127.0.0.1", rig.bus.port), viewer)
-    with open_session(false, "false"), pytest.raises(BusError, match="not believed here"):
+    with open_session(false, "false"), pytest.raises(BusError, match="not trusted here"):
         open_session(tool_endpoint(rig), "tool")
 
 

@@ -44,7 +44,7 @@ class Lines:
         (b"?", "out of range", "refused"),
         (b"?01", "invalid command", "refused"),
         (b"!", "host watchdog has tripped", "tripped"),
-        (b"!01", "means nothing here", "garbled"),
+        (b"!01", "is unknown", "garbled"),
     ],
 )
 def test_a_refusal_names_value_and_cause(reply: bytes, text: str, cause: str) -> None:

@@ -184,7 +184,7 @@ def test_another_answer_to_the_mode_closes_the_port(reply: bytes) -> None:
 
 def test_an_answer_to_another_output_is_refused() -> None:
     link = Lines({b"R0": b"ER,R0,01", b"MS,01": b"MS,02,+0001.00"})
-    with pytest.raises(InstrumentError, match="no answer to"):
+    with pytest.raises(InstrumentError, match="not an answer to"):
         keyence_lkg.open_sensor(settings(), link)
 
 
