@@ -11,6 +11,14 @@ from tests.support.running import RunningRig
 pytest_plugins = ["tests.support.selection", "tests.support.reruns"]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
+    """A folder of settings that is not the account's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("settings")))
+        yield
+
+
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
     with adapter_rig(tmp_path_factory.mktemp("rig"), SLOWLY) as found:

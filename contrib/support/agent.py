@@ -15,12 +15,15 @@ from tests.support.adapters import FORCE_MN, WAIT_S
 @asynccontextmanager
 async def agent(url: str, *options: str, key: str = "") -> AsyncGenerator[Client]:
     """The stock client, with a server of ours for the supervisor at ``url``."""
-    words = ["-m", "pincette_mcp", "--url", url, *options]
-    server = StdioServerParameters(
-        command=sys.executable, args=words, env={**os.environ, "PINCETTE_KEY": key}
-    )
-    async with asyncio.timeout(WAIT_S), Client(server) as client:
+    async with asyncio.timeout(WAIT_S), Client(server_of(url, *options, key=key)) as client:
         yield client
+
+
+def server_of(url: str, *options: str, key: str = "") -> StdioServerParameters:
+    """A server of ours; by itself the SDK would keep the folder of settings from it."""
+    words = ["-m", "pincette_mcp", "--url", url, *options]
+    environment = {**os.environ, "PINCETTE_KEY": key}
+    return StdioServerParameters(command=sys.executable, args=words, env=environment)
 
 
 async def said(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:

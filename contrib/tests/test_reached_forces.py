@@ -1,6 +1,5 @@
 """Forces that are asked for one after another, and stops in each phase, by every adapter."""
 
-import sys
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import Any
 import pytest
 from anyio.from_thread import start_blocking_portal
 from bluesky.utils import FailedStatus
-from mcp import Client, StdioServerParameters
+from mcp import Client
 
+from contrib.support.agent import server_of
 from contrib.support.reaching import (
     NEAR_MN,
     SLOW,
@@ -117,8 +117,7 @@ def bluesky(rig: RunningRig) -> Generator[Driver]:
 
 @contextmanager
 def agent(rig: RunningRig) -> Generator[Driver]:
-    words = ["-m", "pincette_mcp", "--url", rig.rig.supervisor.url, "--move"]
-    server = StdioServerParameters(command=sys.executable, args=words)
+    server = server_of(rig.rig.supervisor.url, "--move")
     with (
         start_blocking_portal() as portal,
         portal.wrap_async_context_manager(Client(server)) as client,

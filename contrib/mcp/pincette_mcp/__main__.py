@@ -1,14 +1,25 @@
-"""``pincette-mcp``: serve a rig's tools over stdio, as programs of agents start it."""
+"""``pincette-mcp``: serve a rig's tools over stdio, as programs of agents start it, or HTTP."""
 
 import argparse
 import logging
 import os
+import secrets
+import sys
 from pathlib import Path
 
 from pincette.client import AsyncSupervisor
+from pincette_mcp.over_http import HOST, serve_http
+from pincette_mcp.plans import KEY, account_file
 from pincette_mcp.server import serve
 
 LOCAL = "http://127.0.0.1:8000"
+PORT = 8010
+STATED = "PINCETTE_MCP_KEY"
+KEY_BYTES = 32
+
+
+class NoKeyError(Exception):
+    """A server over HTTP without a key."""
 
 
 def main() -> None:
@@ -24,11 +35,37 @@ def main() -> None:
     parser.add_argument(
         "--move", action="store_true", help="offer the tools that move: grip and release"
     )
+    parser.add_argument(
+        "--http",
+        action="store_true",
+        help="serve over streamable HTTP on 127.0.0.1, for callers that send the key: "
+        "$PINCETTE_MCP_KEY, else that of a file which is named at the start",
+    )
+    parser.add_argument("--port", type=int, default=PORT, help="of --http; by default %(default)s")
     given = parser.parse_args()
     logging.getLogger("httpx").setLevel(logging.WARNING)
     key = os.environ.get("PINCETTE_KEY") or None
     supervisor = AsyncSupervisor(given.url, key=key, operator="mcp", authority=given.authority)
-    serve(supervisor, given.rig, moving=given.move).run("stdio")
+    server = serve(supervisor, given.rig, moving=given.move)
+    if not given.http:
+        server.run("stdio")
+        return
+    try:
+        own, where = http_key()
+    except NoKeyError as error:
+        parser.error(str(error))
+    print(f"MCP at http://{HOST}:{given.port}/mcp; its key is {where}", file=sys.stderr, flush=True)
+    serve_http(server, given.port, own)
+
+
+def http_key() -> tuple[str, str]:
+    """Return the key that callers over HTTP send, and where it is; raises NoKeyError."""
+    if stated := os.environ.get(STATED):
+        return stated, f"${STATED}"
+    path = account_file(KEY, secrets.token_urlsafe(KEY_BYTES).encode())
+    if path is None:
+        raise NoKeyError(f"no key can be kept in the account's settings: set ${STATED}")
+    return path.read_text(encoding="ascii"), f"in {path}"
 
 
 if __name__ == "__main__":

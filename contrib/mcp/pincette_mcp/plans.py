@@ -1,7 +1,8 @@
 """Tokens of feasible plans: what may be gripped, once, for a limited time.
 
 A token holds the plan and a signature. The secret of the signature is a file of the account, so
-that a token is also good for the server that takes the place of an ended one.
+that a token is also good for the server that takes the place of an ended one. Where the protocol
+has sessions, a token is good for its session alone.
 """
 
 import hmac
@@ -10,6 +11,7 @@ import secrets
 from base64 import urlsafe_b64decode, urlsafe_b64encode
 from collections.abc import Callable
 from hashlib import sha256
+from pathlib import Path
 from typing import NamedTuple
 
 from pincette.core.files import replace_file
@@ -20,6 +22,8 @@ SIGNATURE_BYTES = 12
 SECRET_BYTES = 32
 SECRET = "pincette/mcp-tokens"
 """File of the secret, in the account's folder of settings."""
+KEY = "pincette/mcp-key"
+"""File of the key that callers over HTTP send, likewise."""
 
 
 class NoPlanError(Exception):
@@ -41,6 +45,8 @@ class Plan(NamedTuple):
     """None: until the release."""
     until_s: float
     """Time of the system clock from which the token is too old, in s."""
+    session: str
+    """Session of the protocol; empty where it has none."""
 
 
 class Tokens:
@@ -50,15 +56,15 @@ class Tokens:
         self._secret, self._clock = secret, clock
         self._taken: set[str] = set()
 
-    def of(self, rig: str, force_mN: float, hold_s: float | None) -> str:
+    def of(self, rig: str, force_mN: float, hold_s: float | None, session: str) -> str:
         """Return the token of a plan."""
         until_s = round(self._clock() + VALID_S, 1)
-        plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s)
+        plan = Plan(secrets.token_urlsafe(9), rig, force_mN, hold_s, until_s, session)
         text = json.dumps(plan, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 3)  # base64 of a whole number of groups ends without =
         return f"{_text(text)}.{_text(self._signature(text))}"
 
-    def take(self, token: str) -> Plan:
+    def take(self, token: str, session: str) -> Plan:
         """Return what was planned; the token is then used. Raises NoPlanError."""
         text, _, signature = token.partition(".")
         try:
@@ -68,6 +74,8 @@ class Tokens:
         if not hmac.compare_digest(signed, self._signature(content)):
             raise NoPlanError("was never given")
         plan = Plan(*json.loads(content))
+        if plan.session != session:
+            raise NoPlanError("belongs to another session")
         if plan.until_s <= self._clock():
             raise NoPlanError(f"is older than {VALID_S:g} s")
         if plan.id in self._taken:
@@ -81,18 +89,27 @@ class Tokens:
 
 def account_secret() -> bytes:
     """Return the secret of the account; one for this process alone where it cannot be kept."""
-    made, folder = secrets.token_bytes(SECRET_BYTES), config_folder()
+    made = secrets.token_bytes(SECRET_BYTES)
+    kept = account_file(SECRET, made)
+    return made if kept is None else kept.read_bytes()
+
+
+def account_file(name: str, made: bytes) -> Path | None:
+    """Return a file of the account's settings, made where it is missing; None where it cannot be.
+
+    A file of another length than ``made`` is none.
+    """
+    folder = config_folder()
     if folder is None:
-        return made
-    path = folder / SECRET
+        return None
+    path = folder / name
     try:
         if not path.is_file():
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, made, 0o600)
-        found = path.read_bytes()
+        return path if len(path.read_bytes()) == len(made) else None
     except OSError:
-        return made
-    return found if len(found) == SECRET_BYTES else made
+        return None
 
 
 def _text(content: bytes) -> str:

@@ -26,14 +26,15 @@ from pincette.client import (
     WhichRigError,
     left_s,
 )
+from pincette.client.following import RESTS_S
 from pincette.client.status import NEWS_S, RigStatus, unknown_status
 from pincette_mcp.plans import NoPlanError, Plan, Tokens, account_secret
 
 LABEL = "mcp"
 """Label of a job: the name of its plan."""
 OWN = (LABEL, None)
-RESTS_S = 30.0
-"""Longest wait of ``stop`` for a motion to come to rest, in s."""
+SESSION = "mcp-session-id"
+"""Header of a session, which the newest revision of the protocol does not have."""
 UNKNOWN = "unknown"
 """Whether a part is held, where that cannot be read."""
 LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
@@ -164,11 +165,14 @@ class Tools:
             job_state=job_state,
         )
 
-    async def plan_grip(self, force_mN: Force, hold_s: Hold = None) -> GripPlan:
+    async def plan_grip(self, force_mN: Force, context: Context, hold_s: Hold = None) -> GripPlan:
         """Predict a grip, in some seconds; nothing moves. A feasible plan has a token for grip."""
         with told():
             rig = await self._rig()
             plan = await rig.plan_reach(force_mN, own=OWN, hold_s=hold_s)
+        token = None
+        if plan.feasible:
+            token = self._tokens.of(rig.name, force_mN, hold_s, session_of(context))
         return GripPlan(
             feasible=plan.feasible,
             rig=rig.name,
@@ -178,7 +182,7 @@ class Tools:
             duration_s=plan.duration_s,
             violations=[violation.message for violation in plan.violations],
             warnings=list(getattr(plan, "warnings", ())),
-            token=self._tokens.of(rig.name, force_mN, hold_s) if plan.feasible else None,
+            token=token,
         )
 
     async def grip(self, token: str, context: Context) -> Gripped:
@@ -188,7 +192,7 @@ class Tools:
         loaded or unloaded to the force; one that is held with it is held on as it is.
         """
         with told():
-            plan = self._tokens.take(token)
+            plan = self._tokens.take(token, session_of(context))
             self._asked.add(plan.id)  # before anything is awaited: a stop may come meanwhile
             rig: AsyncRigHandle | None = None
             try:
@@ -285,6 +289,12 @@ class Tools:
         if self._name is None:
             self._name = (await self._supervisor.rig()).name
         return AsyncRigHandle(self._supervisor.transport, self._name)
+
+
+def session_of(context: Context) -> str:
+    """Return the session of a request; empty over stdio, and where the protocol has none."""
+    request = context.request_context.request
+    return "" if request is None else request.headers.get(SESSION, "")
 
 
 async def follow(moments: AsyncGenerator[Progress], context: Context) -> None:

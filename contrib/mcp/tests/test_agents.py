@@ -218,7 +218,9 @@ def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
         # The shell names the process that the client has started.
         script = f'echo $$ > {tmp_path}/pid; exec "$@"'
         line = ["-c", script, "sh", sys.executable, "-m", "pincette_mcp", "--move"]
-        server = StdioServerParameters(command="sh", args=[*line, "--url", rig.rig.supervisor.url])
+        server = StdioServerParameters(
+            command="sh", args=[*line, "--url", rig.rig.supervisor.url], env={**os.environ}
+        )
         async with asyncio.timeout(WAIT_S), Client(server) as client:
             held = await said(client, "grip", token=await planned(client))
             os.kill(int((tmp_path / "pid").read_text()), signal.SIGKILL)
@@ -252,10 +254,7 @@ def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(rig: Runni
 
 def test_it_starts_without_its_supervisor_and_says_so() -> None:
     async def drive() -> dict[str, Any]:
-        nowhere = StdioServerParameters(
-            command=sys.executable, args=["-m", "pincette_mcp", "--url", "http://127.0.0.1:9"]
-        )
-        async with asyncio.timeout(WAIT_S), Client(nowhere) as client:
+        async with agent("http://127.0.0.1:9") as client:
             return await said(client, "status")
 
     found = asyncio.run(drive())
