@@ -161,7 +161,8 @@ def _pages(name: str) -> Pages:
     return runpy.run_path(str(ROOT / "docs" / name))["PAGES"]
 
 
-IN_DOCS = _pages("job_states.py") | _pages("fault_table.py") | _pages("metrics_table.py")
+NAMES = ("job_states.py", "fault_table.py", "metrics_table.py", "bounds_table.py")
+IN_DOCS = {place: page for name in NAMES for place, page in _pages(name).items()}
 PAGES: dict[Path, Callable[[], str]] = {
     REFERENCE / "keys.md": keys_page,
     ROOT / "deploy" / "asyncapi.json": document,
