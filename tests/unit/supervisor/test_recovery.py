@@ -186,11 +186,20 @@ def test_whoever_listens_hears_states_phases_and_the_result(harness: Harness) ->
     assert harness.bus.notices[-1].epoch == harness.bus.epoch
 
 
-def test_a_new_force_takes_a_part_over_from_a_job_that_still_holds_it(harness: Harness) -> None:
-    job = harness.playing_to(IN_HOLD, until_released=True)
+@pytest.mark.parametrize(
+    ("more", "paused"),
+    [({"until_released": True}, False), ({"until_released": True}, True), ({"hold_s": 4.0}, True)],
+)
+def test_a_new_force_takes_a_part_over_from_a_job_that_keeps_it_at_rest(
+    harness: Harness, more: dict[str, object], paused: bool
+) -> None:
+    job = harness.playing_to(IN_HOLD, **more)
+    if paused:
+        harness.post(f"/jobs/{job}/actions", {"type": "pause"})
+        harness.until(lambda: harness.get(f"/jobs/{job}")["state"] == "paused")
     taken = harness.post("/jobs", {"kind": "hold", "force_mN": 15.0})
     assert taken.status_code == 201, taken.text
-    assert harness.bus.acts == ["keep"]
+    assert harness.bus.acts == [*(["pause"] if paused else []), "keep"]
     assert harness.ended(job)["state"] == "stopped"
     values = taken.json()["values"]
     assert values["force_mN"] == 15.0
