@@ -123,7 +123,12 @@ def test_a_flood_of_strangers_delays_no_link(
 
 @pytest.mark.parametrize(
     ("stopped_s", "stay"),
-    [(0.5, True), (3.0, False), pytest.param(10.0, True, marks=pytest.mark.slow)],
+    [
+        (0.5, True),
+        (3.0, False),
+        pytest.param(10.0, True, marks=pytest.mark.slow),
+        pytest.param(60.0, False, marks=pytest.mark.slow),
+    ],
 )
 def test_links_are_back_after_a_router_stood_still_with_a_full_accept_queue(
     router: tuple[int, int],
