@@ -2,15 +2,17 @@
 
 import time
 from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pincette.instruments import icpdas_i7024, keyence_lkg, srs_dc205
 from pincette.instruments.line.counts import LineCounts, counting
 from pincette.instruments.line.serial_link import GRACE, Line
+from pincette.instruments.link import open_link
 from pincette.instruments.protocols import InstrumentError
 from pincette.sim.instruments import dc205
 from pincette.sim.instruments.dc205 import SimulatedDC205
@@ -18,8 +20,10 @@ from pincette.sim.instruments.dcon import SimulatedI7024
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.instruments.protocol import TERMINATOR, Instrument
 from pincette.sim.wires.wire import serve
+from tests.contract.test_example_driver import open_sensor
 from tests.contract.test_late_answers import output_settings, sensor_settings
-from tests.support.delayed_answers import Delays, constant, drawn
+from tests.support.delayed_answers import Delays, constant, drawn, single
+from tests.support.example_lds import SimulatedLDS
 
 pytestmark = pytest.mark.usefixtures("stalls")
 
@@ -124,6 +128,41 @@ def source_write(url: str, delays: Delays) -> Generator[Callable[[], float]]:
         output.close()
 
 
+@contextmanager
+def source_read(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read a DC205 back, whose setting shows the time while it is asked for."""
+    source = SimulatedDC205(lambda _voltage_V: None)
+    source.answer(b"RNGE RANGE10;SOUT 1")
+
+    class Clocked(Delayed):
+        def answer(self, line: bytes) -> bytes | None:
+            if line.startswith(b"VOLT?"):
+                source.answer(b"VOLT %.6f" % stated_s())
+            return super().answer(line)
+
+    instrument = Clocked(source, constant(0.0), dc205.TERMINATOR)
+    with serve(url, instrument, terminator=dc205.TERMINATOR) as wire:
+        settings = output_settings("srs_dc205", 0.5)
+        output = srs_dc205.open_output(settings.model_copy(update={"url": wire.url}))
+        shorten(vars(output)["_link"], TIMEOUT_S)
+        instrument.delays = delays
+        yield output.read_V
+        output.close()
+
+
+@contextmanager
+def third_party(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read the sensor of the example of a driver."""
+    instrument = Delayed(SimulatedLDS(lambda: 100.0 * stated_s()), constant(0.0))
+    with serve(url, instrument) as wire:
+        settings = sensor_settings("example_lds", 0.5).model_copy(update={"url": wire.url})
+        sensor: Any = open_sensor(settings, None)
+        shorten(sensor.link, TIMEOUT_S)
+        instrument.delays = delays
+        yield lambda: sensor.read_um() / 100.0
+        sensor.close()
+
+
 class Plain:
     """Answers each request with nothing but the time."""
 
@@ -133,6 +172,17 @@ class Plain:
     def answer(self, line: bytes) -> bytes:
         assert line
         return b"%.4f" % stated_s()
+
+
+@contextmanager
+def third_party_without_patterns(url: str, delays: Delays) -> Generator[Callable[[], float]]:
+    """Read through a line whose driver cannot assign an answer to its question."""
+    instrument = Delayed(Plain(), delays)
+    with (
+        serve(url, instrument) as wire,
+        closing(open_link(wire.url, baud=115200, timeout_s=TIMEOUT_S)) as line,
+    ):
+        yield lambda: float(line.exchange(b"POS?"))
 
 
 def written(
@@ -179,7 +229,8 @@ def check_ages(use: Callable[[], float], for_s: float) -> tuple[int, int]:
     return accepted, refused
 
 
-INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module_write, source_write])
+INSTRUMENTS = pytest.mark.parametrize("offer", [laser, module, module_write, source_write])
+THIRD = pytest.mark.parametrize("offer", [source_read, third_party, third_party_without_patterns])
 PORTS = pytest.mark.parametrize("port", ["tcp", "pty"])
 Offer = Callable[[str, Delays], AbstractContextManager[Callable[[], float]]]
 
@@ -213,3 +264,37 @@ def test_answers_that_are_late_lost_or_doubled_by_chance(
     with offer(url_of(port, tmp_path), delays) as use:
         accepted, _ = check_ages(use, 0.5)
     assert accepted
+
+
+@PORTS
+@THIRD
+def test_late_answers_to_a_read_back_and_to_drivers_of_others(
+    offer: Offer, port: str, tmp_path: Path
+) -> None:
+    """First all answers are late, then they are late, lost or doubled by chance."""
+    late = constant((1.3 + GRACE) * TIMEOUT_S)
+    with offer(url_of(port, tmp_path), late) as use:
+        _, refused = check_ages(use, 0.5)
+    assert refused
+    seed = 20261127
+    print(f"seed {seed}")
+    delays = drawn(1.5 * TIMEOUT_S, seed, lost=0.05, doubled=0.05)
+    with offer(url_of(port, tmp_path), delays) as use:
+        accepted, _ = check_ages(use, 3.0)
+    assert accepted
+
+
+@PORTS
+@INSTRUMENTS
+def test_every_delay_from_none_to_three_timeouts(offer: Offer, port: str, tmp_path: Path) -> None:
+    """The whole table (long)."""
+    for tenths in range(31):
+        delay_s = 0.1 * tenths * TIMEOUT_S
+        for kind, delays in (
+            ("constant", constant(delay_s)),
+            ("random", drawn(delay_s, tenths, lost=0.05)),
+            ("single", single(delay_s, 7, 0.0)),
+        ):
+            print(f"{tenths} tenths of the timeout, {kind}")
+            with offer(url_of(port, tmp_path), delays) as use:
+                check_ages(use, 0.5)
