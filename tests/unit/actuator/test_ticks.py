@@ -4,13 +4,14 @@ import pytest
 
 from pincette.control.record import replace
 from pincette.core.faults import Cause, Mode
+from pincette.core.idle_sampling import SAMPLE_S
 from pincette.core.messages import Ack, Applied, Arm, Command
 from pincette.core.messages.arms import ArmApplied, ArmCommand
 from pincette.core.service import CheckWave, SetVoltage
 from pincette.core.wording import fault_text
 from pincette_actuator.requests import handle
 from pincette_actuator.state import State
-from pincette_actuator.step import Inputs, step
+from pincette_actuator.step import SERVICE, Inputs, step
 from tests.support.arms import with_arm
 
 from .bench import (
@@ -65,6 +66,16 @@ def test_a_tick_is_answered_once_and_ordered_where_a_voltage_is_to_be_held(
 def test_at_rest_a_tick_is_answered_at_once_and_after_the_one_that_was_not_seen() -> None:
     _, outputs = play(stood("idle"), (position(1), 0.02), (position(6), 0.12), (WAKE, 0.2))
     assert [one.seq for one in outputs if isinstance(one, Applied)] == [1, 5, 6]
+
+
+def test_at_rest_the_clock_is_looked_at_seldom_unless_the_output_has_to_be_read_back() -> None:
+    assert SERVICE.timer_s is not None
+    armed = holding(held=False)
+    unknown = replace(armed, mode="latched", unconfirmed=True, located=False)
+    for state in (armed, unknown):
+        assert SERVICE.timer_s(CONFIG, state) == CONFIG.age.wake_s
+    for mode in ("idle", "latched"):
+        assert SERVICE.timer_s(CONFIG, replace(armed, mode=mode)) == SAMPLE_S
 
 
 def test_a_tick_is_not_answered_before_its_time() -> None:
