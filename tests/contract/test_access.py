@@ -135,7 +135,7 @@ def test_a_command_of_the_controller_arrives_directly(site: Site) -> None:
 @pytest.mark.parametrize(
     "who", ["viewer", "operator", "demo/sensor", "right/controller", "supervisor"]
 )
-def test_whoever_else_is_let_in_commands_nothing(site: Site, who: str) -> None:
+def test_whoever_else_is_admitted_commands_nothing(site: Site, who: str) -> None:
     intruder = Intruder(who, site.folder.credentials(site.folder.named(who)))
     before = len(site.got)
     for port, mode in product(site.ports(), ("client", "peer", "router")):

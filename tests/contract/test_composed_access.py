@@ -137,7 +137,7 @@ def test_a_certificate_of_one_of_its_services_commands_nothing(site: Site, who: 
     assert len(site.commands) == before
 
 
-def test_a_rig_file_that_composes_wants_the_certificate_for_it(site: Site) -> None:
+def test_a_rig_file_that_composes_needs_the_certificate_for_it(site: Site) -> None:
     rig = composing(site.rig, "loop")
     with pytest.raises(SecurityError, match=r"loop\.crt: No such file"):
         service_endpoint(rig, "loop", loop_programs(rig))

@@ -33,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     return folder_for(tmp_path_factory.mktemp("certificates") / "pki", "demo")
 
 
-def test_a_viewer_cannot_be_taken_for_a_router(folder: Folder) -> None:
+def test_a_viewer_cannot_be_mistaken_for_a_router(folder: Folder) -> None:
     """Its certificate is good for no server, so nobody who connects believes it."""
     rig = demo_rig().secured(folder.path)
     viewer = TlsIdentity(folder.credentials(person("viewer", "viewer")), {})

@@ -289,7 +289,7 @@ def test_a_token_without_a_program_is_known_as_such_at_once(plain: Site) -> None
 
 
 @pytest.mark.parametrize("kind", ["silent", "drops", "store", "rubbish"])
-def test_a_program_that_does_not_answer_is_not_taken_for_a_mere_token(
+def test_a_program_that_does_not_answer_is_not_mistaken_for_a_mere_token(
     plain: Site, kind: str
 ) -> None:
     """A query that a program drops ends at once, as does one that nobody takes."""
@@ -311,7 +311,7 @@ def test_a_program_that_does_not_answer_is_not_taken_for_a_mere_token(
         token.undeclare()
 
 
-def test_with_certificates_a_token_is_never_taken_for_a_mere_one(secure: Site) -> None:
+def test_with_certificates_a_token_is_never_mistaken_for_a_mere_one(secure: Site) -> None:
     """The access list may refuse the request to a real program: then the query ends at once too."""
     other = ZenohBus(loop_endpoint(secure.rig, "sensor", loop_services()), "demo", "sensor")
     try:

@@ -151,7 +151,7 @@ def test_models_that_are_told_are_read_or_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["[" * 50_000, "", "null", "1", '{"rig": 1}', "\x00", "NaN", "{}"])
-def test_a_told_rig_file_that_is_none_is_refused(text: str) -> None:
+def test_a_told_rig_file_that_is_invalid_is_refused(text: str) -> None:
     with pytest.raises(ConfigError):
         parse_rig_json(text)
     if text:

@@ -86,7 +86,7 @@ def test_strangers_keep_nobody_out(
         sleep(0.05)
 
 
-def test_links_that_are_up_go_on_and_are_ended_with_their_own_end(door: Door) -> None:
+def test_links_that_are_up_continue_and_are_ended_with_their_own_end(door: Door) -> None:
     heard: list[bytes] = []
     with open_session(door.client, "tool") as tool:
         tool.declare_subscriber(
@@ -178,7 +178,7 @@ def test_the_name_in_the_certificate_reaches_the_access_list(folder: Folder) -> 
         door.router.close()
 
 
-def test_each_link_is_told_with_its_peer_and_why_it_went(
+def test_each_link_is_reported_with_its_peer_and_why_it_went(
     door: Door, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "pincette")

@@ -56,7 +56,7 @@ def test_nobody_listens(folder: Folder) -> None:
         assert diagnose_link(wanted, credentials) == f"nobody listens at {wanted}"
 
 
-def test_plain_words_to_one_that_wants_tls(place: str) -> None:
+def test_plain_words_to_one_that_needs_tls(place: str) -> None:
     assert "speaks TLS: name the folder of certificates" in diagnose_link(place, None)
 
 

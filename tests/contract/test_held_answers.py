@@ -142,7 +142,7 @@ def test_another_delay_of_ser2net_is_measured(
     ("server", "options", "thinks_s", "baud"),
     [("ser2net", "chardelay: false", 0.003, 9600), ("socat", "", 0.0, 38400)],
 )
-def test_a_server_that_forwards_at_once_is_not_taken_for_one_that_waits(
+def test_a_server_that_forwards_at_once_is_not_mistaken_for_one_that_waits(
     server: str, options: str, thinks_s: float, baud: int, tmp_path: Path
 ) -> None:
     assert measured(tmp_path, server, options, baud, baud, thinks_s) == Hop()

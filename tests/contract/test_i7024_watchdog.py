@@ -86,7 +86,7 @@ def test_heartbeats_keep_the_voltage_and_silence_loses_it() -> None:
     assert bench.voltages_V == [1.0, 0.0]
 
 
-def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_anew() -> None:
+def test_a_trip_stays_until_it_is_cleared_and_then_the_watchdog_is_armed_again() -> None:
     bench = Bench()
     output = bench.open()
     output.write_V(1.0)
@@ -141,7 +141,7 @@ def test_a_watchdog_of_a_host_before_does_not_trip_between_opening_and_first_sig
     assert bench.voltages_V == [1.0, 1.25]
 
 
-def test_a_trip_since_opening_is_told_at_the_first_sign_of_life_and_once() -> None:
+def test_a_trip_since_opening_is_reported_at_the_first_sign_of_life_and_once() -> None:
     bench = Bench()
     bench.open().write_V(1.0)
     output = bench.open()
@@ -195,7 +195,7 @@ def test_an_output_that_does_not_stand_at_zero_keeps_its_safe_value(
     assert bench.voltages_V == [2.0, 3.0, 0.0]
 
 
-def test_a_module_that_was_silent_is_armed_anew_since_it_may_have_lost_its_supply() -> None:
+def test_a_module_that_was_silent_is_armed_again_since_it_may_have_lost_its_supply() -> None:
     bench = Bench()
     output = bench.open()
     output.write_V(1.0)

@@ -50,7 +50,7 @@ def test_unsolicited_lines_are_skipped(script: Script) -> None:
         assert link.exchange(b"MS,01") == b"MS,01,+0001.00"
 
 
-def test_what_follows_the_answer_is_not_taken_for_the_next(script: Script) -> None:
+def test_what_follows_the_answer_is_not_mistaken_for_the_next(script: Script) -> None:
     with opened(script([b"A\rB\rC", b"D\r"])) as link:
         assert link.exchange(b"1") == b"A"
         assert link.exchange(b"2") == b"D"
@@ -147,7 +147,7 @@ def test_a_refused_connection_says_what_to_do() -> None:
 
 
 @pytest.mark.parametrize("url", ["nonsense://x", "socket://127.0.0.1:99999", "socket://127.0.0.1"])
-def test_a_url_that_is_none_is_an_error(url: str) -> None:
+def test_a_url_that_is_invalid_is_an_error(url: str) -> None:
     with pytest.raises(InstrumentError, match="check the url"):
         open_link(url, baud=115200, timeout_s=0.1)
 

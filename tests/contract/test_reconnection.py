@@ -78,7 +78,7 @@ def failed(line: Link, request: bytes = b"A") -> InstrumentError:
     return caught.value
 
 
-def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_goes_on() -> None:
+def test_the_lost_exchange_fails_and_the_next_opens_prepares_and_continues() -> None:
     rig = Rig()
     rig.prepare = lambda link: rig.said.append(link.exchange(b"R0"))
     assert rig.line.exchange(b"A") == b"re A"
@@ -130,7 +130,7 @@ def test_a_port_that_is_lost_again_and_again_may_have_a_second_client() -> None:
     assert ["another program" in text for text in texts] == [False] * OFTEN + [True]
 
 
-def test_what_keeps_the_instrument_from_working_on_is_said_with_its_cause() -> None:
+def test_what_keeps_the_instrument_from_working_on_is_reported_with_its_cause() -> None:
     rig = Rig()
 
     def refuse(_link: Link) -> None:

@@ -149,7 +149,7 @@ def test_a_line_that_was_to_have_no_answer_must_have_had_none(tmp_path: Path) ->
         "0.1\t\\",
     ],
 )
-def test_a_line_that_is_none_is_named(tmp_path: Path, line: str) -> None:
+def test_a_line_that_is_invalid_is_named(tmp_path: Path, line: str) -> None:
     path = written(tmp_path / "d.txt", "0.1\tR0\tR0", line)
     with pytest.raises(InstrumentError, match=r"d\.txt, line 3: ") as caught:
         replay(path)

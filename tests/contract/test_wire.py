@@ -105,6 +105,6 @@ def test_a_stale_link_is_replaced_and_a_file_is_not(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("url", ["socket://127.0.0.1", "socket://127.0.0.1:x", "ftp://a:1"])
-def test_a_url_that_is_none_is_refused(url: str) -> None:
+def test_a_url_that_is_invalid_is_refused(url: str) -> None:
     with pytest.raises(WireError, match=url):
         serve(url, SimulatedKeyence(lambda: 1.0))

@@ -96,7 +96,7 @@ def test_an_actuator_that_was_started_again_moves_nothing_before_a_reset(
     whole_grip(rig, seen)
 
 
-def test_without_the_recorder_the_loop_goes_on_and_the_record_says_so(
+def test_without_the_recorder_the_loop_continues_and_the_record_says_so(
     rig: ContainerRig,
     seen: Witness,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
@@ -128,7 +128,7 @@ def test_without_the_supervisor_the_part_stays_held_and_its_job_is_interrupted(
     whole_grip(rig, seen)
 
 
-def test_without_the_router_the_loop_goes_on_and_is_found_again(
+def test_without_the_router_the_loop_continues_and_is_found_again(
     rig: ContainerRig,
     seen: Witness,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
@@ -144,7 +144,7 @@ def test_without_the_router_the_loop_goes_on_and_is_found_again(
         whole_grip(rig, again)
 
 
-def test_who_holds_the_network_is_started_again_and_the_others_are_made_anew(
+def test_who_holds_the_network_is_started_again_and_the_others_are_made_again(
     rig: ContainerRig,
     stalls: ContainerStalls,  # noqa: ARG001  records stalls
 ) -> None:

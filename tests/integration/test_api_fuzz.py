@@ -66,7 +66,7 @@ def shown(answer: Answer) -> None:
 
 @pytest.mark.parametrize("case", BODIES)
 @pytest.mark.parametrize("place", ["/jobs", "/trajectories", "/trajectories/plot", "/calibrations"])
-def test_a_body_that_is_none_is_refused_in_words(desk: Harness, place: str, case: str) -> None:
+def test_a_body_that_is_invalid_is_refused_in_words(desk: Harness, place: str, case: str) -> None:
     before = desk.get("/jobs")["jobs"]
     answer = send(desk.app, "POST", f"/api/v1{place}?dry_run=true&predict=false", BODIES[case])
     shown(answer)
@@ -77,7 +77,7 @@ def test_a_body_that_is_none_is_refused_in_words(desk: Harness, place: str, case
 
 
 @pytest.mark.parametrize("body", [b"", b"[" * 100_000, b'{"values": NaN}', b'{"name": "\\ud800"}'])
-def test_other_bodies_that_are_none(desk: Harness, job: str, body: bytes) -> None:
+def test_other_bodies_that_are_invalid(desk: Harness, job: str, body: bytes) -> None:
     for place in (
         "/recipes", f"/jobs/{job}/actions", "/rigs/demo/reset", "/rigs/demo/queue/actions",
         "/rigs/demo/model/actions", f"/calibrations/{job}/actions",

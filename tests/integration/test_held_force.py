@@ -219,7 +219,7 @@ def test_each_step_holds_its_force_and_has_no_higher_peak(stairs: Stairs) -> Non
         assert abs(error_mN) < result.force_uncertainty_mN
 
 
-def test_references_and_voltage_go_on_without_a_jump(stairs: Stairs) -> None:
+def test_references_and_voltage_continue_without_a_jump(stairs: Stairs) -> None:
     for _, step in stairs:
         changes_V = [abs(b - a) for a, b in pairwise(step.voltages_V)]
         assert max(changes_V[:5]) < 0.02
@@ -230,7 +230,7 @@ def test_references_and_voltage_go_on_without_a_jump(stairs: Stairs) -> None:
         assert max(jumps_mN) < 1.5 * per_tick_mN
 
 
-def test_the_age_of_the_zero_goes_on(stairs: Stairs) -> None:
+def test_the_age_of_the_zero_continues(stairs: Stairs) -> None:
     ages_s = [[arm.zero_age_s for arm in step.estimates] for _, step in stairs]
     for of_arm_s in zip(*ages_s, strict=True):
         assert None not in of_arm_s
@@ -256,7 +256,7 @@ def test_a_part_of_another_stiffness_is_loaded_and_unloaded_as_well(share: float
 
 
 @RIGS
-def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_goes_on(rig: RigFile) -> None:
+def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_continues(rig: RigFile) -> None:
     desk = Desk(rig)
     desk.grip(5.0)
     result = desk.hold(20.0, stopped_then_kept("load", 25))
@@ -268,7 +268,7 @@ def test_a_stop_on_the_way_keeps_the_force_there_and_the_next_hold_goes_on(rig: 
 
 
 @RIGS
-def test_a_pause_on_the_way_rests_and_goes_on(rig: RigFile) -> None:
+def test_a_pause_on_the_way_rests_and_continues(rig: RigFile) -> None:
     desk, paused = Desk(rig), list[float]()
     desk.grip(5.0)
 

@@ -62,7 +62,7 @@ def test_each_sample_has_a_sound_estimate_and_an_answer(ended: VirtualLoop, seed
         assert position.seq in answers
 
 
-def test_the_memories_of_the_arm_go_on_by_the_clock(ended: VirtualLoop) -> None:
+def test_the_memories_of_the_arm_continue_by_the_clock(ended: VirtualLoop) -> None:
     seldom, often = idle(ended, 1), ended.fork(1)
     often.run(seldom.now_s)
     (one,), (other,) = (loop.runner("estimator").state.arms for loop in (seldom, often))

@@ -89,7 +89,7 @@ def test_no_grip_is_taken_while_the_program_of_the_killed_one_still_plays(
     after.end()
 
 
-def test_a_rig_that_was_armed_but_for_its_sensor_is_armed_anew(
+def test_a_rig_that_was_armed_but_for_its_sensor_is_armed_again(
     rig: VirtualRig, tmp_path: Path
 ) -> None:
     office = Office(rig, tmp_path)

@@ -80,7 +80,7 @@ def test_parts_are_picked_held_and_let_go(rig: RunningRig, tmp_path: Path) -> No
     assert rig.view()["part"] == "none"
 
 
-def test_a_part_that_is_not_there_is_told_and_the_run_goes_on(
+def test_a_part_that_is_not_there_is_reported_and_the_run_continues(
     rig: RunningRig, hands: Technician, tmp_path: Path
 ) -> None:
     hands.do("part", "remove")
@@ -90,7 +90,7 @@ def test_a_part_that_is_not_there_is_told_and_the_run_goes_on(
     assert rig.view()["can_start"]
 
 
-def test_a_part_that_is_lost_while_the_cell_works_is_told(
+def test_a_part_that_is_lost_while_the_cell_works_is_reported(
     rig: RunningRig, hands: Technician, tmp_path: Path
 ) -> None:
     log = tmp_path / "log"
@@ -125,7 +125,7 @@ def test_ctrl_c_keeps_the_part_held(rig: RunningRig, tmp_path: Path) -> None:
     until_free(rig)
 
 
-def test_nobody_there_is_told(tmp_path: Path) -> None:
+def test_nobody_there_is_reported(tmp_path: Path) -> None:
     words = [sys.executable, str(EXAMPLE), "--url", "http://127.0.0.1:9", "--patience-s", "0.2"]
     done = run(words, tmp_path, PATIENCE_S)
     assert done.returncode == 4

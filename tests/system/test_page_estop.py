@@ -67,7 +67,9 @@ def test_a_press_goes_through_a_reload_and_can_be_withdrawn(
     assert len(desk.bus.trips) == stops
 
 
-def test_an_actuator_that_does_not_confirm_is_told(desk: Harness, context: BrowserContext) -> None:
+def test_an_actuator_that_does_not_confirm_is_reported(
+    desk: Harness, context: BrowserContext
+) -> None:
     desk.bus.silent.add("actuator")
     with served(desk.app) as address:
         seen = visit(context, address)
@@ -77,7 +79,7 @@ def test_an_actuator_that_does_not_confirm_is_told(desk: Harness, context: Brows
         seen.until("#estop-words", "confirmed by the actuator", 10.0)
 
 
-def test_a_press_needs_no_sign_in_and_a_refusal_is_told_as_one(
+def test_a_press_needs_no_sign_in_and_a_refusal_is_reported_as_one(
     desk: Harness, context: BrowserContext
 ) -> None:
     key_of_each_scope(desk.store, desk.app.state.access.authenticator)

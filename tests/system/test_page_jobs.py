@@ -168,7 +168,7 @@ def test_jobs_wait_in_the_queue_leave_it_and_are_cleared(rig: RunningRig, seen: 
     assert rig.job(running)["state"] == "running"
 
 
-def test_a_halted_queue_says_why_and_goes_on_when_a_person_says_so(
+def test_a_halted_queue_says_why_and_continues_when_a_person_says_so(
     rig: RunningRig, seen: Visit
 ) -> None:
     running = grip_until_held(rig, seen)

@@ -86,7 +86,7 @@ def test_everybody_can_read_and_reach_it(
         context.close()
 
 
-def test_a_dead_server_is_told_with_the_age_of_what_is_shown(
+def test_a_dead_server_is_reported_with_the_age_of_what_is_shown(
     browser: Browser, rig: RunningRig
 ) -> None:
     with looked_at(browser, rig.rig) as seen:

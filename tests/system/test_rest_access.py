@@ -121,7 +121,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[RunningRig]:
         yield running
 
 
-def test_a_whole_rig_wants_the_key_and_a_stop_needs_none(rig: RunningRig) -> None:
+def test_a_whole_rig_needs_the_key_and_a_stop_needs_none(rig: RunningRig) -> None:
     """A stop where no supervisor answers is tested in test_security.py, with real programs."""
     seer = made(rig.data, "seer", "observe")
     until(401, rig.client)

@@ -63,7 +63,7 @@ def context(folder: Folder) -> ssl.SSLContext:
     return server_context(folder.credentials(program(SUPERVISOR, "")))
 
 
-def test_keys_hold_and_who_has_no_part_of_the_authority_is_told(
+def test_keys_hold_and_who_has_no_part_of_the_authority_is_reported(
     desk: Harness, context: ssl.SSLContext, authority: Path, tmp_path: Path
 ) -> None:
     access = Access()

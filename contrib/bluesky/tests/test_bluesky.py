@@ -251,7 +251,7 @@ def test_what_breaks_a_limit_is_refused_with_value_unit_and_limit(
 
 
 @pytest.mark.parametrize("odd", [math.nan, math.inf, -1.0, "20", None, True])
-def test_a_force_that_is_none_is_refused_by_name(
+def test_a_force_that_is_invalid_is_refused_by_name(
     engine: Any, gripper: Gripper, rig: RunningRig, odd: Any
 ) -> None:
     error = failure(engine, bps.mv(gripper, odd))
@@ -335,7 +335,7 @@ def test_a_pause_during_the_request_stops_it_and_a_resume_grips(
     engine(bps.mv(gripper, 0.0))
 
 
-def test_an_emergency_stop_and_the_latch_are_told(
+def test_an_emergency_stop_and_the_latch_are_reported(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
     def plan() -> Generator[Any, Any, None]:

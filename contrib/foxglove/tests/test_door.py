@@ -71,7 +71,7 @@ def said(place: tuple[str, int], *lines: str) -> str:
     ],
     ids=str,
 )
-def test_a_program_and_a_known_page_are_let_in(place: tuple[str, int], lines: list[str]) -> None:
+def test_a_program_and_a_known_page_are_admitted(place: tuple[str, int], lines: list[str]) -> None:
     assert said(place, *lines).startswith("GET / HTTP/1.1\r\n")
 
 

@@ -117,7 +117,7 @@ def test_the_emergency_stop_stops_and_says_so(rig: RunningRig) -> None:
     rig.post("/rigs/demo/reset", {"acknowledge": True}).raise_for_status()
 
 
-def test_a_supervisor_that_is_gone_is_told_and_samples_go_on(rig: RunningRig) -> None:
+def test_a_supervisor_that_is_gone_is_reported_and_samples_continue(rig: RunningRig) -> None:
     rig.until_phase(rig.start_grip(until_released=True), "hold")
     with viewing(rig.rig) as viewer:
         viewer.subscribe("estimate")

@@ -210,7 +210,7 @@ def test_a_killed_node_leaves_the_part_held_and_the_next_finds_its_job(
     assert rig.view()["part"] == "none"
 
 
-def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(
+def test_a_supervisor_that_is_gone_is_reported_and_its_successor_releases(
     rig: RunningRig, python: Path, tmp_path: Path
 ) -> None:
     with node(python, tmp_path, rig.rig.supervisor.url) as (url, _):

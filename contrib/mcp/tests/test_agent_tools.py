@@ -23,21 +23,21 @@ def all_stopped() -> httpx.Response:
 
 
 @pytest.mark.parametrize("name", ["demo", None])
-def test_a_stop_is_told_as_made_where_reading_wants_a_key(name: str | None) -> None:
+def test_a_stop_is_reported_as_made_where_reading_needs_a_key(name: str | None) -> None:
     desk = Desk(stopped() if name else all_stopped(), problem(401, "no-key"))
     done = asyncio.run(Tools(desk.async_supervisor(), name).emergency_stop())
     assert desk.paths()[0] == (ESTOP if name else ESTOP_ALL), "nothing is asked before the stop"
     assert (done.part, done.detail) == ("unknown", "latched: estop")
 
 
-def test_a_stop_is_told_as_made_where_the_supervisor_is_gone_afterwards() -> None:
+def test_a_stop_is_reported_as_made_where_the_supervisor_is_gone_afterwards() -> None:
     desk = Desk(stopped(), httpx.ConnectError("gone"))
     done = asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop())
     assert (done.part, done.detail) == ("unknown", "latched: estop")
     assert desk.slept_s == [], "who has stopped a rig waits for nothing"
 
 
-def test_what_is_held_is_told_with_a_stop() -> None:
+def test_what_is_held_is_reported_with_a_stop() -> None:
     desk = Desk(stopped(), rig(part="held"))
     assert asyncio.run(Tools(desk.async_supervisor(), "demo").emergency_stop()).part == "held"
 

@@ -193,7 +193,7 @@ def test_a_stop_during_the_request_leaves_no_job(rig: RunningRig) -> None:
     assert {job["state"] for job in rig.get("/jobs", label=f"mcp={plan[0]}")["jobs"]} <= {"stopped"}
 
 
-def test_an_emergency_stop_and_the_latch_are_told(rig: RunningRig) -> None:
+def test_an_emergency_stop_and_the_latch_are_reported(rig: RunningRig) -> None:
     async def drive() -> None:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             grip = asyncio.create_task(client.call_tool("grip", {"token": await planned(client)}))
@@ -236,7 +236,7 @@ def test_a_killed_server_leaves_the_part_held_and_the_next_finds_its_job(
     assert (released["job"], released["part"]) == (job, "none")
 
 
-def test_a_supervisor_that_is_gone_is_told_and_its_successor_releases(rig: RunningRig) -> None:
+def test_a_supervisor_that_is_gone_is_reported_and_its_successor_releases(rig: RunningRig) -> None:
     async def drive() -> tuple[dict[str, Any], dict[str, Any]]:
         async with agent(rig.rig.supervisor.url, "--move") as client:
             await said(client, "grip", token=await planned(client))

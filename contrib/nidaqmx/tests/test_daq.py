@@ -244,7 +244,7 @@ def test_each_side_of_the_device_knows_its_calls() -> None:
     assert call.daq.side(b"\xff") == ""
 
 
-def test_calls_that_are_none_are_refused_or_not_heard() -> None:
+def test_calls_that_are_invalid_are_refused_or_not_heard() -> None:
     call = Caller()
     assert call.said("GetTaskAttributeUInt32").startswith(b"status\0UNIMPLEMENTED\0")
     for line in (b"", b"StartTask\0", SERVICE + b"StartTask"):

@@ -81,7 +81,7 @@ def test_a_recipe_has_what_parameters_leave_out(rig: RunningRig, client: Any) ->
     assert rig.job(done.Job)["values"]["recipe"]["name"] == "bead"
 
 
-def test_a_path_rests_and_goes_on(rig: RunningRig, client: Any) -> None:
+def test_a_path_rests_and_continues(rig: RunningRig, client: Any) -> None:
     pauses = client.PauseController
     track = client.Microgripper.Track("sinusoid", FORCE_MN, 4.0, 1.0, 4, "")
     execution = str(track.execution_uuid)

@@ -80,7 +80,7 @@ def test_who_trusts_another_authority_does_not_connect(rig: RunningRig, tmp_path
             raise AssertionError("it has connected")
 
 
-def test_a_motion_wants_a_login_with_a_key_that_may_operate(
+def test_a_motion_needs_a_login_with_a_key_that_may_operate(
     rig: RunningRig, keys: dict[str, str], believed: dict[str, Any]
 ) -> None:
     with stock_client(rig, **believed) as client:
@@ -105,7 +105,7 @@ def test_a_motion_wants_a_login_with_a_key_that_may_operate(
         assert refusal(grip).identifier == "Cancelled"
 
 
-def test_an_emergency_stop_wants_no_login(
+def test_an_emergency_stop_needs_no_login(
     rig: RunningRig, folder: Folder, keys: dict[str, str], believed: dict[str, Any]
 ) -> None:
     with stock_client(rig, **believed) as client:

@@ -208,7 +208,7 @@ def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: Run
         assert responses(second.Microgripper.Release()).Job == job
 
 
-def test_a_supervisor_that_is_gone_and_back_is_told(rig: RunningRig, client: Any) -> None:
+def test_a_supervisor_that_is_gone_and_back_is_reported(rig: RunningRig, client: Any) -> None:
     gripper = client.Microgripper
     grip = gripper.Grip(FORCE_MN, 0.0, "")
     assert responses(grip).Outcome == "held"

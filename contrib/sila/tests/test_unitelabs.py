@@ -80,7 +80,7 @@ def test_a_cancel_during_the_request_stops_it(rig: RunningRig) -> None:
     assert {job["state"] for job in jobs} <= {"stopped"}
 
 
-def test_a_lock_stops_grips_and_never_an_emergency_stop_which_is_told(rig: RunningRig) -> None:
+def test_a_lock_stops_grips_and_never_an_emergency_stop_which_is_reported(rig: RunningRig) -> None:
     async def drive() -> tuple[DefinedExecutionError, Any, DefinedExecutionError]:
         async with unitelabs(rig.rig) as client:
             gripper, locks = client.Microgripper, client.LockController

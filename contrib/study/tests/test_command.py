@@ -21,14 +21,14 @@ def test_a_rig_that_is_not_simulated_is_refused(tmp_path: Path) -> None:
         paper.paper(RigOption(path), tmp_path, 1)
 
 
-def test_at_least_one_random_rig_is_wanted(tmp_path: Path) -> None:
+def test_at_least_one_random_rig_is_required(tmp_path: Path) -> None:
     with pytest.raises(CliError, match="--rigs 0: at least 1 is wanted"):
         paper.paper(RigOption(DEMO), tmp_path, 0)
     with pytest.raises(CliError, match="--beyond-rigs 0: at least 1 is wanted"):
         paper.paper(RigOption(DEMO), tmp_path, 1, 0)
 
 
-def test_progress_and_summary_are_told(
+def test_progress_and_summary_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def study(

@@ -97,7 +97,7 @@ def test_the_report_is_whole(study: Study) -> None:
     assert page.count("<img ") == len(pictures)
 
 
-def test_progress_goes_on_to_the_end(study: Study) -> None:
+def test_progress_continues_to_the_end(study: Study) -> None:
     shares = [share for _, share in study.told]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
@@ -223,7 +223,7 @@ def test_paths_and_grips_at_1_khz_are_stated_off_nominal_too(study: Study) -> No
         assert found["grip"][grip]["peak_over_planned"] < 1.05
 
 
-def test_the_estimator_is_told_with_its_signals(study: Study) -> None:
+def test_the_estimator_is_reported_with_its_signals(study: Study) -> None:
     by_signal = study.summary["estimator_free_rmse_mN_by_signal"]
     assert study.summary["estimator_free_rmse_mN"] == by_signal["sinusoid 0.5 Hz"]
     assert len(by_signal) > 1

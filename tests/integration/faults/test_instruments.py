@@ -111,7 +111,7 @@ def test_a_force_above_the_limit_ends_the_grip_and_lets_go() -> None:
     ],
 )
 @FREE_OR_HELD
-def test_the_third_sample_in_a_row_that_is_none_trips(
+def test_the_third_sample_in_a_row_that_is_invalid_trips(
     what: str, said: str, seq: int, state: str
 ) -> None:
     played = play(at(seq, "sensor", what))

@@ -37,7 +37,7 @@ def test_a_loop_that_is_hurt_is_safe_in_time_and_stays_so(state: str) -> None:
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_a_loop_that_is_hurt_a_little_goes_on(state: str) -> None:
+def test_a_loop_that_is_hurt_a_little_continues(state: str) -> None:
     for fault in HARMLESS:
         phase, seed = drawn(fault, state)
         assert inject(place(state), fault, phase, seed) is None

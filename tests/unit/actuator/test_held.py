@@ -46,7 +46,7 @@ def test_a_reset_while_frozen_keeps_part_and_voltage(lockstep: bool) -> None:
     assert (applied.state, applied.part_held, applied.final) == ("idle", True, True)
 
 
-def test_an_output_that_fails_in_a_freeze_is_told_once_beside_the_cause() -> None:
+def test_an_output_that_fails_in_a_freeze_is_reported_once_beside_the_cause() -> None:
     off = fault(FaultCode.INSTRUMENT_SILENT, "no answer")
     state, outputs = play(frozen(), (Inputs(off, None, None), 0.02))
     told = (fault(FaultCode.OUTPUT_UNCONFIRMED, "no answer"),)

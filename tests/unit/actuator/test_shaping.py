@@ -116,7 +116,7 @@ def test_a_fault_of_the_output_asks_where_it_stands_before_anything_is_written()
     assert not orders(outputs)
 
 
-def test_a_command_that_comes_between_two_parts_goes_on_from_the_part_that_is_put_out() -> None:
+def test_a_command_that_comes_between_two_parts_continues_from_the_part_that_is_put_out() -> None:
     state, outputs = play(stepped(), (position(1), 0.0045), (command(1, 0.7), 0.004 + 1.5 * H))
     (order,) = orders(outputs)
     assert isinstance(order, WriteParts)

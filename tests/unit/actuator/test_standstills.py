@@ -47,7 +47,7 @@ def test_what_its_own_program_did_is_no_standstill() -> None:
     assert (state.mode, state.cause, state.standstills) == ("ramping", "command_age", 0)
 
 
-def test_a_ramp_goes_on_by_its_clock_while_its_program_waits_for_its_sensor() -> None:
+def test_a_ramp_continues_by_its_clock_while_its_program_waits_for_its_sensor() -> None:
     state, _ = play(holding(2.0, held=False), *wakes(0.005, 0.065))
     wait_s, now = 1.5 * CONFIG.age.wake_s, 0.065
     while now < 0.065 + CONFIG.ramp_s:

@@ -52,7 +52,7 @@ def test_a_sweep_beyond_the_limits_is_refused(voltage_V: float, sweep: Sweep, wo
     assert words in fault_text(state.refusal)
 
 
-def test_a_tick_without_a_command_lets_the_sweep_go_on() -> None:
+def test_a_tick_without_a_command_lets_the_sweep_continue() -> None:
     state, _ = play(holding(held=False), (position(1), 0.02), (swept(1), 0.024))
     state, outputs = play(state, (position(2), 0.04), (WAKE, 0.056))
     assert isinstance(outputs[0], CheckWave)

@@ -111,7 +111,7 @@ def test_an_invalid_command_answers_its_tick_at_once_and_only_once() -> None:
     assert outputs == []
 
 
-def test_what_is_taken_is_told_with_its_age_and_flags() -> None:
+def test_what_is_taken_is_reported_with_its_age_and_flags() -> None:
     asked = with_arm(
         Command(EPOCH, 1, OWNER, (ArmCommand(1.5),), True, True, True, True),
         x_d_um=1.0,

@@ -79,7 +79,7 @@ def test_a_sleep_is_told_from_now_on() -> None:
     assert state.since_s == 0.01
 
 
-def test_a_controller_that_asks_for_nothing_has_the_output_asked() -> None:
+def test_a_controller_that_requests_nothing_has_the_output_asked() -> None:
     state, _ = play(holding(held=True), (FAILED, 0.01), (position(1), 0.02))
     _, outputs = play(replace(state, asked_s=0.0), (UNASKED, 0.022))
     assert isinstance(outputs[0], ReadBack)
@@ -93,7 +93,7 @@ def test_the_end_of_a_freeze_has_the_output_asked() -> None:
     assert isinstance(outputs[0], ReadBack)
 
 
-def test_a_doubt_is_told_beside_the_cause_of_a_freeze_alone() -> None:
+def test_a_doubt_is_reported_beside_the_cause_of_a_freeze_alone() -> None:
     state, _ = play(holding(held=False), *wakes(0.005, 0.06))
     assert (state.mode, state.cause) == (Mode.RAMPING, "command_age")
     after, _ = play(state, (FAILED, 0.061))

@@ -103,7 +103,7 @@ def test_a_command_of_one_arm_is_refused_on_a_rig_of_two_and_the_other_way_round
     assert "it is for 2 driven arms, the rig has 1" in fault_text(one.refusal)
 
 
-def test_a_command_that_asks_for_nothing_needs_no_second_arm() -> None:
+def test_a_command_that_requests_nothing_needs_no_second_arm() -> None:
     blind = Command(EPOCH, 0, OWNER, (ArmCommand(0.0),), False, False, False, False)
     state, _ = play(armed(), (position(0), 0.0), (Inputs(None, blind, None), 0.004))
     assert state.refused == 0
@@ -257,7 +257,7 @@ def test_a_shutdown_waits_for_both_arms() -> None:
     assert shutdown(BOTH, at_safe(BOTH, state), 1.0)[1]
 
 
-def test_a_ramp_of_the_second_arm_alone_is_told() -> None:
+def test_a_ramp_of_the_second_arm_alone_is_reported() -> None:
     state = with_voltages(at(1.0, 2.0), 0.0, 2.0)
     state = ramped(trip(BOTH, state, Cause.ESTOP, 0.01), 0.01)
     _, outputs = play(state, (WAKE, 0.012))

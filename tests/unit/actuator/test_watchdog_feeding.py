@@ -44,7 +44,7 @@ def waking(runner: Runner, first: int, count: int) -> None:
         runner.tick(quarter * T / 4)
 
 
-def test_a_latched_actuator_that_holds_its_voltage_goes_on_to_feed() -> None:
+def test_a_latched_actuator_that_holds_its_voltage_continues_to_feed() -> None:
     output = Watched()
     runner = Runner(SERVICE, RIG, output)
     waking(runner, 4, 40)

@@ -51,7 +51,7 @@ def test_an_alarm_says_what_it_waits_for(values: dict[str, Any], told: str) -> N
         ("cleared", "", 1, f"cleared: {WORDS} (alarm 17)"),
     ],
 )
-def test_an_event_is_told_in_the_words_of_the_alarm(
+def test_an_event_is_reported_in_the_words_of_the_alarm(
     did: str, by: str, count: int, told: str
 ) -> None:
     about = {"id": 17, "cause": "command_age", "severity": "alarm", "count": count}

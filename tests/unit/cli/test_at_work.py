@@ -268,7 +268,7 @@ def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
     assert "there are 3" in capsys.readouterr().err
 
 
-def test_a_halted_queue_says_why_and_how_to_go_on(
+def test_a_halted_queue_says_why_and_how_to_continue(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     halted = {"length": 1, "halted": "job x failed: lost", "capacity": 16}

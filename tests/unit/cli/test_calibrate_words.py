@@ -43,7 +43,7 @@ def test_only_what_was_given_is_asked_for() -> None:
     }
 
 
-def test_what_cannot_be_read_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_read_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["job", "calibrate", "compliance", "--weights-mN", "0,heavy"]
     assert main(words) == Exit.USAGE
     assert "'heavy' mN cannot be used" in capsys.readouterr().err
@@ -103,7 +103,7 @@ def test_a_plan_says_how_often_it_waits() -> None:
     assert "feasible: 8.00 s, 1 waits" in out.getvalue()
 
 
-def test_who_follows_is_told_once_what_is_waited_for() -> None:
+def test_who_follows_is_reported_once_what_is_waited_for() -> None:
     console, out = screen()
     instruction = "hang 5 mN on the tip"
     live = desk.example(Progress, phase="hang 2", instruction=instruction)

@@ -83,7 +83,7 @@ def test_security_makes_them_on_demand(
     assert "not overwritten" in capsys.readouterr().err
 
 
-def test_doctor_wants_the_certificates_of_the_programs_there_are(tmp_path: Path) -> None:
+def test_doctor_needs_the_certificates_of_the_programs_there_are(tmp_path: Path) -> None:
     folder = folder_for(tmp_path / "pki", "demo")
     rig = composing(demo_rig(), "loop").secured(folder.path)
     missing = [one.what for one in certificates(rig) if one.mark == "missing"]

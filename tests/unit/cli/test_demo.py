@@ -61,5 +61,5 @@ def test_where_the_machine_stood_still_it_grips_once_more() -> None:
 @pytest.mark.parametrize(
     ("trip", "code"), [("command_age", "instrument_silent"), ("overforce", "no_command")]
 )
-def test_another_trip_is_told_and_no_more(trip: str, code: str) -> None:
+def test_another_trip_is_reported_and_no_more(trip: str, code: str) -> None:
     assert grip(desk.rig(latch=IDLE), RUNNING, tripped(trip, code))[0] == "failed"

@@ -47,7 +47,7 @@ def test_every_shape_can_be_asked_for() -> None:
         (("--shape", "square"), "'square' is not allowed: give one of sinusoid"),
     ],
 )
-def test_what_cannot_be_read_is_said(
+def test_what_cannot_be_read_is_reported(
     words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["job", "track", *words]) == Exit.USAGE
@@ -84,7 +84,7 @@ def test_a_law_and_gains_that_only_the_supervisor_knows_are_passed_on() -> None:
         (("--gains", "K_P=inf"), "'inf' cannot be used"),
     ],
 )
-def test_a_law_that_cannot_be_read_is_said(
+def test_a_law_that_cannot_be_read_is_reported(
     words: tuple[str, ...], text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["job", "grip", *words]) == Exit.USAGE

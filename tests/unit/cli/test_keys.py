@@ -74,7 +74,7 @@ def test_a_list_of_lost_keys_fails(tmp_path: Path) -> None:
     assert keys(tmp_path, "list") == Exit.FAILED
 
 
-def test_what_cannot_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_input_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert keys(tmp_path, "add", "ann") == Exit.DONE
     assert keys(tmp_path, "add", "ann") == Exit.FAILED
     assert "take another name" in capsys.readouterr().err
@@ -131,7 +131,7 @@ def test_the_key_is_the_one_named_else_of_the_environment_else_of_the_usual_file
         (None, KEY, "cannot be read"),
     ],
 )
-def test_a_key_file_that_cannot_be_used_is_said(
+def test_a_key_file_that_cannot_be_used_is_reported(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     mode: int | None,
@@ -149,7 +149,7 @@ def test_a_key_file_that_cannot_be_used_is_said(
     assert "two words" not in said
 
 
-def test_a_key_that_is_too_small_is_told_with_what_it_lacks(
+def test_a_key_that_is_too_small_is_reported_with_what_it_lacks(
     at: At, capsys: pytest.CaptureFixture[str]
 ) -> None:
     detail = "this needs scope operate (also plan …); key 'ann' has observe"

@@ -50,7 +50,9 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     return made
 
 
-def test_the_shortest_period_is_said(machine: Machine, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_shortest_period_is_reported(
+    machine: Machine, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["latency", "--seconds", "7"]) == Exit.DONE
     said, told = capsys.readouterr()
     assert "supported: 5 ms and longer (200 Hz)" in said
@@ -98,7 +100,7 @@ def test_the_rig_file_says_what_is_asked_for(machine: Machine, tmp_path: Path) -
     assert machine.asked[0][2].priority == 33
 
 
-def test_what_is_measured_is_kept_and_what_suits_the_rig_file_is_said(
+def test_what_is_measured_is_kept_and_what_suits_the_rig_file_is_reported(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     machine.late_s = 0.031
@@ -112,7 +114,7 @@ def test_what_is_measured_is_kept_and_what_suits_the_rig_file_is_said(
     assert (change["key"], change["value"]) == ("[safety] command_age_periods", "4.5")
 
 
-def test_a_machine_that_cannot_be_measured_is_told(
+def test_a_machine_that_cannot_be_measured_is_reported(
     machine: Machine, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(*_: object, **_also: object) -> Findings:

@@ -19,7 +19,7 @@ NOW = datetime.fromisoformat("2026-03-08T15:00:00+00:00")
         ("2026-03-01T14:30Z", "2026-03-01T14:30:00.000Z"),
     ],
 )
-def test_a_time_is_told_in_utc(text: str, found: str) -> None:
+def test_a_time_is_reported_in_utc(text: str, found: str) -> None:
     assert moment_at(text, NOW) == found
 
 

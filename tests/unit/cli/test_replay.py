@@ -65,7 +65,7 @@ def test_a_record_is_repeated_to_the_last_bit(
     assert ["actuator", f"{2 * count}", f"{count}", "0"] in rows
 
 
-def test_the_first_difference_is_said(
+def test_the_first_difference_is_reported(
     recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded(job=recording(wrong()))
@@ -105,7 +105,7 @@ def test_zero_and_minus_zero_differ(recorded: Recorded, capsys: pytest.CaptureFi
     assert (first["seq"], str(first["recorded"]), str(first["replayed"])) == (0, "-0.0", "0.0")
 
 
-def test_what_cannot_be_replayed_is_said(
+def test_what_cannot_be_replayed_is_reported(
     recorded: Recorded, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert main(["records", "replay", str(tmp_path)]) == 1

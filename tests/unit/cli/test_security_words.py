@@ -54,7 +54,7 @@ def test_without_a_name_it_is_for_the_rig_of_the_rig_file(
     assert Folder(tmp_path / "pki").rigs() == ("demo",)
 
 
-def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
+def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_again(
     said: Said, tmp_path: Path
 ) -> None:
     folder = folder_for(tmp_path / "pki", "left")
@@ -71,7 +71,7 @@ def test_a_rig_and_people_come_and_go_and_it_says_what_to_start_anew(
     assert read_revoked(folder.path) == {otto.serial, sensor.serial}
 
 
-def test_a_lost_list_of_the_revoked_is_begun_anew_by_a_person_alone(
+def test_a_lost_list_of_the_revoked_is_begun_again_by_a_person_alone(
     said: Said, tmp_path: Path
 ) -> None:
     folder = folder_for(tmp_path / "pki", "left")
@@ -118,7 +118,7 @@ def test_show_says_who_until_when_and_where(said: Said, tmp_path: Path) -> None:
     assert main(["security", "show", str(folder.path)]) == 1
 
 
-def test_a_folder_that_is_none_is_an_error_in_words(said: Said, tmp_path: Path) -> None:
+def test_a_folder_that_is_invalid_is_an_error_in_words(said: Said, tmp_path: Path) -> None:
     assert "authority.crt: No such file" in said("show", tmp_path, status=1)
 
 

@@ -183,7 +183,7 @@ def test_a_motion_says_where_it_rests() -> None:
         assert line in spaced(out.getvalue())
 
 
-def test_what_is_not_known_is_said() -> None:
+def test_what_is_not_known_is_reported() -> None:
     console, out = screen(terminal=False)
     nothing: dict[str, Any] = dict.fromkeys(RESULT)
     nothing |= {"outcome": "no_contact", "phases": [], "force_target_mN": 20.0}

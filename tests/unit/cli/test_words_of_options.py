@@ -38,7 +38,9 @@ def test_a_kind_of_job_is_no_command(kind: str, capsys: pytest.CaptureFixture[st
     assert f"pincette job {kind}" in capsys.readouterr().err
 
 
-def test_a_rig_file_is_not_taken_for_the_name_of_a_rig(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_file_is_not_mistaken_for_the_name_of_a_rig(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["job", "list", "--rig", "rig.toml"]) == 2
     assert "No such option: --rig. Did you mean --rig-name" in capsys.readouterr().err
 

@@ -35,7 +35,7 @@ def test_what_is_no_key_is_refused_without_being_told(
 
 
 @pytest.mark.parametrize(("status", "code"), [(401, "no-key"), (403, "scope-too-small")])
-def test_a_refusal_is_said_in_its_words_and_not_asked_again(status: int, code: str) -> None:
+def test_a_refusal_is_reported_in_its_words_and_not_asked_again(status: int, code: str) -> None:
     words = "this needs scope operate; key 'ann' has observe"
     transport = Desk(desk.problem(status, code, needed_scope="operate", detail=words))
     with pytest.raises(ProblemError, match="needs scope operate") as refused:

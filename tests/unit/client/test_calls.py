@@ -84,7 +84,7 @@ def test_patience_ends() -> None:
     assert len(supervisor.slept_s) == 6
 
 
-def test_an_address_that_is_none_is_said_at_once() -> None:
+def test_an_address_that_is_invalid_is_reported_at_once() -> None:
     supervisor = Desk(httpx.UnsupportedProtocol("no http://"))
     with pytest.raises(NoAnswerError, match="no http://"):
         supervisor.supervisor().rigs()
@@ -113,7 +113,7 @@ def test_a_refusal_has_its_members_and_is_never_asked_again() -> None:
     assert supervisor.slept_s == []
 
 
-def test_what_is_no_supervisor_is_said() -> None:
+def test_what_is_no_supervisor_is_reported() -> None:
     gateway = httpx.Response(502, text="bad gateway")
     supervisor = Desk(httpx.Response(200, text="<html>"), gateway)
     with pytest.raises(ForeignAnswerError, match="is no supervisor"):

@@ -114,7 +114,7 @@ def test_a_release_of_a_job_on_its_way_is_refused_as_busy() -> None:
 
 
 @pytest.mark.parametrize("odd", [float("nan"), float("inf"), float("-inf")])
-def test_a_number_that_is_none_is_refused_by_name_before_it_is_sent(odd: float) -> None:
+def test_a_number_that_is_invalid_is_refused_by_name_before_it_is_sent(odd: float) -> None:
     supervisor = Desk()
     rig = supervisor.supervisor().rig("demo")
     for call in (rig.plan, rig.start):

@@ -36,7 +36,7 @@ def answers() -> Desk:
     )
 
 
-def test_a_stream_goes_on_where_it_broke() -> None:
+def test_a_stream_continues_where_it_broke() -> None:
     supervisor = answers()
     job = supervisor.supervisor().job("j")
     assert [item.number for item in job.events()] == [7, None, 8, 9, 10]
@@ -79,7 +79,7 @@ def test_a_stream_that_stays_away_is_an_error() -> None:
     assert supervisor.now_s <= 3.0
 
 
-def test_what_is_no_stream_is_said() -> None:
+def test_what_is_no_stream_is_reported() -> None:
     supervisor = Desk(desk.job(), httpx.Response(200, json={}), desk.problem(503, "too-many"))
     job = supervisor.supervisor().job("j")
     with pytest.raises(ForeignAnswerError, match="application/json, no events"):

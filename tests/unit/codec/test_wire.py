@@ -32,7 +32,7 @@ def test_the_older_side_is_to_be_updated() -> None:
 
 
 @pytest.mark.parametrize("wire", [0, 1, 17])
-def test_fields_of_another_version_are_told_apart(wire: int) -> None:
+def test_fields_of_another_version_are_distinguished(wire: int) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{wire}"))
     assert "fields missing or unknown: colour, t_s" in said
     assert said.endswith(update_which("sensor", wire))
@@ -45,18 +45,18 @@ def test_other_fields_of_the_same_version_are_another_build() -> None:
 
 
 @pytest.mark.parametrize("encoding", ["zenoh/bytes", "application/msgpack", "", "text/plain"])
-def test_garbage_is_told_as_somebody_elses(encoding: str) -> None:
+def test_garbage_is_reported_as_somebody_elses(encoding: str) -> None:
     said = refused(OTHER_FIELDS, encoding)
     assert f"not {ENCODING}: sensor did not send this" in said
 
 
-def test_a_bad_value_is_no_matter_of_versions() -> None:
+def test_a_bad_value_does_not_concern_versions() -> None:
     tree = SOUND | {"arms": [ARM | {"valid": 1}]}
     assert refused(tree, ENCODING).endswith("neither true nor false")
 
 
 @pytest.mark.parametrize("version", ["", "x", "9" * 5000, "²", "-1", "1.5", "\x1b[2J"])
-def test_a_version_that_is_none_adds_nothing(version: str) -> None:
+def test_a_version_that_is_invalid_adds_nothing(version: str) -> None:
     said = refused(OTHER_FIELDS, ENCODING.replace(f"v{WIRE}", f"v{version}"))
     assert said.endswith("colour, t_s")
     assert said.isprintable()

@@ -9,19 +9,19 @@ PROVED = {"certificate": "pki/router.crt"}
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "localhost"])
-def test_on_this_machine_nothing_is_wanted(host: str) -> None:
+def test_on_this_machine_nothing_is_required(host: str) -> None:
     assert Sila(host=host).host == Foxglove(host=host).host == host
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "bench"])
-def test_beyond_it_a_certificate_is_wanted(host: str) -> None:
+def test_beyond_it_a_certificate_is_required(host: str) -> None:
     for table in (Sila, Foxglove):
         with pytest.raises(ValidationError, match=r"without a certificate: .*state `certificate`"):
             table(host=host)
     assert Foxglove.model_validate({"host": host, **PROVED}).host == host
 
 
-def test_what_moves_wants_a_login_too() -> None:
+def test_what_moves_needs_a_login_too() -> None:
     wished = {"host": "192.0.2.7", **PROVED}
     with pytest.raises(ValidationError, match=r"without a login: .*state `login = true`"):
         Sila.model_validate(wished)

@@ -28,7 +28,7 @@ def test_the_rig_file_may_say_so(tmp_path: Path) -> None:
     assert read_rig(path) == read_rig(DEMO).listening("0.0.0.0")
 
 
-def test_it_changes_no_digest_and_is_not_told() -> None:
+def test_it_changes_no_digest_and_is_not_reported() -> None:
     plain = read_rig(DEMO)
     heard = plain.listening("192.0.2.7")
     assert heard.digest() == plain.digest()

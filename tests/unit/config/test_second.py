@@ -90,7 +90,7 @@ def test_a_calibration_replaces_quantities_of_the_second_arm() -> None:
         calibrated(read_rig(DEMO), Calibration(values={"second.model.damping_ratio": 0.02}))
 
 
-def test_serial_numbers_of_both_arms_are_told() -> None:
+def test_serial_numbers_of_both_arms_are_reported() -> None:
     numbered = laid_over(tree(), {"second": {"sensor": {"serial_number": "7"}}})
     assert parse_rig(numbered).serial_numbers == {"second.sensor": "7"}
 

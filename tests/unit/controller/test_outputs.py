@@ -75,7 +75,7 @@ def test_a_law_that_makes_nonsense_is_not_passed_on(changes: dict[str, float], w
     assert (command.arms[0].force_mN, command.arms[0].x_d_um) == (None, None)
 
 
-def test_a_controller_that_has_gone_astray_says_why_and_commands_no_more() -> None:
+def test_a_controller_that_has_failed_says_why_and_commands_no_more() -> None:
     bench = Bench(program())
     state: State = bench.state
     commands: list[Command] = []

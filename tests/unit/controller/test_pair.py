@@ -171,7 +171,7 @@ def test_a_part_found_before_its_place_by_a_confirmed_zero_is_loaded(centred: bo
     assert IdealPair(early(centred=centred)).play()[-1].outcome == Outcome.GRIPPED
 
 
-def test_the_way_to_a_part_goes_on_until_its_touch_shows() -> None:
+def test_the_way_to_a_part_continues_until_its_touch_shows() -> None:
     """A touch of F keeps an arm s·F behind its free way, also that of the part farthest off."""
     compliant = dataclasses.replace(request(), compliances_um_per_mN=(0.46, 0.5))
     ways = zip(compliant.furthest_um, request().furthest_um, strict=True)
@@ -201,7 +201,7 @@ def test_a_part_that_is_kept_stays_pressed_by_both() -> None:
     assert min(pair.forces()) == pytest.approx(8.0, abs=0.1)
 
 
-def test_a_pause_rests_where_the_place_turns_and_a_resume_goes_on() -> None:
+def test_a_pause_rests_where_the_place_turns_and_a_resume_continues() -> None:
     pair = IdealPair(track())
     while pair.tick()[1].phase != "track":
         pass

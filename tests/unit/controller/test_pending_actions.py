@@ -96,7 +96,7 @@ def test_a_stop_out_of_a_pause_keeps_the_voltage() -> None:
 @pytest.mark.parametrize(
     ("action", "phases"), [("let_go", ["unload"]), ("retract", ["unload", "retreat"])]
 )
-def test_the_stops_that_let_go_are_told_as_stops(action: str, phases: list[str]) -> None:
+def test_the_stops_that_let_go_are_reported_as_stops(action: str, phases: list[str]) -> None:
     bench = Bench(program())
     bench.until("hold")
     seq = ask(bench, action)
@@ -141,7 +141,7 @@ def test_what_has_nothing_to_act_on_is_refused_with_the_reason() -> None:
         ask(bench, "pause")
 
 
-def test_a_wait_that_is_paused_wants_a_resume_first() -> None:
+def test_a_wait_that_is_paused_needs_a_resume_first() -> None:
     bench = Bench(Program((Drive("hang 5 mN", None),), GUARDS, 2.0))
     bench.tick()
     ask(bench, "pause")

@@ -92,7 +92,7 @@ def test_a_slip_in_a_load_unloads_along_a_line_that_is_true_again(program: Progr
     assert not arm.player.held
 
 
-def test_a_load_goes_on_from_where_the_part_has_stopped_as_often_as_is_allowed() -> None:
+def test_a_load_continues_from_where_the_part_has_stopped_as_often_as_is_allowed() -> None:
     arm = loaded(replace(PROGRAM, slip_retries=2), 10)
     for slips in (1, 2):
         arm.slip(3.0)

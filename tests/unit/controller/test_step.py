@@ -135,7 +135,7 @@ def test_the_force_comes_and_goes_without_a_bump(laws: tuple[LawSettings, ...], 
     assert bench.ticks[first_of(bench.ticks, "load")].estimate.arms[0].force_mN > 2.0
 
 
-def test_a_law_that_began_anew_in_contact_would_be_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_began_again_in_contact_would_be_a_bump(monkeypatch: pytest.MonkeyPatch) -> None:
     """The negative: 20 mN that come as a step at the begin of the hold are 20/41.3 V."""
 
     def restart(

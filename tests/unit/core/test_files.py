@@ -85,7 +85,7 @@ def test_folders_outlast_a_power_cut(disk: Durable, tmp_path: Path) -> None:
     assert (disk.cut(root, tmp_path / "left") / "data" / "jobs" / "j-1").is_dir()
 
 
-def test_a_file_in_the_place_of_a_folder_is_an_error(tmp_path: Path) -> None:
+def test_a_file_instead_of_a_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "data").write_bytes(b"")
     with pytest.raises(OSError, match="data"):
         make_folder(tmp_path / "data" / "jobs")

@@ -99,7 +99,7 @@ def test_nothing_is_missing_of_the_demo(tmp_path: Path) -> None:
     assert any("of real ones doctor asks" in what for what in said)
 
 
-def test_a_port_that_two_want_is_named_with_both() -> None:
+def test_a_port_that_two_need_is_named_with_both() -> None:
     url = f"socket://127.0.0.1:{RIG.bus.port + 1}"
     (what,) = missing(shared_ports(changed(sensor={"url": url})))
     assert what == f"ports: {RIG.bus.port + 1} is given to sensor and the sensor"

@@ -46,7 +46,7 @@ def test_what_the_rigs_of_a_router_share_is_not_started_by_a_rig_that_joins(
 
 
 @pytest.mark.parametrize(("left", "told"), [(0, True), (1, False)])
-def test_a_program_that_cannot_log_on_a_full_disk_is_said_to(
+def test_a_program_that_cannot_log_on_a_full_disk_is_reported(
     left: int, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = tmp_path / "supervisor.log"

@@ -7,7 +7,7 @@ def test_everybody_who_is_missing_is_named() -> None:
     assert absent({"sensor", "actuator"}, {}, {}) == "actuator, sensor"
 
 
-def test_a_cause_that_is_known_is_told() -> None:
+def test_a_cause_that_is_known_is_reported() -> None:
     causes = {"actuator": "nobody listens at tcp/127.0.0.1:7451", "sensor": ""}
     said = absent({"sensor", "actuator"}, {}, causes)
     assert said == "actuator (nobody listens at tcp/127.0.0.1:7451), sensor"

@@ -70,7 +70,7 @@ class Fake(Linux):
         return self.has
 
 
-def test_what_is_permitted_is_asked_for_and_nothing_is_said(
+def test_what_is_permitted_is_asked_for_and_nothing_is_reported(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     system = Fake()
@@ -97,7 +97,7 @@ def test_nothing_is_asked_for_where_nothing_is_wished() -> None:
     assert ask(Scheduling(priority=0, timer_slack_s=0.0), system) == ()
 
 
-def test_what_is_not_permitted_is_told_in_one_line_with_limits_and_remedies(
+def test_what_is_not_permitted_is_reported_in_one_line_with_limits_and_remedies(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     system = Fake(permits=frozenset(), rtprio=0, memlock=64 * KIB, has=(0, 3))

@@ -31,7 +31,7 @@ def asked(runner: Runner, question: Message) -> list[RequestLog]:
     return [item for item in outputs if isinstance(item, RequestLog)]
 
 
-def test_a_program_is_told_with_the_arming_that_plays_it() -> None:
+def test_a_program_is_reported_with_the_arming_that_plays_it() -> None:
     runner = Runner(CONTROLLER, RIG)
     assert asked(runner, Load(PROGRAM)) == []
     load, arm = asked(runner, ARM)
@@ -41,7 +41,7 @@ def test_a_program_is_told_with_the_arming_that_plays_it() -> None:
     assert (again.epoch, again.load) == (4, Load(PROGRAM))
 
 
-def test_what_is_refused_or_changes_nothing_is_not_told() -> None:
+def test_what_is_refused_or_changes_nothing_is_not_reported() -> None:
     runner = Runner(CONTROLLER, RIG)
     assert asked(runner, ARM) == []
     assert asked(runner, Action(ActionCode.STOP)) == []
@@ -64,7 +64,7 @@ def test_an_actuator_tells_of_trip_and_reset_and_of_the_voltage_it_brings() -> N
     assert (trip.trip, trip.epoch, trip.seq) == (Trip(Cause.ESTOP), 3, -1)
 
 
-def test_an_action_is_told_with_the_sample_after_which_it_came() -> None:
+def test_an_action_is_reported_with_the_sample_after_which_it_came() -> None:
     runner = Runner(CONTROLLER, RIG)
     asked(runner, Load(PROGRAM))
     asked(runner, ARM)

@@ -32,7 +32,7 @@ def router() -> Router:
     return Router()
 
 
-def test_a_router_that_answers_goes_on(router: Router) -> None:
+def test_a_router_that_answers_continues(router: Router) -> None:
     for _ in range(50):
         router.watch.ask()
         router.look_for(LIMIT_S)

@@ -34,7 +34,7 @@ class Hand:
         return self.awake_s
 
 
-def test_awake_nothing_is_told() -> None:
+def test_awake_nothing_is_reported() -> None:
     hand = Hand()
     watch = SleepWatch(hand)
     for _ in range(10):
@@ -42,7 +42,7 @@ def test_awake_nothing_is_told() -> None:
         hand.awake_s += 5.0
 
 
-def test_a_sleep_is_told_once_with_its_length() -> None:
+def test_a_sleep_is_reported_once_with_its_length() -> None:
     hand = Hand(slept_s=7.0)
     watch = SleepWatch(hand)
     assert watch.slept_s() == 0.0, "what was slept before the program began"

@@ -38,7 +38,7 @@ def test_a_thread_that_fails_ends_the_program(
     ]
 
 
-def test_an_action_goes_on_after_it_failed_and_is_logged_once(
+def test_an_action_continues_after_it_failed_and_is_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     calls: list[int] = []

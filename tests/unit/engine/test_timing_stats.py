@@ -156,7 +156,7 @@ def test_what_other_epochs_say_is_not_counted() -> None:
     assert told.lateness.count == told.age.count == 0
 
 
-def test_an_arrival_that_is_long_past_is_not_taken_for_that_of_another_number() -> None:
+def test_an_arrival_that_is_long_past_is_not_mistaken_for_that_of_another_number() -> None:
     meter = TimingStats(ESTIMATOR, T, own_grid=False)
     meter.begin(1, 0)
     meter.came(POSITION, 10.0)

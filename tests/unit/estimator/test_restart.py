@@ -119,7 +119,7 @@ def test_the_approach_of_a_new_arm_tells_that_it_is_new(free: PlantParameters) -
 
 
 @pytest.mark.parametrize("low_V", [0.0, -1.0])
-def test_the_approach_tells_nothing_where_strokes_are_impossible_or_come_first(
+def test_the_approach_shows_nothing_where_strokes_are_impossible_or_come_first(
     free: PlantParameters, low_V: float
 ) -> None:
     """By its zeros before and after the approach, a quarter of the unknown past was left in U."""
@@ -157,7 +157,7 @@ def test_it_is_told_until_strokes_have_wiped_it_out(free: PlantParameters) -> No
     assert arm.bench.state.arms[0].unknown.known
 
 
-def test_in_lockstep_a_new_arm_is_not_taken_for_the_models() -> None:
+def test_in_lockstep_a_new_arm_is_not_mistaken_for_the_models() -> None:
     bench = Bench(configure(LOCKSTEP))
     assert [finding.code for finding in bench.state.findings] == [FaultCode.MEMORY_UNKNOWN]
 

@@ -242,7 +242,7 @@ def test_the_perturbation_is_that_of_its_own_force() -> None:
     assert estimate.arms[0].perturbation_mN == pytest.approx(wanted_mN)
 
 
-def test_the_uncertainty_grows_with_the_to_and_fro_since_the_zero() -> None:
+def test_the_uncertainty_grows_with_the_back_and_forth_since_the_zero() -> None:
     (arm,) = IDENTIFIED.arms
     bench = Bench(replace(IDENTIFIED, arms=(replace(arm, forgotten_mN=3.0),)))
     bench.rest(0.0, 0.0)

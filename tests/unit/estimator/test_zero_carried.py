@@ -32,7 +32,7 @@ def armed(bench: Bench, *, zero_kept: bool, held: bool = True) -> Estimate:
     return bench.feed(HELD_UM, AT_V, held=held)
 
 
-def test_force_and_age_go_on() -> None:
+def test_force_and_age_continue() -> None:
     bench = held_bench()
     before = bench.feed(HELD_UM, AT_V, held=True).arms[0]
     arm = armed(bench, zero_kept=True).arms[0]
@@ -44,7 +44,7 @@ def test_force_and_age_go_on() -> None:
     )
 
 
-def test_it_goes_on_for_a_third_epoch_too() -> None:
+def test_it_continues_for_a_third_epoch_too() -> None:
     bench = held_bench()
     first = armed(bench, zero_kept=True).arms[0].zero_age_s
     for _ in range(HELD_SAMPLES):

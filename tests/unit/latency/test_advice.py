@@ -54,7 +54,7 @@ def test_a_priority_that_is_refused_or_not_asked_for_comes_first() -> None:
     assert changes(RIG._replace(priority=0), measured(1e-4), HOP, "") == []
 
 
-def test_hops_that_take_half_a_period_want_one_process_for_two_services() -> None:
+def test_hops_that_take_half_a_period_need_one_process_for_two_services() -> None:
     slow = counted([0.003] * 1000)
     (change,) = changes(RIG, measured(1e-4), slow, "")
     assert (change.key, change.value) == ("[rig] composed", '["estimator+controller"]')

@@ -74,7 +74,7 @@ def test_merging_is_as_if_one_had_counted_everything(parts: list[list[float]]) -
     assert merged(map(counted, parts)) == counted([one for part in parts for one in part])
 
 
-def test_of_nothing_no_quantile_is_told() -> None:
+def test_of_nothing_no_quantile_is_reported() -> None:
     assert Histogram().distribution() == Distribution()
     assert Distribution().quantile_s(0.5) is None
 
@@ -85,7 +85,7 @@ def test_a_share_is_a_share(share: float) -> None:
         counted([1.0]).quantile_s(share)
 
 
-def test_clearing_begins_anew() -> None:
+def test_clearing_begins_again() -> None:
     histogram = Histogram()
     histogram.add(1.0)
     histogram.clear()

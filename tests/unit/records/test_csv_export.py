@@ -75,7 +75,7 @@ def _words(column: dict[str, Any]) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("make", [csv_rows, number_rows, number_metadata])
-def test_a_file_that_is_not_there_is_told_before_the_first_line(
+def test_a_file_that_is_not_there_is_reported_before_the_first_line(
     make: Callable[[Path], Iterator[str]], tmp_path: Path
 ) -> None:
     with pytest.raises(OSError, match=r"samples\.parquet"):

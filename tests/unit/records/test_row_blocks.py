@@ -101,7 +101,7 @@ def written(path: Path) -> dict[str, list[Any]]:
 
 
 @pytest.mark.usefixtures("small")
-def test_a_table_that_is_published_early_goes_on(tmp_path: Path) -> None:
+def test_a_table_that_is_published_early_continues(tmp_path: Path) -> None:
     messages, tables = loop(TICKS), Tables(tmp_path, ABOUT, PERIOD_S)
     for place, message in enumerate(messages):
         tables.add(message, START_NS + place)

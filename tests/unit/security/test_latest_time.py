@@ -33,7 +33,7 @@ def clocks() -> Clocks:
     return Clocks()
 
 
-def test_it_goes_on_by_what_has_passed_while_the_time_of_day_is_behind(clocks: Clocks) -> None:
+def test_it_continues_by_what_has_passed_while_the_time_of_day_is_behind(clocks: Clocks) -> None:
     time, begin = clocks.time(), clocks.wall
     clocks.wall -= 1000 * HOUR
     clocks.go_on(HOUR)

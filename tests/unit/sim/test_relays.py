@@ -37,7 +37,7 @@ def test_the_everett_function_counts_the_relays_between() -> None:
     assert everett(SHAPE, 0.7, 0.7) == 0.0
 
 
-def test_a_lattice_of_single_relays_moves_alike() -> None:
+def test_a_lattice_of_single_relays_moves_the_same_way() -> None:
     """Each relay followed by itself, from those that are up where α + β < 0."""
     shape = Relays(gain_um_per_V=10.0, full_drive_V=2.0, coercive_V=0.6, spread_V=0.8)
     cell_V = 0.02

@@ -93,7 +93,7 @@ def test_impossible_orders_are_refused(simulation: Simulation, factor: float) ->
     assert rig.events() == []
 
 
-def test_a_part_that_falls_by_itself_is_told(simulation: Simulation) -> None:
+def test_a_part_that_falls_by_itself_is_reported(simulation: Simulation) -> None:
     part = Bead(friction=0.3, lift_after_s=0.5)
     rig = _rig(simulation, part=part, passive_natural_frequency_rad_per_s=2437.8)
     _held(rig, 2.2)

@@ -140,7 +140,7 @@ def test_a_wrong_order_is_refused_with_what_could_be(order: SimCommand, words: s
     assert bench.rig.done == []
 
 
-def test_what_the_rig_cannot_bear_is_said() -> None:
+def test_what_the_rig_cannot_bear_is_reported() -> None:
     bench = stand()
     assert "there is no room" in bench.script.order(SimCommand("part", "place", 13.0))
 

@@ -120,7 +120,7 @@ def test_with_a_key_nobody_comes_in_without(
 
 @pytest.mark.parametrize("has", SCOPES)
 @pytest.mark.parametrize("needed", SCOPES)
-def test_a_scope_that_is_too_small_is_told_with_both(has: Scope, needed: Scope) -> None:
+def test_a_scope_that_is_too_small_is_reported_with_both(has: Scope, needed: Scope) -> None:
     caller = Caller(HERE, "ann", has, "key")
     if covers(has, needed):
         require_scope(caller, needed)

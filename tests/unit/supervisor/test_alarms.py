@@ -95,7 +95,7 @@ def alarms(harness: Harness, **query: Any) -> list[dict[str, Any]]:
     return harness.get("/alarms", **query)["alarms"]
 
 
-def test_a_trip_is_told_in_the_same_words_by_job_rig_alarm_and_event(harness: Harness) -> None:
+def test_a_trip_is_reported_in_the_same_words_by_job_rig_alarm_and_event(harness: Harness) -> None:
     job = harness.playing_to(IN_HOLD)
     harness.bus.trip("device: no answer")
     ended = harness.ended(job)
@@ -231,7 +231,7 @@ def test_a_stuck_sensor_stands_while_it_is_stuck(harness: Harness) -> None:
     assert alarms(harness)[0]["cleared_at"] is not None
 
 
-def test_a_disk_that_runs_full_is_told_before_it_is(
+def test_a_disk_that_runs_full_is_reported_before_it_is(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     watch = harness.manager.alarm_monitor
@@ -307,7 +307,7 @@ def test_they_are_listed_in_pages_and_narrowed_down(harness: Harness) -> None:
     assert harness.post("/alarms/3/actions", {"type": "forget"}).status_code == 422
 
 
-def test_lost_messages_are_told_with_the_record_that_lacks_them_and_what_to_do(
+def test_lost_messages_are_reported_with_the_record_that_lacks_them_and_what_to_do(
     rig_file: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     now_s = 0.0

@@ -60,7 +60,7 @@ def test_the_log_is_only_added_to(harness: Harness, ring: ScopeKeys, tmp_path: P
     assert audit(harness, ring)[0]["who"] == "an-observe"
 
 
-def test_stops_of_a_stranger_are_told_once_and_beside_those_of_others(
+def test_stops_of_a_stranger_are_reported_once_and_beside_those_of_others(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     for _ in range(50):
@@ -114,7 +114,7 @@ def test_what_was_changed_in_the_file_is_found(
     assert chain(harness, ring)["broken"] == broken
 
 
-def test_a_log_that_is_written_anew_lacks_the_link_that_was_noted(
+def test_a_log_that_is_rewritten_lacks_the_link_that_was_noted(
     harness: Harness, ring: ScopeKeys
 ) -> None:
     harness.call("POST", "/api/v1/estop", headers=ring.headers("observe"))

@@ -34,7 +34,7 @@ def body(calibration: str, **wishes: Any) -> dict[str, Any]:
         (body("contact_stiffness", levels_V=[0.3, 1.0]), "/levels_V", "3 or more"),
     ],
 )
-def test_a_fault_is_named_with_its_place(
+def test_a_fault_is_reported_with_its_place(
     harness: Harness, request_: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = harness.post("/jobs", request_).json()
@@ -93,7 +93,7 @@ def test_weights_are_asked_for_there_and_back(harness: Harness) -> None:
     assert plan["law"] is None
 
 
-def test_a_plan_foretells_its_voltages_within_the_limits(harness: Harness) -> None:
+def test_a_plan_predicts_its_voltages_within_the_limits(harness: Harness) -> None:
     free = harness.post("/jobs", body("free_response", high_V=2.5), dry_run="true").json()
     assert (free["voltage_min_V"], free["voltage_max_V"]) == pytest.approx((-1.0, 2.5), abs=1e-9)
     press = harness.post("/jobs", body("contact_stiffness"), dry_run="true").json()
@@ -105,7 +105,7 @@ def test_a_plan_foretells_its_voltages_within_the_limits(harness: Harness) -> No
     ]
 
 
-def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(harness: Harness) -> None:
+def test_slow_instruments_are_reported_with_the_bandwidth_that_there_is(harness: Harness) -> None:
     response = harness.post("/jobs", body("frequency_response", to_hz=700.0))
     assert response.status_code == 422
     problem = response.json()
@@ -117,7 +117,7 @@ def test_slow_instruments_are_told_with_the_bandwidth_that_there_is(harness: Har
         assert words in problem["detail"]
 
 
-def test_a_period_that_does_not_show_the_mode_is_told_with_the_remedy(harness: Harness) -> None:
+def test_a_period_that_does_not_show_the_mode_is_reported_with_the_remedy(harness: Harness) -> None:
     response = harness.post("/jobs", body("output_timing"))
     assert response.status_code == 422
     problem = response.json()
@@ -126,7 +126,7 @@ def test_a_period_that_does_not_show_the_mode_is_told_with_the_remedy(harness: H
     assert "Choose a shorter period" in problem["detail"]
 
 
-def test_the_loop_of_an_unknown_arm_is_not_taken_for_too_much_force() -> None:
+def test_the_loop_of_an_unknown_arm_is_not_mistaken_for_too_much_force() -> None:
     """An arm of a 39 % loop, begun at its remanence, read 46 mN of a straight line and was ended.
 
     Where a free response is identified, the limit is that of the rig.

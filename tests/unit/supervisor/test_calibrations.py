@@ -201,7 +201,7 @@ def test_a_job_waits_for_each_weight(harness: Harness) -> None:
     assert value["value"] == pytest.approx(TRUE_UM_PER_MN, rel=0.01)
 
 
-def test_nothing_goes_on_that_does_not_wait(harness: Harness) -> None:
+def test_nothing_continues_that_does_not_wait(harness: Harness) -> None:
     harness.bus.edit, harness.bus.pause_at = at_rest(), 50
     body = {"calibration": "noise", "autostart": True}
     name = harness.post("/calibrations", body).json()["id"]

@@ -127,7 +127,7 @@ def timing(epoch: int, missed: int, lateness_s: list[float], service: str = "sen
     return replace(samples.timing(service, 5), epoch=epoch, missed=missed, lateness=told, age=told)
 
 
-def test_what_a_program_tells_goes_on_over_armings_and_restarts() -> None:
+def test_what_a_program_tells_continues_over_armings_and_restarts() -> None:
     counters = fed([timing(1, 2, [0.001, 0.004]), timing(1, 3, [0.001, 0.004, 0.004])])
     assert counters.missed()["sensor"] == 3
     fed([timing(2, 1, [0.002]), timing(0, 4, [0.03])], counters)
@@ -138,12 +138,12 @@ def test_what_a_program_tells_goes_on_over_armings_and_restarts() -> None:
     assert counters.durations("actuator", "lateness").counts[-1] == 0
 
 
-def test_a_service_that_is_none_is_not_counted() -> None:
+def test_a_service_that_is_invalid_is_not_counted() -> None:
     counters = fed([timing(1, 9, [0.1], service=f"invented-{number}") for number in range(20)])
     assert counters.missed() == dict.fromkeys(("sensor", "estimator", "controller", "actuator"), 0)
 
 
-def test_what_was_refused_and_lost_goes_on_over_a_restart() -> None:
+def test_what_was_refused_and_lost_continues_over_a_restart() -> None:
     def status(service: str, instance: int, missed: int, refused: int) -> Status:
         return Status(service, "0", instance, "", 0, 0, missed, refused)
 

@@ -191,7 +191,7 @@ def test_only_so_many_wait_for_a_key(harness: Harness, monkeypatch: pytest.Monke
     assert all("ask again with the same key" in problem["detail"] for problem in late)
 
 
-def test_a_caller_that_has_hung_up_begins_nothing(harness: Harness) -> None:
+def test_a_caller_that_has_hung_up_starts_nothing(harness: Harness) -> None:
     """The body comes whole, and the connection is closed while the job is being planned."""
 
     async def send() -> None:

@@ -57,7 +57,7 @@ def alarms(desk: Harness) -> list[str]:
     return [str(row["words"]) for row in desk.get("/alarms", cause="supervisor.deaf")["alarms"]]
 
 
-def test_a_loop_that_answers_is_not_tripped_and_goes_on(desk: Harness) -> None:
+def test_a_loop_that_answers_is_not_tripped_and_continues(desk: Harness) -> None:
     job = held(desk)
     pass_time(desk)
     desk.until(lambda: bool(alarms(desk)))

@@ -51,7 +51,7 @@ def test_errors_are_drawn_with_the_tolerance_of_the_job() -> None:
     assert len(position.lines) == 2
 
 
-def test_lines_of_one_chart_are_told_apart_in_grey(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines_of_one_chart_are_distinguished_in_grey(monkeypatch: pytest.MonkeyPatch) -> None:
     styles: list[tuple[bool, bool]] = []
 
     def noted(*_given: object, dashed: bool = False, dotted: bool = False, **_more: object) -> None:

@@ -129,7 +129,7 @@ def test_how_a_rig_is_looked_after_is_not_shared_by_its_programs(rig_file: RigFi
 
 
 @pytest.mark.parametrize("days", [0.0, -1.0])
-def test_a_time_that_is_none_is_refused(rig_file: RigFile, days: float) -> None:
+def test_a_time_that_is_invalid_is_refused(rig_file: RigFile, days: float) -> None:
     with pytest.raises(ConfigError, match=r"calibration\.valid_days"):
         kept_up(rig_file, days=days)
 

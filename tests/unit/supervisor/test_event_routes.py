@@ -31,7 +31,7 @@ def app(bench: Bench, rig_file: RigFile) -> FastAPI:
     return bench.app(rig_file)
 
 
-def test_a_stream_goes_on_where_the_listener_was(bench: Bench, app: FastAPI) -> None:
+def test_a_stream_continues_where_the_listener_was(bench: Bench, app: FastAPI) -> None:
     for state in ("queued", "preparing", "running"):
         bench.log.append("state", "a", state=state)
 
@@ -228,7 +228,7 @@ def test_a_job_that_is_not_there_takes_no_place(
         assert get(app, "/jobs/none/events").status_code == 404
 
 
-def test_the_states_of_a_grip_are_told_in_their_order(harness: Harness) -> None:
+def test_the_states_of_a_grip_are_reported_in_their_order(harness: Harness) -> None:
     job = harness.grip()["id"]
     stream = harness.call("GET", f"/api/v1/jobs/{job}/events")
     assert harness.get(f"/jobs/{job}")["state"] == "succeeded"

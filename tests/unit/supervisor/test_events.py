@@ -154,7 +154,7 @@ def test_a_slow_listener_reads_the_journal_again(
     assert numbers(heard) == [*range(1, 32), None]
 
 
-def test_progress_is_told_in_passing(log: EventLog, store: Store) -> None:
+def test_progress_is_reported_in_passing(log: EventLog, store: Store) -> None:
     async def scene() -> list[Event]:
         listening, other = log.subscribe(job="a"), log.subscribe(job="b")
         await present(listening)
@@ -208,7 +208,7 @@ def test_a_listener_learns_what_is_kept_no_more(
     assert heard.number == 20
 
 
-def test_a_number_of_another_journal_begins_anew(log: EventLog) -> None:
+def test_a_number_of_another_journal_begins_again(log: EventLog) -> None:
     told(log, 2)
     assert numbers(played(lambda: first(log, 2, 300))) == [1, 2]
 
@@ -252,7 +252,7 @@ def test_listeners_end_with_the_log(log: EventLog) -> None:
     assert played(scene) == [1, 2, 3]
 
 
-def test_what_cannot_be_kept_is_not_told(log: EventLog, store: Store) -> None:
+def test_what_cannot_be_kept_is_not_reported(log: EventLog, store: Store) -> None:
     async def scene() -> None:
         listening = log.subscribe()
         await listening.next()
@@ -266,7 +266,7 @@ def test_what_cannot_be_kept_is_not_told(log: EventLog, store: Store) -> None:
     played(scene)
 
 
-def test_a_listener_whose_event_loop_has_ended_holds_nobody_up(log: EventLog) -> None:
+def test_a_listener_whose_event_loop_has_ended_delays_nobody(log: EventLog) -> None:
     async def scene() -> object:
         return log.subscribe()
 

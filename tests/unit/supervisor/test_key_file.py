@@ -199,7 +199,7 @@ def test_a_supervisor_notes_keys_that_were_added_beside_a_damaged_journal(tmp_pa
 
 
 @pytest.mark.parametrize("lose", [lose_keys, empty_keys])
-def test_a_running_supervisor_whose_keys_go_lets_nobody_in_until_they_are_back(
+def test_a_running_supervisor_whose_keys_go_admits_nobody_until_they_are_back(
     tmp_path: Path, lose: Callable[[Path], None]
 ) -> None:
     key, cookie, authenticator = made(tmp_path), new_cookie(), Authenticator()
@@ -254,7 +254,7 @@ def test_the_rig_file_may_require_keys_on_an_empty_data_folder(
 @pytest.mark.parametrize(
     "lost", ["", "{", '{"version": 2, "keys": []}', '{"version": 1}', "\0" * 9]
 )
-def test_a_damaged_key_file_is_told_at_start_with_the_remedy(tmp_path: Path, lost: str) -> None:
+def test_a_damaged_key_file_is_reported_at_start_with_the_remedy(tmp_path: Path, lost: str) -> None:
     key = made(tmp_path)
     (tmp_path / KEY_FILE).write_text(lost)
     with pytest.raises(StoreError, match=r"keys\.json cannot be used: .*move it away"):
@@ -269,7 +269,7 @@ def test_a_damaged_key_file_is_told_at_start_with_the_remedy(tmp_path: Path, los
     assert started(tmp_path).identify(HERE, key, None).scope is None
 
 
-def test_a_digest_that_is_none_is_damage(tmp_path: Path) -> None:
+def test_a_digest_that_is_invalid_is_damage(tmp_path: Path) -> None:
     made(tmp_path)
     path = tmp_path / KEY_FILE
     path.write_text(path.read_text().replace('"digest": "', '"digest": "x'))

@@ -127,7 +127,7 @@ def test_tuned_gains_are_those_of_the_search(
         ({"set": "other"}, "/set", "set = 'other'"),
     ],
 )
-def test_a_fault_of_a_law_is_named_with_its_place(
+def test_a_fault_of_a_law_is_reported_with_its_place(
     harness: Harness, wishes: dict[str, Any], pointer: str, words: str
 ) -> None:
     (error,) = refused(harness, wishes, "invalid-request")["errors"]
@@ -135,7 +135,7 @@ def test_a_fault_of_a_law_is_named_with_its_place(
     assert words in error["message"]
 
 
-def test_the_identified_set_wants_an_identified_response(
+def test_the_identified_set_needs_an_identified_response(
     straight: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness = open_harness(straight)

@@ -299,7 +299,7 @@ def test_a_fast_rig_is_thinned_at_the_door() -> None:
     assert steps == {17}
 
 
-def test_silence_is_told_once_a_while(scene: Scene) -> None:
+def test_silence_is_reported_once_a_while(scene: Scene) -> None:
     listener = scene.live.open()
     (sign,) = heard(listener)
     assert sign.seq == []

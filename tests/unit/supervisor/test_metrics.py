@@ -94,7 +94,7 @@ def test_a_program_that_goes_or_hangs_is_not_up(harness: Harness) -> None:
     assert value(harness, "pincette_service_up", service="recorder") == 1.0
 
 
-def test_timing_is_told_in_real_time_alone(harness: Harness) -> None:
+def test_timing_is_reported_in_real_time_alone(harness: Harness) -> None:
     names = {name for name, _ in series(harness)}
     assert "pincette_lateness_seconds_bucket" not in names
     assert "pincette_command_age_seconds_bucket" in names
@@ -129,7 +129,7 @@ def test_who_may_look_on_may_scrape(harness: Harness, ring: ScopeKeys) -> None:
         assert harness.call("GET", "/metrics", headers=ring.headers(scope)).status_code == 200
 
 
-def test_without_a_journal_the_rest_is_told(
+def test_without_a_journal_the_rest_is_reported(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unread() -> dict[tuple[str, str, str], int]:
@@ -141,7 +141,7 @@ def test_without_a_journal_the_rest_is_told(
     assert "pincette_trips_total" in names
 
 
-def test_the_series_are_bounded_whatever_is_told(harness: Harness) -> None:
+def test_the_series_are_bounded_whatever_is_reported(harness: Harness) -> None:
     harness.ended(harness.grip()["id"])
     before = series(harness).keys()
     for number in range(30):

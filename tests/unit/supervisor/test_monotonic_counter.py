@@ -17,7 +17,7 @@ TOLD = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 50)), max_size=40)
 DURATIONS_S = st.lists(st.floats(0.0, 3.0), max_size=30)
 
 
-def test_a_count_goes_on_after_a_restart() -> None:
+def test_a_count_continues_after_a_restart() -> None:
     count = MonotonicCounter()
     for told, start in ((3, 1), (5, 1), (0, 2), (2, 2), (1, 2)):
         count.update(told, start)

@@ -90,7 +90,7 @@ def test_a_move_begins_where_the_rig_stands() -> None:
     assert (planned.begins_held, planned.present) == (False, FREE)
 
 
-def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_said() -> None:
+def test_without_a_word_of_the_rig_it_is_taken_to_rest_and_that_is_reported() -> None:
     _, view = plan({"kind": "move", "by_um": 3.0}, None)
     assert view.begins_at.x_um is None
     assert view.curves.x_r_um[0] == 0.0

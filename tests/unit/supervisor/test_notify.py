@@ -128,7 +128,7 @@ def test_a_receiver_that_is_gone_is_left_alone(harness: Harness) -> None:
     assert len(received.posts) == 1
 
 
-def test_an_alarm_is_told_once_and_its_end_where_it_is_wanted(harness: Harness) -> None:
+def test_an_alarm_is_reported_once_and_its_end_where_it_is_required(harness: Harness) -> None:
     alarms = harness.manager.context.alarms
     with http_receiver() as received, http_receiver() as all_of_it:
         usual, _ = deliver(harness.store, webhook(received))

@@ -127,7 +127,7 @@ def test_a_proxy_that_cannot_be_used_is_named(
     assert "ALL_PROXY" in refusal(f"https://{NAME}/hook")
 
 
-def test_a_proxy_may_want_a_password(
+def test_a_proxy_may_need_a_password(
     authority: tuple[Path, ssl.SSLContext], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     certificate, served = authority
@@ -278,7 +278,7 @@ def test_certificates_that_cannot_be_read_are_named(
     assert str(place) in str(raised.value)
 
 
-def test_a_folder_of_certificates_that_is_none_is_named(
+def test_a_folder_of_certificates_that_is_invalid_is_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     for place in (tmp_path / "missing", tmp_path):  # which has no certificate

@@ -61,7 +61,7 @@ def test_a_position_from_before_the_end_of_a_ramp_is_not_where_the_arm_stands() 
     assert hear(104, 4.1, 0.0) == 4.1
 
 
-def test_a_position_from_before_an_actuator_was_started_anew_is_not_where_the_arm_stands() -> None:
+def test_a_position_from_before_an_actuator_was_started_again_is_not_where_the_arm_stands() -> None:
     bus = EncodedBus()
     observer = Observer(bus)
     tick, *_ = samples.grip()

@@ -98,7 +98,7 @@ def test_a_plan_has_the_course_of_both_arms_and_the_judgement_of_the_loop() -> N
     assert made.law.spectral_radius < made.law.spectral_radius_limit
 
 
-def test_a_limit_that_one_arm_breaks_is_told_with_the_arm() -> None:
+def test_a_limit_that_one_arm_breaks_is_reported_with_the_arm() -> None:
     made = plan({"kind": "track", "place": {"pp_um": 70.0}, "force_mN": 10.0}).plan
     assert not made.feasible
     for arm in (1, 2):

@@ -70,7 +70,7 @@ def test_paths_are_predicted_as_they_are_followed() -> None:
     assert figures.force_mN.rmse < 0.02 * 10.0
 
 
-def test_a_limit_that_either_arm_would_break_is_told_with_value_and_limit() -> None:
+def test_a_limit_that_either_arm_would_break_is_reported_with_value_and_limit() -> None:
     plan = predicted({"kind": "grip", "place_um": 35.0, "hold_s": 0.5})
     assert not plan.feasible
     broken = prediction_of(plan).violations

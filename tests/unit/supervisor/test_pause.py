@@ -22,7 +22,7 @@ def states(harness: Harness, job: str) -> list[str]:
     return [row.body["state"] for row in harness.told("state", job=job)]
 
 
-def test_a_pause_rests_and_a_resume_goes_on_to_the_end(harness: Harness) -> None:
+def test_a_pause_rests_and_a_resume_continues_to_the_end(harness: Harness) -> None:
     job = paused(harness)
     view = harness.get(f"/jobs/{job}")
     assert view["allowed_actions"] == ["resume", "stop", "abort", "release"]

@@ -161,7 +161,7 @@ def test_two_supervisors_do_not_share_a_database(store: Store, tmp_path: Path, u
 @pytest.mark.parametrize(
     "odd", ["mysql://host/x", "nothing", "postgresql://u:secret@/x?host=/none"]
 )
-def test_what_is_no_server_is_told_without_its_password(tmp_path: Path, odd: str) -> None:
+def test_what_is_no_server_is_reported_without_its_password(tmp_path: Path, odd: str) -> None:
     with pytest.raises(StoreError) as refused:
         Store(tmp_path / "supervisor.sqlite", odd)
     assert "secret" not in str(refused.value)

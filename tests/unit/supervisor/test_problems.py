@@ -69,7 +69,7 @@ def test_an_instance_is_found_in_the_log(
 
 
 @pytest.mark.parametrize("code", sorted({*get_args(ErrorType)} - OWN_TEXT))
-def test_no_error_is_told_in_pydantics_words(code: str) -> None:
+def test_no_error_is_reported_in_pydantics_words(code: str) -> None:
     text = refusal({"type": code, "msg": "Input should be valid", "ctx": {}}, "mN")
     assert text.startswith(("must ", "is ", "cannot "))
     assert not any(word in text for word in PYDANTIC)
@@ -84,7 +84,7 @@ def test_no_error_is_told_in_pydantics_words(code: str) -> None:
         (None, ""),
     ],
 )
-def test_a_refused_number_is_told_with_value_unit_and_limit(
+def test_a_refused_number_is_reported_with_value_unit_and_limit(
     harness: Harness, value: Any, words: str
 ) -> None:
     answer = harness.post("/jobs", {"kind": "grip", "force_mN": value, "dry_run": True})

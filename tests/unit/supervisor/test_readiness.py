@@ -53,14 +53,14 @@ def test_a_program_that_does_not_answer_is_named(harness: Harness, name: str) ->
     assert failing[0]["words"].startswith(f"{name}: nobody answers {name}/status within 0.7 s")
 
 
-def test_another_rig_file_is_told_with_both_digests(harness: Harness) -> None:
+def test_another_rig_file_is_reported_with_both_digests(harness: Harness) -> None:
     harness.bus.digests["estimator"] = "another"
     (check,) = [one for one in checks(harness).values() if not one["ok"]]
     assert (check["name"], check["value"]) == ("estimator.answer", "another")
     assert check["limit"] == harness.get("/rigs/demo")["digest"]
 
 
-def test_a_silent_sensor_is_told_once_with_its_age_and_limit(
+def test_a_silent_sensor_is_reported_once_with_its_age_and_limit(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     harness = open_harness(real_time)

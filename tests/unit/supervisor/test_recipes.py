@@ -184,7 +184,7 @@ def test_a_value_that_cannot_be_is_named(
     assert (first["loc"], first["type"]) == (place, kind)
 
 
-def test_faults_of_all_values_are_told_once() -> None:
+def test_faults_of_all_values_are_reported_once() -> None:
     with pytest.raises(FaultyValuesError) as raised:
         checked_values({"load_s": -1.0, "cycles": 0, "part": {"contact_um": "x"}, "odd": 1})
     assert sorted(error["loc"] for error in raised.value.errors) == [

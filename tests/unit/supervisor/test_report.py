@@ -110,7 +110,7 @@ def test_course_limits_and_actions_are_tables() -> None:
     assert {"start / s", "duration / s", "hold"} <= set(page.text)
 
 
-def test_what_is_missing_is_said() -> None:
+def test_what_is_missing_is_reported() -> None:
     page = _page(_example(GripResult), state={"complete": False, "detail": "3 <lost>"})
     assert "The record is not complete: 3 <lost>" in page.text
     assert not any("not complete" in text for text in _page(_example(GripResult)).text)

@@ -32,7 +32,7 @@ def refused(harness: Harness, body: dict[str, Any]) -> dict[str, Any]:
         ({"hold_s": 1.0, "until_released": True}, "", "exclude each other"),
     ],
 )
-def test_a_fault_is_named_with_its_place_and_value(
+def test_a_fault_is_reported_with_its_place_and_value(
     harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = refused(harness, {"kind": "grip", **wish})
@@ -151,7 +151,7 @@ def test_a_rig_that_is_not_here_is_named_with_those_that_are(harness: Harness) -
         ({"frequency_hz": 0.001, "cycles": 10}, "/cycles", "the path takes 12000 s, limit 3600 s"),
     ],
 )
-def test_a_fault_of_a_track_is_named_with_its_place(
+def test_a_fault_of_a_track_is_reported_with_its_place(
     harness: Harness, wish: dict[str, Any], pointer: str, words: str
 ) -> None:
     problem = refused(harness, {"kind": "track", **wish})

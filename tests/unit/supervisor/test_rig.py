@@ -72,7 +72,7 @@ def test_an_actuator_that_does_not_answer_has_nothing_that_a_person_could_clear(
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
 
 
-def test_an_actuator_that_was_started_anew_needs_a_person(harness: Harness) -> None:
+def test_an_actuator_that_was_started_again_needs_a_person(harness: Harness) -> None:
     assert harness.ended(harness.grip()["id"])["state"] == "succeeded"
     assert harness.get("/rigs/demo")["latch"]["state"] == "idle"
     harness.bus.instances["actuator"] = 2
@@ -134,7 +134,7 @@ def test_an_emergency_stop_is_cleared_by_an_acknowledged_reset_only(harness: Har
     assert harness.get("/rigs/demo")["can_start"] is True
 
 
-def test_who_stopped_and_who_reset_the_rig_is_told(harness: Harness) -> None:
+def test_who_stopped_and_who_reset_the_rig_is_reported(harness: Harness) -> None:
     who = {"X-Operator": "Ada"}
     assert harness.call("POST", "/api/v1/rigs/demo/estop", headers=who).status_code == 200
     harness.until(lambda: bool(harness.told("alarm")))

@@ -88,7 +88,7 @@ def test_a_file_that_was_changed_is_not_used(
     assert words in again.trouble
 
 
-def test_numbers_go_on_where_versions_ended(model: RigModel) -> None:
+def test_numbers_continue_where_versions_ended(model: RigModel) -> None:
     model.add({NOISE: 0.02}, {}, "a")
     model.use(0)
     assert model.rig == model.file

@@ -80,7 +80,7 @@ def test_an_actuator_killed_in_a_hold_holds_a_part_only_until_its_module_may_hav
     assert not view["safe_to_move"]["value"]
 
 
-def test_one_that_hangs_is_believed_and_then_unknown(rig: Rig) -> None:
+def test_one_that_hangs_is_trusted_and_then_unknown(rig: Rig) -> None:
     rig.say()
     rig.harness.bus.silent.add("actuator")
     view = rig.told(HEARD_S + 0.01)
@@ -88,7 +88,7 @@ def test_one_that_hangs_is_believed_and_then_unknown(rig: Rig) -> None:
     assert state_of(rig.told(LETS_GO_S + 0.01)) == ("unknown", "unknown")
 
 
-def test_an_output_that_holds_by_itself_is_believed_for_as_long_as_nobody_looks(
+def test_an_output_that_holds_by_itself_is_trusted_for_as_long_as_nobody_looks(
     real_time: RigFile, open_harness: Callable[..., Harness]
 ) -> None:
     output = real_time.output.model_copy(
@@ -134,7 +134,7 @@ def test_a_freeze_whose_output_fell_silent_holds_nothing_for_sure(
     assert view["standing"]["part_age_s"] == pytest.approx(LETS_GO_S + 0.01)
 
 
-def test_a_freeze_with_an_output_that_answers_is_believed_with_the_age_of_its_voltage(
+def test_a_freeze_with_an_output_that_answers_is_trusted_with_the_age_of_its_voltage(
     rig: Rig,
 ) -> None:
     rig.say()

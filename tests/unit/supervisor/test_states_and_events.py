@@ -79,7 +79,7 @@ def test_no_write_leaves_a_state_or_an_action_that_no_event_tells(
     assert witness.odd == []
 
 
-def test_a_change_that_fails_is_not_told(store: Store) -> None:
+def test_a_change_that_fails_is_not_reported(store: Store) -> None:
     log = EventLog(store, "demo")
     with pytest.raises(LookupError), log.transaction("state", "a", state="running"):
         store.change("a", state="running")

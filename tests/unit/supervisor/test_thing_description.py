@@ -35,7 +35,7 @@ def test_units_and_limits_of_a_request_are_kept(document: Any) -> None:
     assert "exclusiveMinimum" in json.dumps(grip["force_mN"])
 
 
-def test_a_key_is_wanted_for_all_but_an_emergency_stop(document: Any) -> None:
+def test_a_key_is_required_for_all_but_an_emergency_stop(document: Any) -> None:
     found = thing(document, "a", BASE, keys=True)
     assert found["security"] == "key"
     assert found["securityDefinitions"]["key"]["scheme"] == "bearer"

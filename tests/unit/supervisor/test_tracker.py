@@ -53,7 +53,7 @@ def test_the_way_to_the_hold_is_told_where_the_hold_has_no_end() -> None:
     assert {one.hold_in_s for one in followed(None) if one.phase != "hold"} == {None}
 
 
-def test_the_force_held_is_told_once_it_has_settled() -> None:
+def test_the_force_held_is_reported_once_it_has_settled() -> None:
     found = followed(HOLD_AT_S)
     hold = [one for one in found if one.phase == "hold"]
     waits = [one for one in hold if one.force_held_mN is None]

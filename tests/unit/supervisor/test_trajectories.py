@@ -206,7 +206,7 @@ def test_a_calibration_is_no_trajectory(harness: Harness) -> None:
     assert refused.json()["errors"][0]["pointer"] == "/kind"
 
 
-def test_a_dry_run_foretells_unless_told_not_to(harness: Harness) -> None:
+def test_a_dry_run_predicts_unless_told_not_to(harness: Harness) -> None:
     body = {"kind": "grip", "hold_s": 0.5}
     with_it = harness.post("/jobs", body, dry_run=True).json()
     assert with_it["prediction"]["outcome"] == "gripped"

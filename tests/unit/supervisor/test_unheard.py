@@ -51,7 +51,7 @@ def test_a_question_that_never_comes_back_counts_as_silence(bus: Bus) -> None:
     assert len(bus.restarts) == 1
 
 
-def test_without_a_router_that_takes_links_it_goes_on(bus: Bus) -> None:
+def test_without_a_router_that_takes_links_it_continues(bus: Bus) -> None:
     bus.carries = bus.takes_links = False
     bus.passes(100.0 * UNHEARD_S)
     assert bus.restarts == []

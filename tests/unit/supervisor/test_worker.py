@@ -46,7 +46,7 @@ def test_what_fails_there_is_raised_here(worker: Worker) -> None:
         worker.run(factorial, -1)
 
 
-def test_one_that_was_killed_is_begun_anew(worker: Worker) -> None:
+def test_one_that_was_killed_is_begun_again(worker: Worker) -> None:
     worker.run(factorial, 1)
     killed = worker.pid
     os.kill(killed, signal.SIGKILL)

@@ -52,7 +52,7 @@ def test_too_few_samples_are_refused(count: int, per_cycle: float, text: str) ->
         periodic(bent(count), per_cycle)
 
 
-def test_a_sample_that_is_none_is_refused() -> None:
+def test_a_sample_that_is_invalid_is_refused() -> None:
     values = bent(400)
     values[7] = np.nan
     with pytest.raises(ValueError, match="not finite"):

@@ -62,7 +62,7 @@ def test_opening_beyond_it_forgets_a_touch_and_opening_a_little_does_not() -> No
     assert back.follow(LIMITS, 12.0, 9.0).touch is None
 
 
-def test_a_reversal_begins_a_branch_anew() -> None:
+def test_a_reversal_begins_a_branch_again() -> None:
     watch = ContactDetector(0.0, 0.0)
     for index in range(1, 11):
         watch = watch.follow(LIMITS, 2.0 * index, 2.0 * index)

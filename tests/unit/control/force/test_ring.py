@@ -51,7 +51,7 @@ def test_a_voltage_that_acts_after_the_sample_has_not_decayed() -> None:
     assert ring_share(OMEGA, ZETA, OutputTiming(0.03), T) == pytest.approx(0.5**0.5)
 
 
-def test_a_period_that_is_none_is_refused() -> None:
+def test_a_period_that_is_invalid_is_refused() -> None:
     with pytest.raises(ValueError, match="period"):
         ring_share(OMEGA, ZETA, OutputTiming(), 0.0)
 

@@ -185,7 +185,7 @@ def test_a_slow_drift_of_a_hold_is_the_response() -> None:
     assert position.by_cause["lag"] == 0.0
 
 
-def test_what_tells_nothing_is_refused() -> None:
+def test_what_shows_nothing_is_refused() -> None:
     few = {name: np.zeros(LEAST - 1) for name in ("x_um", "x_r_um", "x_d_um", "learned_um")}
     with pytest.raises(ValueError, match="at least 10"):
         replace(perfect(), **few)

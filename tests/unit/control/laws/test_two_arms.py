@@ -225,7 +225,7 @@ def test_a_swing_of_the_held_part_hardly_reads_as_a_force() -> None:
         ({"f_F": -1.0}, "f_F"),
     ],
 )
-def test_gains_that_are_none_are_refused(change: dict[str, float], said: str) -> None:
+def test_gains_that_are_invalid_are_refused(change: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         two_arms.build(ARMS, LONG | change, 0.02)
 

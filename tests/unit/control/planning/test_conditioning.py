@@ -59,7 +59,7 @@ def test_three_strokes_stay_below_the_slew_limit_and_end_with_a_rest_at_0_V() ->
         ("never", False, False),
     ],
 )
-def test_a_plan_begins_with_strokes_where_they_are_wanted(
+def test_a_plan_begins_with_strokes_where_they_are_required(
     condition: str | None, known: bool | None, *, conditioned: bool
 ) -> None:
     rig = demo_rig(TAUGHT)

@@ -110,7 +110,7 @@ def test_both_tips_are_places_of_part_and_opening() -> None:
     assert tips(Reference(1.5, opening_um=10.0)) == (6.5, 3.5)
 
 
-def test_a_period_that_is_none_is_refused() -> None:
+def test_a_period_that_is_invalid_is_refused() -> None:
     pieces = predict(MOTION, Entry(Reference(0.0, voltages_V=(0.0,)), T), partial(nominal, D_P))
     with pytest.raises(ValueError, match=r"period = 0\.0 s"):
         sample_course(pieces, 0.0)

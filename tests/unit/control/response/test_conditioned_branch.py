@@ -107,7 +107,7 @@ def test_the_ratio_of_a_way_is_known_best_at_measured_places() -> None:
     assert BRANCH.way_at(1.0) == (1.0, 0.0)
 
 
-def test_creep_goes_on_from_a_rest_above_after_a_grip() -> None:
+def test_creep_continues_from_a_rest_above_after_a_grip() -> None:
     model = HysteresisModel((0.0, 0.3), (15.0, 4.0), (2.0,), (0.01,))
     below, above = poled(model, (LOW_V, 2.0)), poled(model, (LOW_V, 2.0), from_above=True)
     assert above.plays_V == below.plays_V

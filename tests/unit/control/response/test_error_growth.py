@@ -110,7 +110,7 @@ def test_no_error_is_below_a_least_one_from_the_first_way_on() -> None:
     assert errors_um == pytest.approx([0.0, 0.05, 0.1, 0.2])
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_impossible_input_is_refused() -> None:
     for ways_V, errors_um, why in (
         ([0.1, 0.1], [0.1, 0.2], "way 0.1 follows 0.1, must rise"),
         ([0.1, 0.2], [0.2, 0.1], "error 0.1 follows 0.2"),

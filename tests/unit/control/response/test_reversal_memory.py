@@ -14,7 +14,7 @@ def total_V(*voltages_V: float) -> float:
     return way.total_V
 
 
-def test_one_way_is_no_to_and_fro_beyond_the_width_of_a_small_one() -> None:
+def test_one_way_is_no_back_and_forth_beyond_the_width_of_a_small_one() -> None:
     assert total_V(0.5, 1.0, 1.0, 2.0) == pytest.approx(0.25 * SMALL_V)
 
 

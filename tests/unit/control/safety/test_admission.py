@@ -53,7 +53,7 @@ def test_a_good_command_is_followed() -> None:
     assert (state.refused, state.refusal) == (0, None)
 
 
-def test_the_limits_that_act_are_told() -> None:
+def test_the_limits_that_act_are_reported() -> None:
     state = after(FREE, voltage_V=9.0)
     assert (state.arms[0].voltage_V, state.arms[0].limits_active) == (1.0, VOLTAGE_MAX | SLEW_UP)
 

@@ -75,7 +75,7 @@ def test_before_its_first_sample_an_arming_may_take_the_place_of_another() -> No
     assert arming_objection(sampled(LIMITS, ready(), 0, (1.0,), 0.0)) == words
 
 
-def test_an_arming_begins_anew_but_for_voltage_part_and_counters() -> None:
+def test_an_arming_begins_again_but_for_voltage_part_and_counters() -> None:
     used = replace(
         with_arm(
             HELD,

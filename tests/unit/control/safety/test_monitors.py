@@ -64,7 +64,7 @@ def test_the_following_bound_grows_with_the_speed(
     assert bool(following_excess(MONITORS, x_um, x_d_um, speed_um_per_s)) is beyond
 
 
-def test_a_following_error_is_told_with_its_numbers() -> None:
+def test_a_following_error_is_reported_with_its_numbers() -> None:
     assert fault_text(following_excess(MONITORS, -2.0, 10.0, 20.0)) == (
         "the arm is at -2.00 µm, target 10.00 µm: off by 12.00 µm, limit 4.00 µm"
     )
@@ -75,7 +75,7 @@ def test_the_position_limits_are_exceeded_beyond_their_values(x_um: float, beyon
     assert bool(position_excess(MONITORS, x_um)) is beyond
 
 
-def test_a_position_is_told_with_its_limits() -> None:
+def test_a_position_is_reported_with_its_limits() -> None:
     assert (
         fault_text(position_excess(MONITORS, 79.014)) == "79.01 µm, limits -29.00 µm and 79.00 µm"
     )
@@ -170,7 +170,9 @@ def test_the_force_is_the_gravest() -> None:
 FASTEST = replace(MONITORS, fastest_um_per_s=40.0)
 
 
-def test_an_aim_that_jumps_to_and_fro_widens_its_own_bound_no_more_than_the_arm_can_move() -> None:
+def test_an_aim_that_jumps_back_and_forth_widens_its_own_bound_no_more_than_the_arm_can_move() -> (
+    None
+):
     """By 20 µm each sample, 1000 µm/s: it would be credited 50 µm, and the arm stands still."""
     watches = UNSEEN
     for seq in range(6):
