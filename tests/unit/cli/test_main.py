@@ -106,10 +106,24 @@ def test_a_start_does_not_wait_for_what_is_needed_later(
     assert last.split() == ["loaded:"]
 
 
-def test_the_actuator_loads_before_its_ticks_what_a_sweep_needs_within_one() -> None:
-    script = (
-        f"import sys\n{A_LOOP}\nactuator = services['actuator']\n"
-        "actuator.start(actuator.configure(rig))\nprint('numpy' in sys.modules)"
-    )
-    line = [sys.executable, "-c", script]
-    assert subprocess.check_output(line, text=True, timeout=60.0).split() == ["True"]
+OPENED = """
+from pincette.engine import instrument
+from pincette.instruments.protocols import VoltageOutput, WaveOutput
+
+class Steps(VoltageOutput):
+    def __init__(self, settings): pass
+
+class Waves(WaveOutput):
+    def __init__(self, settings): pass
+
+for driver in (Steps, Waves):
+    plugins.load = lambda *_: driver
+    instrument._open(services["actuator"], rig, 1.0)
+    print("numpy" in sys.modules)
+"""
+
+
+def test_an_output_that_plays_waves_loads_before_the_ticks_what_a_sweep_needs_within_one() -> None:
+    line = [sys.executable, "-c", f"import sys\n{A_LOOP}{OPENED}"]
+    loaded = subprocess.check_output(line, text=True, timeout=60.0).split()
+    assert loaded == ["False", "True"]
