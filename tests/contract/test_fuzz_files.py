@@ -44,7 +44,7 @@ BROKEN: dict[str, tuple[bytes, str]] = {
     "a base that is a folder": (b'base = "."\n', "directory"),
     "a base of its own": (b'base = "broken.toml"\n', "has a base itself"),
     "a base without end": (b'base = "/dev/zero"\n', "larger than"),
-    "odd keys": (b'["\\u001b[2J"]\n"a\\nb" = 1\n', "is not known here"),
+    "odd keys": (b'["\\u001b[2J"]\n"a\\nb" = 1\n', "is not a known name"),
 }
 
 

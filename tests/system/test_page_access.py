@@ -91,12 +91,12 @@ def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) ->
     assert barred(seen, "#start") == ""
 
     seer, operator = bench.key("seer", "observe"), bench.key("cell-7", "operate")
-    seen.until("#sign-in", "This supervisor wants a key")
+    seen.until("#sign-in", "This supervisor requires a key")
     seen.page.click("#estop")
     seen.until("#estop-said", "confirmed by the actuator")
     bench.desk.manager.latch.reset("test")
     sign_in(seen, "pincette_wrong")
-    seen.until("#sign-in-said", "opens nothing")
+    seen.until("#sign-in-said", "is not accepted")
 
     sign_in(seen, seer)
     seen.until("#who", "seer · observe")
@@ -119,7 +119,7 @@ def test_signing_in_and_what_it_allows(bench: Bench, context: BrowserContext) ->
     assert "pincette_session" not in stored
 
     seen.page.click("#sign-out")
-    seen.until("#sign-in", "This supervisor wants a key")
+    seen.until("#sign-in", "This supervisor requires a key")
     sign_in(seen, operator)
     seen.until("#who", "cell-7 · operate")
     seen.page.click("#reset-open")
@@ -189,10 +189,10 @@ def test_a_person_signs_in_by_password_and_claims_the_rig(
     store = bench.desk.store
     KeyStore(KeyFile(store.folder), store).add_user("ann", "operate", "of ten and more")
     bench.access.authenticator.refresh(store)
-    seen.until("#sign-in", "This supervisor wants a key")
+    seen.until("#sign-in", "This supervisor requires a key")
     seen.page.fill("#sign-in-user", "ann")
     sign_in(seen, "of ten and less")
-    seen.until("#sign-in-said", "opens nothing")
+    seen.until("#sign-in-said", "is not accepted")
     sign_in(seen, "of ten and more")
     seen.until("#who", "ann · operate")
     seen.page.click("#tab-rig")

@@ -413,7 +413,7 @@ def require_scope(caller: Caller, needed: Scope) -> None:
         raise ProblemError(
             401,
             "no-key",
-            "A key is wanted",
+            "A key is required",
             f"{why}; `pincette key add` makes one on the supervisor's machine",
             headers={"WWW-Authenticate": REALM + (', error="invalid_token"' * caller.showed)},
             needed_scope=needed,

@@ -66,7 +66,7 @@ function take(found) {
   }
   bar();
   if (session.scope === null) {
-    heard.trouble = "it wants a key";
+    heard.trouble = "it requires a key";
     return;
   }
   for (const go of waiting) go();
