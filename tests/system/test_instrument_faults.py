@@ -178,4 +178,4 @@ def test_orders_come_from_the_command_line_too(rig: RunningRig, seen: Witness) -
     assert abs(seen.newest(Position).arms[0].x_um - before_um) < 1.0
     wrong = command("rig", "sensor", "melt", "--rig", str(rig.path))
     assert wrong.returncode == 1
-    assert "sensor knows no 'melt'" in wrong.stderr
+    assert "sensor has no operation 'melt'" in wrong.stderr
