@@ -46,7 +46,7 @@ ENDING: dict[str, Any] = {"code": "tripped", "trip": "", "faults": []}
 FAULTS = [{"code": str(each), "values": {"limit_um": 2.0}, "text": "words"} for each in FaultCode]
 VIOLATION = example_of(Violation).model_dump(mode="json")
 PAGE_URL = "http://127.0.0.1:2000"
-"""Of the node in the page's program."""
+"""URL of the node in the program that the page shows."""
 
 
 @pytest.fixture(scope="module")

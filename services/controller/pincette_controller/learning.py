@@ -41,7 +41,7 @@ def check_cycle(program: Program, period_s: float) -> None:
 
 
 def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: float) -> Learning:
-    """Take in x - x_r of the newest sample, whose references the tick before has set."""
+    """Update the learner with x - x_r of the newest sample; x_r is that of the tick before."""
     if learning.learner is None:
         return learning
     path = _cyclic_path(before.segment)

@@ -102,7 +102,7 @@ class Began(FrozenRecord, frozen=True):
 
 
 class Touch(FrozenRecord, frozen=True):
-    """A touch of the arm on its way through free space."""
+    """An unexpected touch while the arm moves through free space."""
 
     x_um: float | None
     force_mN: float

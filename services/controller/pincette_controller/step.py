@@ -142,7 +142,7 @@ def _asked(
     estimate: Estimate,
     wanted: Wanted,
 ) -> tuple[tuple[ArmCommand, ...], tuple[ArmTelemetry, ...]]:
-    """Return what is asked of each arm, and each arm's references of the newest sample."""
+    """Return the command of each arm, and its references for the newest sample."""
     alone = player.felt is None
     # The actuator alone keeps two arms within the range that their plan has stated.
     planned = program.planned_range if alone else None

@@ -110,7 +110,7 @@ def is_on_its_way(job: Job, force_mN: float) -> bool:
 
 
 def rests_with_part(job: Job) -> bool:
-    """Return whether a job does nothing but keep its part at rest, until it is told to go on."""
+    """Return whether a job only keeps its part at rest, until it gets another action."""
     if "release" not in job.allowed_actions:
         return False
     in_hold = job.progress is not None and job.progress.phase == "hold"

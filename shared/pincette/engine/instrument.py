@@ -191,7 +191,7 @@ class Instrument:
 
     @property
     def watched(self) -> bool:
-        """Whether the output has a watchdog that waits for heartbeats."""
+        """True if the output has a watchdog that needs heartbeats."""
         return self._watched is not None
 
     def keep_alive(self, now: float) -> Fault | None:

@@ -36,7 +36,7 @@ COLUMNS = {"cpu": "% of a core", "wakes": "wake-ups/s", "pss_MB": "PSS MB", "rss
 
 @dataclass
 class Taken:
-    """What the programs of a version took, one item for each turn; by column and program."""
+    """Resources used by the programs of a version: one value a turn, by column and program."""
 
     columns: dict[str, list[dict[str, float]]] = field(
         default_factory=lambda: {column: [] for column in COLUMNS}

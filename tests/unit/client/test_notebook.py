@@ -18,7 +18,7 @@ PNG = b"a picture"
 
 
 def html_of(shown: Any) -> str:
-    """What a notebook shows."""
+    """Text that a notebook displays."""
     return shown._repr_html_()
 
 

@@ -147,7 +147,7 @@ PER_S, BURST = 200.0, 400.0
 """Refill rate and capacity in requests: more than a page and an orchestrator need, less than what
 would keep the supervisor from serving others."""
 CLIENTS = 1000
-"""TokenBuckets that are kept; the one that was used least lately goes."""
+"""Number of token buckets that are kept; the least recently used one is removed first."""
 
 
 @dataclass(slots=True)

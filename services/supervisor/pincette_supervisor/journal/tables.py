@@ -236,7 +236,7 @@ class JobRow:
 
 
 class TableRow(NamedTuple):
-    """What a table of many jobs takes from one."""
+    """Values of one job for a table of many jobs."""
 
     fixed: tuple[str | None, ...]
     """Values of the columns that every job has."""

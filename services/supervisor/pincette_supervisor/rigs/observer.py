@@ -222,7 +222,7 @@ SAMPLE_COUNTS_S = 0.1
 
 
 class SuspendAwareClock:
-    """A clock that stands still while its process is suspended.
+    """A clock that does not advance while its process is suspended.
 
     A process that was stopped, or not scheduled, receives all pending messages when it resumes. By
     this clock none of their senders was silent meanwhile.

@@ -102,7 +102,7 @@ class Program(FrozenRecord, frozen=True):
 
     @property
     def takes_force_over(self) -> bool:
-        """Whether it begins by loading or unloading a held part to a force."""
+        """True if the program begins by loading or unloading a held part to a force."""
         first = self.segments[0] if self.segments else None
         return self.begins_held and isinstance(first, Press) and first.to_mN is not None
 

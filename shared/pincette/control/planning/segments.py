@@ -79,7 +79,7 @@ class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
     ends_moving: ClassVar[bool] = False
     """Whether the references have no rest, not even at the end of the segment."""
     hides_force: ClassVar[bool] = False
-    """Whether the force is not known while the segment plays."""
+    """True if the force is unknown while the segment plays."""
 
     @property
     def arms(self) -> int | None:
