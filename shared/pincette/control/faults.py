@@ -7,20 +7,20 @@ from pincette.control.record import FrozenRecord
 from pincette.control.vocabulary import LARGEST, FaultCode
 
 ZERO_REFUSED = frozenset(code for code in FaultCode if code.name.startswith("ZERO_"))
-"""Why the force is not zeroed."""
+"""Codes of reasons for which the force is not zeroed."""
 INSTRUMENT = frozenset(code for code in FaultCode if code.name.startswith("INSTRUMENT_"))
 """Codes that a driver reports about its instrument."""
 
 
 class Value(FrozenRecord, frozen=True):
-    """A number by its name, which ends in its unit; None where it is not finite."""
+    """A named number whose name ends in its unit; None where it is not finite."""
 
     name: Text
     value: Number | None
 
 
 class Fault(FrozenRecord, frozen=True):
-    """A fault: a code, its numbers, and words only if they come from outside."""
+    """A fault: a code and its numbers. Words are present only if they come from outside."""
 
     code: FaultCode
     values: Items[Value] = ()
@@ -32,12 +32,12 @@ class Fault(FrozenRecord, frozen=True):
         return next((item.value for item in self.values if item.name == name), None)
 
     def with_values(self, **values: float) -> "Fault":
-        """Return this fault with more numbers."""
+        """Return this fault with further numbers."""
         return Fault(self.code, self.values + _values(values), self.words)
 
 
 def fault(code: FaultCode, words: str = "", /, **values: float) -> Fault:
-    """Return a fault with numbers by name; those beyond 1e15 become 1e15."""
+    """Return a fault with named numbers; numbers beyond 1e15 become 1e15."""
     return Fault(code, _values(values), words[:MAX_TEXT])
 
 

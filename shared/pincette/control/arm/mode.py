@@ -1,4 +1,4 @@
-"""The arm's one mode from sample to sample, exact for what drives it.
+"""Exact transition of the arm's one mode from sample to sample.
 
     ẍ + 2ζω_n·ẋ + ω_n²·(x - q) = 0
 
@@ -15,18 +15,18 @@ from pincette.control.checks import require_positive
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Transition over one period of (x - q, ẋ), in µm and µm/s, for a held equilibrium q."""
+    """Transition of (x - q, ẋ) over one period, in µm and µm/s, for a constant equilibrium q."""
 
     xx: float
     xv: float
-    """s."""
+    """Effect of the speed at the begin of a period on the position at its end, in s."""
     vx: float
-    """1/s."""
+    """Effect of the position at the begin of a period on the speed at its end, in 1/s."""
     vv: float
     ramp_x: float
     """x after a period from rest at 0, while q moves straight from 0 to 1."""
     ramp_v: float
-    """ẋ after it, 1/s."""
+    """Speed at the end of that period, in 1/s."""
 
 
 def sample_mode(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> Mode:

@@ -1,4 +1,4 @@
-"""The arm: its dynamics (1), their difference equation (4), and what follows from it.
+"""Equation of motion of the arm (1) and its difference equation (4).
 
     m x'' + b x' + k x = d u + p - F                                                     (1)
 
@@ -14,7 +14,7 @@ from pincette.control.checks import require_positive
 
 @dataclass(frozen=True, slots=True)
 class ArmParameters:
-    """Parameters of (1), in µm, mN, V and s."""
+    """Parameters of the equation of motion (1), in µm, mN, V and s."""
 
     m: float
     """Mass, mN·s²/µm (1 kg = 1e-3 mN·s²/µm)."""

@@ -1,4 +1,4 @@
-"""The arm from sample to sample, exact for a voltage that changes once within the period.
+"""Exact motion of the arm between samples, for a voltage that changes once within a period.
 
     ẍ + 2ζω_n·ẋ + ω_n²(1 + K_e s_p)·x = ω_n² d_p·y                                      (54), (1)
 
@@ -16,7 +16,8 @@ from pincette.control.checks import require_not_negative, require_positive
 
 Array = npt.NDArray[np.float64]
 ORDER = 14
-"""Order of the series of the exponential: below rounding if the scaled norm is at most 1/4."""
+"""Order of the Taylor series of the exponential; its error is below rounding if the scaled norm is
+at most 1/4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +27,13 @@ class LoopCase:
     K_e_mN_per_um: float = 0.0
     """Stiffness of the contact; 0 is the free arm."""
     frequency_factor: float = 1.0
-    """Real ω_n over the identified one."""
+    """Natural frequency of the real arm divided by the identified one."""
     delay_periods: float = 0.0
     """Delay from the sample to the change of the voltage, as a share of the period, 0 to 1."""
     gain_factor: float = 1.0
-    """Real d_p over the identified one."""
+    """Coefficient d_p of the real arm divided by the identified one."""
     damping_factor: float = 1.0
-    """Real ζ over the identified one."""
+    """Damping ratio of the real arm divided by the identified one."""
     told_mN_per_um: float | None = None
     """Contact stiffness that the law is given, 0: no contact; None: the true one."""
 

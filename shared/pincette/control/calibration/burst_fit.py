@@ -1,4 +1,4 @@
-"""What a burst of voltages makes of the sampled arm, and the least squares of it.
+"""Least-squares fit of the sampled arm to bursts of voltages.
 
 The parameters are log ω_n, log ζ, D/T and τ/T, with D = δ + τ; see ``output_timing``. Both gains
 and a slow curve below each burst are worked out for each of them (projection).
@@ -18,11 +18,11 @@ from pincette.control.arm.sampled_arm import LoopCase, sampled_arms
 from pincette.control.checks import require_as_many
 
 TAIL = 1e-6
-"""Decay of the mode's ringing at which its answer to a voltage has ended."""
+"""Share of its first amplitude at which the ringing of the mode counts as decayed."""
 LONGEST_RING = 4000
-"""Ticks that such a ring is worked out for, at most."""
+"""Largest number of ticks for which the ringing is computed."""
 MOST_DAMPING = 0.5
-"""ζ up to which there is a mode."""
+"""Largest ζ at which the arm counts as oscillating."""
 LEAST_LOG_DAMPING = log(1e-4)
 """Smallest log ζ that a fit may reach; the largest is 0."""
 ORDERS = (3, 8)
@@ -30,11 +30,11 @@ ORDERS = (3, 8)
 longer one for noisy records."""
 ROUNDS = 30
 SETTLED = 1e-2
-"""Step of a fit, in its standard errors or log, below which it has settled."""
+"""Step of a fit below which it has converged, in standard errors or in the logarithm."""
 STEPS = np.array([1e-5, 1e-3, 1e-3, 1e-3])
-"""Steps of the numerical derivatives: of both logs, and of D/T and τ/T."""
+"""Steps of the numerical derivatives, for both logarithms, D/T and τ/T."""
 DEGREE = 3
-"""Degree of the curve below a burst."""
+"""Degree of the polynomial that is fitted below a burst."""
 MOST_LATE = 8.0
 """Largest delay that a fit may reach on its way, in periods."""
 Column = NDArray[np.float64]
@@ -51,17 +51,17 @@ class Burst(NamedTuple):
 
 
 class PreparedBurst(NamedTuple):
-    """A burst without what is slow in it."""
+    """A burst from which its slow part has been removed."""
 
     voltage_V: Column
     seen: NDArray[np.bool_]
     slow: NDArray[np.float64]
-    """Orthonormal columns of the curve below it, where there are samples."""
+    """Orthonormal columns of the slow curve, at the ticks that have samples."""
     x_um: Column
 
 
 def prepared(burst: Burst) -> PreparedBurst:
-    """Take off what is slow; raises ValueError where lengths disagree."""
+    """Remove the slow part of a burst; raises ValueError where lengths disagree."""
     u, x = np.asarray(burst.voltage_V, dtype=float), np.asarray(burst.x_um, dtype=float)
     require_as_many("voltages", u, "positions", x)
     seen = np.isfinite(x)
@@ -156,7 +156,7 @@ def fit(some: Sequence[PreparedBurst], period_s: float, at: Column, *, lagged: b
 
 
 def first_mode(bursts: Sequence[Burst], period_s: float) -> Column:
-    """Log ω_n and log ζ by the poles of x_k = Σ a_i·x_{k-i} + Σ b_i·u_{k-i}, where a fit begins.
+    """Return log ω_n and log ζ with which a fit starts, from a difference equation.
 
     Raises
     ------

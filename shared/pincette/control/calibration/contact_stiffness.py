@@ -1,4 +1,6 @@
-"""Stiffness of a contact by four levels of voltage, as in Fig. 8, and where the part was met.
+"""Stiffness of a contact from four levels of voltage, as in Fig.
+
+8, and the place of the contact.
 
 In contact F = K_e·(x - x_e) whatever the voltage does, so peak-to-peak force is proportional to
 peak-to-peak position,
@@ -39,7 +41,7 @@ class Swing:
     """Whole cycles in contact at one level: N positions, and the unfiltered force (53) at each."""
 
     level_V: float
-    """Peak to peak."""
+    """Peak-to-peak voltage of the level."""
     x_um: Sequence[float] | NDArray[np.float64]
     force_mN: Sequence[float] | NDArray[np.float64]
 
@@ -54,23 +56,24 @@ class Level:
     force_pp_mN: float
     force_pp_uncertainty_mN: float
     lowest_mN: float
-    """Force at the trough, by which the contact was kept."""
+    """Smallest force of the cycle, in mN; above 0 the contact was kept."""
     residual_mN: float
-    """F_pp less K_e·x_pp."""
+    """Peak-to-peak force minus K_e times the peak-to-peak position, in mN."""
     x_cycle_um: NDArray[np.float64]
     force_cycle_mN: NDArray[np.float64]
-    """One fitted cycle of each, for the plot."""
+    """One fitted cycle of the force, for the plot."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactStiffness:
-    """K_e, and the line of Fig. 8."""
+    """Contact stiffness K_e with the line of Fig. 8."""
 
     stiffness_mN_per_um: float
     uncertainty_mN_per_um: float
-    """Standard; root sum of squares of the scatter, of s_p, and of the free response."""
+    """Standard uncertainty of K_e: root sum of squares of the parts from scatter, s_p and free
+    response."""
     scatter_mN_per_um: float
-    """The part of it that the levels show."""
+    """Part of the uncertainty that comes from the scatter of the levels."""
     levels: tuple[Level, ...]
     line: Line
     """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""

@@ -1,4 +1,4 @@
-"""Where an arm that closes meets a part: the kink of its position over its free response.
+"""Place at which a closing arm meets a part, from the kink over its free response.
 
 With z = x_1 the free response, and D = z - x what the arm lacks to it,
 
@@ -21,31 +21,31 @@ from pincette.control.checks import require_as_many, require_not_negative, requi
 
 LEAST_SAMPLES = 30
 LEAST_SIDE = 10
-"""Samples before the kink, and as many after it."""
+"""Least number of samples on each side of the kink."""
 PLACES = 200
-"""Number of places of the kink that are tried before the best one is refined."""
+"""Number of places that are tried for the kink before the best one is refined."""
 ROUNDS = 30
 SURE = 5.0
-"""Standard uncertainties by which β must be above 0."""
+"""Least ratio of β to its standard uncertainty."""
 
 Column = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class FirstTouch:
-    """x_e, the stiffness met there, and what a plot needs."""
+    """Place and stiffness of a first touch, with what a plot needs."""
 
     contact_um: float
     uncertainty_um: float
-    """Standard uncertainty: from the scatter, which neighbours share, and from ``free_error_um``.
-    """
+    """Standard uncertainty of the place, from the correlated scatter and from ``free_error_um``."""
     stiffness_mN_per_um: float
-    """Stiffness from the few µm after the touch; much less certain than that of Fig. 8."""
+    """Stiffness over the first µm after the touch, in mN/µm; much less certain than that of Fig. 8.
+    """
     residual_um: float
-    """R.m.s. about the kinked line."""
+    """R.m.s. deviation from the kinked line, in µm."""
     free_um: NDArray[np.float64]
     lack_um: NDArray[np.float64]
-    """D."""
+    """Difference D between the free response and the position, in µm."""
     fitted_um: NDArray[np.float64]
 
 
@@ -123,7 +123,7 @@ def _fit(z: Column, lack: Column, kink: float) -> tuple[tuple[float, float], flo
 
 
 def _refined(z: Column, lack: Column, low: float, high: float) -> float:
-    """Return the kink of the least sum of squares between two places, by ternary search."""
+    """Return the kink with the least sum of squares between two places, by ternary search."""
     for _ in range(ROUNDS):
         third = (high - low) / 3.0
         if _fit(z, lack, low + third)[1] < _fit(z, lack, high - third)[1]:

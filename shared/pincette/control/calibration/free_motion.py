@@ -1,4 +1,4 @@
-"""Secant gain, width of the hysteresis loop and creep after a step, from a free motion."""
+"""Secant gain and width of the hysteresis loop from a free motion, and creep after a step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,47 +12,48 @@ from pincette.control.calibration.periodic import periodic
 from pincette.control.checks import require_as_many, require_positive
 
 LEVELS = 91
-"""Voltages at which the two branches of the loop are compared,"""
+"""Number of voltages at which the two branches of the loop are compared."""
 EDGE = 0.05
-"""all but this share of the travel at both ends."""
+"""Share of the travel at both ends that is left out of this comparison."""
 LEAST_CREEP_SAMPLES = 20
 LEAST_DECADE = 1.0
-"""Smallest range of times, in decades, from which a creep is determined."""
+"""Least range of times from which creep is determined, in decades."""
 
 Column = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class SecantGain:
-    """d_p, stroke over voltage, of a settled loop."""
+    """Secant gain d_p of a settled loop: stroke divided by voltage."""
 
     gain_um_per_V: float
     uncertainty_um_per_V: float
-    """Standard; of the scatter alone, independent from sample to sample."""
+    """Standard uncertainty from the scatter alone, for errors that are independent between samples.
+    """
     loop_percent: float
-    """Largest distance of the branches at one voltage, of the stroke."""
+    """Largest distance between the branches at one voltage, in % of the stroke."""
     loop_uncertainty_percent: float
     voltage_pp_V: float
     stroke_um: float
     residual_um: float
-    """R.m.s. about the fitted loop."""
+    """R.m.s. deviation from the fitted loop, in µm."""
     voltage_cycle_V: Column
     x_cycle_um: Column
-    """The fitted loop, for the plot."""
+    """Positions of the fitted loop, for the plot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Creep:
-    """x = a + b·log10(t/1 s) after a step."""
+    """Creep after a step: x = a + b·log10(t/1 s)."""
 
     percent_per_decade: float
     """Creep in % of the step."""
     uncertainty_percent: float
-    """Standard; of the scatter alone."""
+    """Standard uncertainty from the scatter alone, in % per decade."""
     um_per_decade: float
     step_um: float
     line: Line
-    """x over log10(t/1 s), in µm."""
+    """Fitted line of the position in µm over log10(t/1 s)."""
 
 
 def secant_gain(

@@ -1,4 +1,4 @@
-"""Swept sine: the frequency response of the arm, from a sweep or from steps of it."""
+"""Frequency response of the arm from a swept sine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from pincette.control.checks import require_as_many, require_positive
 LEAST_POINTS = 10
 LEAST_LINES = 3
 LEAST_DRIVE = 1e-3
-"""Share of the strongest drive below which a band is left out."""
+"""Least amplitude of the drive in a band, as a share of the largest; weaker bands are left out."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrequencyResponse:
-    """Bands of frequency in Hz, complex gain in µm/V, and the standard uncertainty of its log."""
+    """Complex gain of the arm in µm/V by frequency in Hz, and standard uncertainty of its log."""
 
     frequency_hz: NDArray[np.float64]
     gain_um_per_V: NDArray[np.complex128]

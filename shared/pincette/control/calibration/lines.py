@@ -1,4 +1,4 @@
-"""Straight lines of the calibration: compliance (55), and the plan's line of Fig. 8.
+"""Straight lines of the calibration: compliance (55), and the line of Fig. 8.
 
 Equation and figure numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. Every result carries its
 residuals and standard uncertainties; those are of the scatter alone, and hold for errors that are
@@ -18,18 +18,18 @@ from pincette.control.checks import require_not_negative, require_positive
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """y = slope·x + offset; x and y in the units of what was fitted."""
+    """Line y = slope·x + offset, with x and y in the units of the fitted values."""
 
     slope: float
     offset: float
     slope_uncertainty: float
-    """Standard uncertainty; infinite where two points leave nothing to judge by."""
+    """Standard uncertainty of the slope; infinite for two points, which leave no residual."""
     offset_uncertainty: float
     residuals: tuple[float, ...]
-    """y less the line, point by point."""
+    """Difference between y and the line at each point."""
 
     def at(self, x: float) -> float:
-        """Return the line's y at ``x``."""
+        """Return y of the line at ``x``."""
         return self.slope * x + self.offset
 
 
@@ -88,7 +88,7 @@ def correlated_samples(residuals: Sequence[float] | NDArray[np.float64]) -> floa
 
 @dataclass(frozen=True, slots=True)
 class Compliance:
-    """s_p of the arm."""
+    """Compliance s_p of the arm with its uncertainty and its line."""
 
     compliance_um_per_mN: float
     uncertainty_um_per_mN: float

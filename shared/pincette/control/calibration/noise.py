@@ -1,4 +1,4 @@
-"""Noise of a position sensor from readings of an arm that rests.
+"""Noise of a position sensor from readings of an arm at rest.
 
 With d_k = x_{k+1} - x_k less their mean, white noise has σ² = ½·mean(d²): differences know nothing
 of a drift that is slow against the period. The statement's own uncertainty comes from the spread
@@ -18,41 +18,45 @@ from pincette.control.checks import require_not_negative, require_positive
 
 LEAST_READINGS = 100
 COVERED = 6.6
-"""Standard deviations between which 99.9 % of Gaussian readings lie."""
+"""Width of the interval that holds 99.9 % of Gaussian readings, in standard deviations."""
 QUANTISED = 0.5
-"""Noise below this share of the step is not Gaussian in the readings: one or two codes show."""
+"""Noise as a share of the step, below which the readings are not Gaussian: they show one or two
+codes."""
 SAME = 1e-9
-"""Difference in µm within which two readings are the same; for rounding."""
+"""Largest difference between two readings that count as equal, in µm; it allows for rounding."""
 SETTLED_FILTERS = 5.0
-"""Time constants of the filter after which its start is forgotten."""
+"""Number of time constants after which the start of the filter no longer matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of the readings; all in µm but the drift."""
+    """Noise of the readings, in µm except for the drift."""
 
     noise_um: float
-    """R.m.s. of the white part, the share of the quantisation included."""
+    """R.m.s. of the white part of the noise, in µm, with the share of quantisation."""
     noise_uncertainty_um: float
-    """Standard; of the scatter alone."""
+    """Standard uncertainty of the noise from the scatter alone, in µm."""
     spread_um: float
-    """R.m.s. about the drift; above the noise where something slow is in the readings."""
+    """R.m.s. deviation from the drift, in µm; above the noise where the readings contain slow
+    motion."""
     step_um: float
-    """Smallest difference seen between two readings."""
+    """Smallest difference between two readings, in µm."""
     quantised: bool
-    """Whether the step hides the noise, so that what is stated is the step's as much."""
+    """True where the step of the readings hides the noise; the stated noise is then mostly that of
+    the step."""
     resolution_um: float
-    """Smallest motion that a reading shows: 6.6·σ, or where quantised the readings' whole width."""
+    """Smallest motion that a reading shows, in µm: 6.6·σ, or the whole width of quantised readings.
+    """
     filtered_noise_um: float
-    """R.m.s. after the law's filter."""
+    """R.m.s. noise after the filter of the law, in µm."""
     filtered_resolution_um: float
-    """6.6 times that; averaging resolves below the step only where noise moves the readings."""
+    """Smallest motion that a filtered reading shows, in µm: 6.6 times the filtered noise."""
     drift_um_per_s: float
     drift_uncertainty_um_per_s: float
-    """Standard; of scatter that is independent from reading to reading."""
+    """Standard uncertainty of the drift, for scatter that is independent between readings."""
     t_s: NDArray[np.float64]
     deviation_um: NDArray[np.float64]
-    """Readings less the drift."""
+    """Readings minus the drift, in µm."""
 
 
 def sensor_noise(

@@ -1,4 +1,4 @@
-"""When a voltage acts on the arm, and its mode, from bursts of voltages at the period of the loop.
+"""Time at which a voltage acts, and the mode of the arm, from bursts at the loop's period.
 
 The voltage of tick k is put out δ after the sample, and reaches the arm behind a first-order lag τ
 
@@ -47,33 +47,34 @@ LONGEST_DELAY = 1.5
 """Periods up to which a delay is looked for."""
 DELAYS = np.arange(0.05, LONGEST_DELAY, 0.1)
 LAGS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
-"""Periods that a delay and a lag are first looked for at."""
+"""Start values of delay and lag, in periods."""
 SIGNIFICANT = 4.0
-"""Number of standard errors from which a lag counts as found."""
+"""Number of standard errors from which a lag counts as present."""
 HALVINGS = 6
 LOSS_RAD = 0.02
-"""Phase by which the loss of a small loop of the hysteresis may turn the mode's answer."""
+"""Largest phase by which the loss of a small hysteresis loop may turn the response of the mode, in
+rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedTiming:
-    """Delay, lag and mode with standard uncertainties, and the fit for a plot."""
+    """Delay, lag and mode with standard uncertainties, and the fitted samples for a plot."""
 
     delay_s: float
     delay_uncertainty_s: float
     lag_s: float
-    """τ; 0 where the samples tell it from none by less than ``SIGNIFICANT``."""
+    """Time constant τ of the lag, in s; 0 where it is below ``SIGNIFICANT`` standard errors."""
     lag_uncertainty_s: float
     natural_frequency_rad_per_s: float
     natural_frequency_uncertainty_rad_per_s: float
     damping_ratio: float
     damping_ratio_uncertainty: float
     gain_um_per_V: float
-    """Gain at the amplitude of the bursts; below d_p because of the hysteresis."""
+    """Gain at the amplitude of the bursts, in µm/V; below d_p because of the hysteresis."""
     moved_um: tuple[Column, ...]
-    """Samples of each burst without their slow part, and"""
+    """Samples of each burst without their slow part."""
     residual_um: tuple[Column, ...]
-    """what the fit leaves of them."""
+    """Residuals of the fit of these samples."""
 
     @property
     def explained(self) -> float:

@@ -1,4 +1,4 @@
-"""A periodic motion out of a noisy record: its cycle, and its peak-to-peak value.
+"""Cycle and peak-to-peak value of a periodic motion in a noisy record.
 
     value(t) = mean + drift·t + Σ a_k·cos kωt + b_k·sin kωt,  k = 1 … HARMONICS
 
@@ -26,20 +26,21 @@ LEAST_CYCLES = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Periodic:
-    """A periodic motion, in the unit of what was recorded."""
+    """A periodic motion, in the unit of the recorded values."""
 
     mean: float
     peak_to_peak: float
     peak_to_peak_uncertainty: float
-    """Standard; of the scatter alone, taken as independent from sample to sample."""
+    """Standard uncertainty from the scatter alone, for errors that are independent between samples.
+    """
     residual: float
-    """R.m.s. of what the fit leaves."""
+    """R.m.s. residual of the fit."""
     cycle: Column
-    """``POINTS`` values of one cycle from the first sample on, about the mean."""
+    """One fitted cycle of ``POINTS`` values from the first sample on, relative to the mean."""
 
     @property
     def lowest(self) -> float:
-        """Return the smallest value of the fitted cycle, about its mean place in the record."""
+        """Return the smallest value of the fitted cycle, around the mean of the record."""
         return self.mean + float(self.cycle.min())
 
 

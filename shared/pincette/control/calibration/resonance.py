@@ -1,4 +1,4 @@
-"""The second-order model (54) of a frequency response, by least squares.
+"""Least-squares fit of the second-order model (54) to a frequency response.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. With ω_n in rad/s and d_p in µm/V
 
@@ -25,7 +25,7 @@ from pincette.control.checks import require_as_many, require_positive
 
 LEAST_POINTS = 10
 LEAST_PEAK = 2.0
-"""Smallest ratio of the peak's gain to that at low frequency; below, ω_n and ζ can hardly be
+"""Least ratio of the gain at the peak to that at low frequency; below it ω_n and ζ cannot be
 separated."""
 ROUNDS = 60
 SETTLED = 1e-10
@@ -41,13 +41,13 @@ class SecondOrder:
     natural_frequency_rad_per_s: float
     damping_ratio: float
     gain_um_per_V: float
-    """d_p, of all modes together."""
+    """Gain d_p of all modes together, in µm/V."""
     natural_frequency_uncertainty_rad_per_s: float
     damping_ratio_uncertainty: float
     gain_uncertainty_um_per_V: float
     residuals: tuple[float, ...]
     higher_modes: float = 0.0
-    """ρ: static deflection in higher modes, as a share of that in this one."""
+    """Ratio ρ of the static deflection in higher modes to that in this mode."""
     higher_modes_uncertainty: float = 0.0
 
     def gain_at(self, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -1,4 +1,6 @@
-"""The mode of the arm from a recorded sweep: ω_n, ζ and gain, and what a Bode plot shows (Fig. 5).
+"""Mode of the arm from a recorded sweep: ω_n, ζ and gain, and the curves of a Bode plot (Fig.
+
+5).
 
 The input is the drive as measured beside the position, so that a lag of the output does not
 enter. What delays the position (averaging of the sensor) and what turns the phase at every
@@ -21,7 +23,7 @@ from pincette.control.calibration.resonance import SecondOrder, fit_second_order
 from pincette.control.checks import require_positive
 
 LINES_PER_BAND = 20
-"""Number of lines in a band: enough for the coherence, and narrow beside the resonance."""
+"""Number of lines in a band: enough for the coherence, and few compared with the resonance."""
 FEWEST_BANDS = 100
 LEAST_DRIVE = 1e-5
 """Smallest power of the drive relative to the strongest. The drive is measured, and an output that
@@ -38,36 +40,36 @@ SWING_S, REST_S = 0.05, 0.5
 LARGE = 0.2
 """Smallest swing relative to the largest: smaller ones are near the noise."""
 LEAST_EVENNESS = 0.9
-"""Smaller of up over down and its inverse. A free arm has 0.95 and more: a sweep moves the middle
-of a hysteresis."""
+"""Least ratio of the upward to the downward swing, or its inverse. A free arm has 0.95 and more: a
+sweep moves the middle of a hysteresis."""
 
 Column = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class SweptMode:
-    """Model (54) of a sweep with its uncertainties, and the two curves of a Bode plot."""
+    """Model (54) identified from a sweep, with its uncertainties and the curves of a Bode plot."""
 
     model: SecondOrder
     small_signal_gain_um_per_V: float
     """Gain at low frequency and the sweep's amplitude; below d_p at a larger drive, because of
     hysteresis."""
     delay_s: float
-    """τ, from the drive to the reading."""
+    """Delay τ from the drive to the reading, in s."""
     hysteresis_phase_rad: float
-    """φ_h, by which the arm lags at every frequency."""
+    """Phase lag φ_h that is the same at every frequency, in rad."""
     coherence: float
-    """Median over the bands of what the drive explains of the motion."""
+    """Median over the bands of the share of the motion that the drive explains."""
     residual_percent: float
-    """R.m.s. of the magnitude about the model, bands weighing as in the fit."""
+    """R.m.s. deviation of the magnitude from the model, in %, with the weights of the fit."""
     frequency_hz: Column
     magnitude_db: Column
     """Magnitude in dB relative to 1 µm/V."""
     phase_deg: Column
-    """Unwrapped from the lowest frequency on."""
+    """Phase in degrees, unwrapped from the lowest frequency on."""
     model_magnitude_db: Column
     model_phase_deg: Column
-    """Delay and hysteresis included."""
+    """Phase of the model in degrees, with delay and hysteresis."""
 
 
 def swept_mode(
@@ -117,7 +119,7 @@ def swept_mode(
 
 
 def require_even_swing(x_um: Column, rate_hz: float) -> None:
-    """Refuse a sweep in which the arm swings farther to one side: something stands at the other.
+    """Refuse a sweep with more swing to one side, since an obstacle stands at the other.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def require_even_swing(x_um: Column, rate_hz: float) -> None:
 
 
 def _sure(response: FrequencyResponse) -> FrequencyResponse:
-    """Return the significant bands; all bands if hardly one is, for the fit to refuse."""
+    """Return the significant bands, or all bands where fewer than the fit needs are significant."""
     kept = response.log_gain_uncertainty <= LARGEST_UNCERTAINTY
     if int(np.sum(kept)) < FEWEST_BANDS // 2:
         return response

@@ -1,4 +1,7 @@
-"""Whether samples at a period show the mode; apart, so that a request does not load NumPy."""
+"""Test whether samples at a period show the mode.
+
+Separate, so that a request does not load NumPy.
+"""
 
 from math import pi
 

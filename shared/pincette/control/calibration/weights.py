@@ -1,4 +1,4 @@
-"""Compliance by known weights, hung there and back, so that drift and creep fall out.
+"""Compliance from known weights, hung up and taken down, so that drift and creep cancel.
 
     x = x_0 - s_p·F + drift·t                                               (55), with its drift
 
@@ -17,28 +17,28 @@ from numpy.typing import NDArray
 from pincette.control.checks import require_not_negative, require_positive
 
 LEAST_STEPS = 4
-"""One more than there are coefficients."""
+"""Least number of steps: one more than the number of coefficients."""
 LEAST_EVENNESS = 0.9
 """Smallest ratio of the compliance under the lightest weights to that under the heaviest."""
 SURE = 5.0
-"""Standard uncertainties by which the two must differ."""
+"""Least difference between the two compliances, in standard uncertainties."""
 
 
 @dataclass(frozen=True, slots=True)
 class WeighedCompliance:
-    """s_p with its drift, and the points of the line."""
+    """Compliance s_p with its drift, and the points of the line."""
 
     compliance_um_per_mN: float
     uncertainty_um_per_mN: float
-    """Standard; scatter about the line or the readings' noise, whichever is larger, and that of
-    the weights."""
+    """Standard uncertainty: the larger of line scatter and reading noise, combined with that of the
+    weights."""
     rest_um: float
-    """x_0, without a weight, at the first step."""
+    """Position x_0 without a weight at the first step, in µm."""
     drift_um_per_s: float
     residuals_um: tuple[float, ...]
     weight_mN: NDArray[np.float64]
     sag_um: NDArray[np.float64]
-    """x_0 + drift·t - x, step by step: what lies on a line of slope s_p."""
+    """Deflection x_0 + drift·t - x at each step, in µm; it lies on a line of slope s_p."""
 
 
 def weighed_compliance(
@@ -98,7 +98,7 @@ def weighed_compliance(
 
 
 def _require_straight(F: NDArray[np.float64], x: NDArray[np.float64], noise_um: float) -> None:
-    """Refuse weights of which the light ones bend the arm less than the heavy ones, each for each.
+    """Refuse weights of which the light ones bend the arm less per mN than the heavy ones.
 
     Two positions under one weight say how well they repeat.
     """

@@ -1,1 +1,1 @@
-"""The contact force: found from position and free response, zeroed, and how far to trust it."""
+"""Contact force: estimation, zeroing and uncertainty."""

@@ -1,4 +1,4 @@
-"""Watch over a closing arm for the kink with which it meets something.
+"""Detection of the kink in the position of a closing arm where it meets something.
 
 Along one branch of rising voltage the position of a free arm rises with d_p·u, at a slope that
 hysteresis changes little by little. Where the arm touches a spring K_e the slope drops at once, by
@@ -22,25 +22,25 @@ from pincette.control.record import FrozenRecord
 
 LEAST_STEP_UM = 1.0
 STEP_OVER_NOISE = 6.0
-"""Standard deviations of the sensor's noise in the fall of ``KinkLimits`` over a step."""
+"""Least size of the fall of ``KinkLimits`` over a step, in standard deviations of the noise."""
 SURE = 5.0
-"""Standard uncertainties of an extrapolated line by which the positions after a kink lie below."""
+"""Least distance of the positions after a kink below the extrapolated line, in standard
+uncertainties."""
 REFUTED = 3.0
-"""Standard deviations of the noise by which a position refutes a kink."""
+"""Number of standard deviations of the noise by which a position refutes a kink."""
 BIN_UM = 0.25
 """Travel of d_p·u over which positions are summed."""
 KEPT_BINS = 80
-"""Number of sums that are kept: the longest two windows."""
+"""Number of sums that are kept, which covers the two longest windows."""
 WINDOWS_UM = ((2.0, 1.5), (3.0, 2.5), (4.5, 4.0), (6.0, 5.0), (8.0, 6.0), (11.0, 8.0))
 """Lengths of the windows before and after a kink, as travels of d_p·u."""
 SHORT_UM, LONG_STEPS = 5.0, 1.5
-"""Length of the window after a kink beyond which one is tried only where noise asks for it, as a
-length and in steps of ``KinkLimits``: over 10 µm the slope of a free arm that saturates falls by a
-fifth."""
+"""Length beyond which a window after a kink is used only where noise requires it, in µm and in
+steps of ``KinkLimits``: over 10 µm the slope of a free arm that saturates falls by a fifth."""
 LEAST_BEFORE, LEAST_AFTER = 3, 2
-"""Sums that a window has at least."""
+"""Least number of sums in a window before and after a kink."""
 FILLED_BEFORE, FILLED_AFTER = 0.6, 0.5
-"""Shares of its length that a window covers at least."""
+"""Least share of its length that a window before and after a kink covers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class KinkLimits:
     """Limits beyond which a fall of the slope counts as a kink."""
 
     step_um: float
-    """Travel of d_p·u over which noise cannot bend a slope so far."""
+    """Travel of d_p·u over which noise cannot change the slope by ``drop``, in µm."""
     drop: float
-    """Fall of dx/(d_p·du), as a share of what it was."""
+    """Fall of the slope dx/(d_p·du), as a share of the slope before."""
     noise_um: float = 0.0
     """Standard deviation of the sensor's noise."""
 
@@ -58,7 +58,7 @@ class KinkLimits:
 def kink_limits(
     softest_mN_per_um: float, compliance_um_per_mN: float, noise_um: float
 ) -> KinkLimits:
-    """Return half the drop of the softest possible part, over a step that noise cannot bend so.
+    """Return limits for half the drop of the softest part, over a step that noise cannot bend.
 
     Raises
     ------
@@ -74,13 +74,14 @@ def kink_limits(
 
 
 class DetectedContact(FrozenRecord, frozen=True):
-    """Place at which the arm met something, and its motion until there."""
+    """Place at which the arm met something, and its motion up to there."""
 
     x_um: float
     nominal_um: float
     slope: float
     on_new_ground: bool = False
-    """Whether the arm had not been as far before; a kink at an earlier place may be its own."""
+    """True where the arm had not been as far before; at earlier places a kink may come from the
+    arm's own hysteresis."""
 
     def pushed_back_um(self, x_um: float, nominal_um: float) -> float:
         """Return the distance of the arm from where it would be without the touch."""
@@ -88,7 +89,7 @@ class DetectedContact(FrozenRecord, frozen=True):
 
 
 class Sums(NamedTuple):
-    """Sums over the samples of a branch up to one of them, relative to the branch's begin."""
+    """Sums over the samples of a branch up to one sample, relative to the begin of the branch."""
 
     samples: int = 0
     nominal: float = 0.0
@@ -112,12 +113,12 @@ class Line(NamedTuple):
 
     samples: int
     nominal_um: float
-    """Mean d_p·u."""
+    """Mean of d_p·u, in µm."""
     x_um: float
-    """Mean position."""
+    """Mean position, in µm."""
     slope: float
     spread_um2: float
-    """Sum of squares of d_p·u about its mean."""
+    """Sum of squares of d_p·u about its mean, in µm²."""
 
     def at(self, nominal_um: float) -> float:
         """Return the position of the line in µm."""
@@ -125,7 +126,7 @@ class Line(NamedTuple):
 
 
 def fitted(later: Sums, earlier: Sums) -> Line | None:
-    """Fit a line to the samples between two sums; None where d_p·u does not vary."""
+    """Return the line fitted to the samples between two sums, or None where d_p·u does not vary."""
     count = later.samples - earlier.samples
     nominal, x = later.nominal - earlier.nominal, later.x - earlier.x
     spread = later.nominal2 - earlier.nominal2 - nominal * nominal / count
@@ -136,36 +137,36 @@ def fitted(later: Sums, earlier: Sums) -> Line | None:
 
 
 class ContactDetector(FrozenRecord, frozen=True):
-    """The positions along the newest branch, and the touch on it.
+    """Positions along the newest branch, and a touch found on it.
 
     It counts along d_p·u and not along x_1, since a model of the hysteresis that is made of plays
     has kinks of its own.
     """
 
     nominal_um: float
-    """d_p·u where the branch begins."""
+    """Value of d_p·u at the begin of the branch, in µm."""
     x_um: float
-    """Position there."""
+    """Position at the begin of the branch, in µm."""
     touch: DetectedContact | None = None
     free_to_um: float = -inf
     """Furthest position before this branch and before the touch."""
     reached_um: float = -inf
     """Furthest position on this branch before the touch."""
     begun_um: float = 0.0
-    """d_p·u at which the open bin begins, relative to the branch's begin."""
+    """Value of d_p·u at which the open bin begins, relative to the begin of the branch, in µm."""
     open_bin: Sums = Sums()
     """Sums up to the newest sample."""
     ends_um: tuple[float, ...] = (0.0,)
-    """d_p·u at which each bin ends, relative to the branch's begin."""
+    """Value of d_p·u at which each bin ends, relative to the begin of the branch, in µm."""
     bins: tuple[Sums, ...] = (Sums(),)
-    """Sums up to the end of each bin, the first before the oldest one."""
+    """Sums up to the end of each bin; the first one ends where the oldest bin begins."""
 
     def restarted(self, x_um: float, nominal_um: float) -> "ContactDetector":
-        """Begin again, with the ground that is known to be free."""
+        """Return a detector for a new branch that keeps the range known to be free."""
         return ContactDetector(nominal_um, x_um, free_to_um=max(self.free_to_um, self.reached_um))
 
     def follow(self, limits: KinkLimits, x_um: float, nominal_um: float) -> "ContactDetector":
-        """Take in x_k and d_p·u_{k-1}."""
+        """Return the detector updated by x_k and d_p·u_{k-1}."""
         at_um = nominal_um - self.nominal_um
         if at_um <= self.begun_um - limits.step_um:
             touch = self.touch
@@ -187,7 +188,7 @@ class ContactDetector(FrozenRecord, frozen=True):
         return closed._judged(limits)
 
     def _judged(self, limits: KinkLimits) -> "ContactDetector":
-        """Look for a kink before the bin that has just been closed, and whether one holds."""
+        """Return the detector after a search for a kink before the newest closed bin."""
         last, before = self.bins[-1], self.bins[-2]
         x_um = self.x_um + (last.x - before.x) / (last.samples - before.samples)
         touch = self.touch
@@ -206,7 +207,7 @@ class ContactDetector(FrozenRecord, frozen=True):
         return replace(self, touch=touch, reached_um=max(self.reached_um, x_um))
 
     def _kink(self, limits: KinkLimits) -> DetectedContact | None:
-        """Return the kink that the shortest windows show; None where none do."""
+        """Return the kink that the shortest windows show, or None."""
         ends_um, bins = self.ends_um, self.bins
         last = len(bins) - 1
         middle = first = last
@@ -239,7 +240,7 @@ class ContactDetector(FrozenRecord, frozen=True):
     def _met(
         self, limits: KinkLimits, before: Line, after: Line, within_um: tuple[float, float]
     ) -> DetectedContact:
-        """Return the touch where both lines cross."""
+        """Return the touch where the two lines cross."""
         low_um, high_um = within_um
         crossing_um = (after.at(0.0) - before.at(0.0)) / (before.slope - after.slope)
         at_um = min(max(crossing_um, low_um), high_um)

@@ -1,4 +1,4 @@
-"""The force (53), quasi-static and with matched ages, and its uncertainty.
+"""Contact force (53), quasi-static and with matched ages, and its uncertainty.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013. F > 0 is compressive, the grip on
 the object; (53) as printed gives the opposite sign.
@@ -13,7 +13,7 @@ COVERAGE = 2.0
 
 
 def force(x_um: float, free_um: float, compliance_um_per_mN: float) -> float:
-    """Contact force in mN from position x_k and the free response x_1 of the voltage of k-1.
+    """Return the contact force in mN from x_k and the free response x_1 of the voltage of k-1.
 
         F̂ = -(x - x_1)/s_p                                                               (53)
 
@@ -46,9 +46,9 @@ def uncertainty(
 ) -> float:
     """Return the expanded uncertainty of the force in mN: root sum of squares, times ``COVERAGE``.
 
-    Its parts, each taken as a standard uncertainty: the sensor's r.m.s. noise and the error of the
-    free response since the zero, both over s_p; the creep that x_1 does not know, which grows with
-    log10(1 + age/1 s) of the zero; and what the actuator has forgotten and x_1 has not.
+    Its parts, each a standard uncertainty: the r.m.s. noise of the sensor and the error of the free
+    response since the zero, both divided by s_p; creep that x_1 does not contain, which grows with
+    log10(1 + age/1 s) of the zero; and the memory that the actuator has lost and x_1 has not.
     """
     noise_mN = noise_um / compliance_um_per_mN
     free_mN = free_error_um / compliance_um_per_mN
@@ -61,7 +61,7 @@ def uncertainty(
 def late_creep_um(
     *, percent_per_decade: float, stroke_um: float, age_s: float, known_to_s: float
 ) -> float:
-    """Return the standard error, in µm, of creep that is slower than any that x_1 follows.
+    """Return the standard error of creep slower than any that x_1 contains, in µm.
 
         p/100·|stroke|·log10(age/known_to)/COVERAGE
 

@@ -1,4 +1,4 @@
-"""The force observer for short periods that undoes the mode: (53) with its G⁻¹(s).
+"""Force observer for short periods that inverts the mode: (53) with its G⁻¹(s).
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -11,21 +11,21 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 NOISE_GAIN_MAX = 5.0
-"""Amplification of the sensor's noise beyond which the inverse is refused."""
+"""Largest amplification of the sensor's noise with which the inverse is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
 class InverseParameters:
-    """Coefficients; made by ``inverse_dynamics``."""
+    """Coefficients of the observer; made by ``inverse_dynamics``."""
 
     mode: Mode
     gain_mN_per_um: float
     zero_1: float
-    """2e^(-σT)cos ω_d T."""
+    """Coefficient 2e^(-σT)cos ω_d T of the inverse."""
     zero_2: float
-    """e^(-2σT)."""
+    """Coefficient e^(-2σT) of the inverse."""
     pole: float
-    """e^(-T/τ), twice."""
+    """Double pole e^(-T/τ) of the filter."""
     noise_gain: float
 
 
@@ -49,14 +49,14 @@ class InverseDynamics(FrozenRecord, frozen=True):
 
     parameters: InverseParameters
     mode_um: float = 0.0
-    """G·x_1."""
+    """Free response behind the mode, G·x_1, in µm."""
     speed_um_per_s: float = 0.0
-    """Speed of the position."""
+    """Speed behind the mode, in µm/s."""
     error_1_um: float = 0.0
-    """G·x_1 - x one sample ago."""
+    """Difference G·x_1 - x of the previous sample, in µm."""
     error_2_um: float = 0.0
     force_1_mN: float = 0.0
-    """F̂ one sample ago."""
+    """Force F̂ of the previous sample, in mN."""
     force_2_mN: float = 0.0
 
     @property
@@ -67,7 +67,7 @@ class InverseDynamics(FrozenRecord, frozen=True):
     def observe(
         self, x_um: float, free_um: float, _voltage_V: float, /
     ) -> tuple["InverseDynamics", float]:
-        """Follow the mode, and undo it in what the position lacks to it."""
+        """Advance the mode by x_1 and return the force from the difference to the position."""
         p, mode = self.parameters, self.parameters.mode
         offset_um, speed = self.mode_um - free_um, self.speed_um_per_s
         mode_um = free_um + mode.xx * offset_um + mode.xv * speed
@@ -88,7 +88,7 @@ class InverseDynamics(FrozenRecord, frozen=True):
         return after, F_mN
 
     def restart(self, x_um: float, free_um: float, _voltage_V: float, /) -> "InverseDynamics":
-        """Let both arms, the free one and the pressed one, be at rest."""
+        """Return the observer for an arm at rest under a constant force."""
         p, error_um = self.parameters, free_um - x_um
         F_mN = p.gain_mN_per_um * (1.0 - p.zero_1 + p.zero_2) * error_um / (1.0 - p.pole) ** 2
         return InverseDynamics(p, free_um, 0.0, error_um, error_um, F_mN, F_mN)
@@ -102,7 +102,7 @@ def inverse_dynamics(
     period_s: float,
     filter_s: float,
 ) -> InverseDynamics:
-    """Make the observer.
+    """Return the observer of an arm.
 
     Parameters
     ----------

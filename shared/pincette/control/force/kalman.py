@@ -1,4 +1,4 @@
-"""The force observer that weighs the mode against the sensor's noise: an augmented Kalman filter.
+"""Force observer that weighs the mode against sensor noise: an augmented Kalman filter.
 
 Source: R. E. Kalman, Journal of Basic Engineering 82, 1960, with the force as a further state, as
 disturbance observers have it.
@@ -16,12 +16,12 @@ Row = tuple[float, float, float]
 Matrix = tuple[Row, Row, Row]
 ITERATIONS_MAX = 100_000
 CONVERGED = 1e-12
-"""Relative change of the gain, from one iteration to the next, that ends them."""
+"""Relative change of the gain between iterations at which the recursion ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class KalmanParameters:
-    """Mode and steady gain; made by ``augmented_kalman``."""
+    """Mode and steady gain of the filter; made by ``augmented_kalman``."""
 
     mode: Mode
     compliance_um_per_mN: float
@@ -56,7 +56,7 @@ class AugmentedKalman(FrozenRecord, frozen=True):
     def observe(
         self, x_um: float, free_um: float, _voltage_V: float, /
     ) -> tuple["AugmentedKalman", float]:
-        """Predict by the mode, and correct by what the position shows."""
+        """Predict the state by the mode, and correct it by the position."""
         p, mode = self.parameters, self.parameters.mode
         rest_um = free_um - p.compliance_um_per_mN * self.force_mN
         offset_um, speed = self.x_um - rest_um, self.speed_um_per_s
@@ -72,7 +72,7 @@ class AugmentedKalman(FrozenRecord, frozen=True):
         return after, F_mN
 
     def restart(self, x_um: float, free_um: float, _voltage_V: float, /) -> "AugmentedKalman":
-        """Let the arm rest where it is, under the force that holds it there."""
+        """Return the observer for an arm at rest under the force that holds it there."""
         p = self.parameters
         return AugmentedKalman(p, x_um, 0.0, force(x_um, free_um, p.compliance_um_per_mN))
 
@@ -86,7 +86,7 @@ def augmented_kalman(
     noise_um: float,
     rate_mN_per_s: float = 50.0,
 ) -> AugmentedKalman:
-    """Make the observer, with the gain to which the Riccati recursion converges.
+    """Return the observer with the gain to which the Riccati recursion converges.
 
         P⁻ = A P Aᵀ + (rate·T)² g gᵀ,   K = P⁻cᵀ/(c P⁻ cᵀ + noise²),   P = P⁻ - K c P⁻
 

@@ -1,4 +1,4 @@
-"""Position and free response in, contact force out: what all force observers agree on.
+"""Interface of the observers that estimate the contact force from the position.
 
 An observer is immutable and linear: its reading and what it becomes are linear in its inputs
 and in its own state. Its field ``parameters`` is fixed; every other field is a float of its state,
@@ -14,11 +14,11 @@ from pincette.control.force.estimation import force
 from pincette.control.record import FrozenRecord, field_names, replace
 
 SHORTEST_PERIODS = 2.0
-"""Periods of the mode below which a sampling period is not long against it."""
+"""Least sampling period that counts as long, in periods of the mode."""
 
 
 class ForceObserver(Protocol):
-    """Finds F from x_k and x_1, once a period; F > 0 is compressive."""
+    """Observer that estimates F from x_k and x_1 once a period; F > 0 is compressive."""
 
     @property
     def noise_gain(self) -> float:
@@ -26,14 +26,14 @@ class ForceObserver(Protocol):
         ...
 
     def observe(self, x_um: float, free_um: float, voltage_V: float, /) -> tuple[Self, float]:
-        """Take in x_k, x_1 and the voltage u_{k-1} they answer to; return F̂ in mN with it.
+        """Return the observer updated by x_k, x_1 and u_{k-1}, and its force F̂ in mN.
 
         ``free_um`` is x_1 without the mode: where u_{k-1}, held since k-1, would let the arm rest.
         """
         ...
 
     def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> Self:
-        """Forget the past: the arm rests at ``x_um``, and the force is (x_1 - x)/s_p."""
+        """Return the observer for an arm at rest at ``x_um``, under the force (x_1 - x)/s_p."""
         ...
 
 
@@ -71,7 +71,10 @@ def held_age(delay_periods: float) -> float:
 
 
 def kept(period_s: float, lag_s: float) -> float:
-    """Return e^(-T/τ), what a first-order lag keeps of its state over a period; 0 without one."""
+    """Return e^(-T/τ), the share of its state that a first-order lag keeps over a period.
+
+    0 without a lag.
+    """
     return exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
 
 
@@ -86,15 +89,15 @@ class QuasiStaticParameters:
     """
 
     compliance_um_per_mN: float
-    """s_p."""
+    """Compliance s_p of the arm."""
     share: float = 1.0
     """Share by which the force follows each reading; 1 without a low-pass. See ``smoothing``."""
     newest_voltage: bool = False
     """Take x_1 for x_k from the voltage put out at k instead of the one applied at k-1."""
     printed_um_per_V: float = 0.0
-    """d_p of the printed term; 0 leaves it out."""
+    """Coefficient d_p of the printed term; 0 leaves it out."""
     older: float = 0.0
-    """Share of the x_1 before in that which x_k is paired with; see ``held_age``."""
+    """Share of the previous x_1 in the one that is paired with x_k; see ``held_age``."""
     lag: float = 0.0
     """e^(-T/τ) of a first-order lag τ between output and arm, through which x_1 goes; 0: none."""
 
@@ -110,7 +113,7 @@ class QuasiStaticParameters:
 
     @property
     def bare(self) -> bool:
-        """Whether a reading needs no past."""
+        """Return True if the force needs no earlier sample."""
         plain = self.share == 1.0 and self.older == 0.0 and self.lag == 0.0
         return plain and not self.newest_voltage and self.printed_um_per_V == 0.0
 
@@ -130,15 +133,15 @@ class QuasiStatic(FrozenRecord, frozen=True):
 
     parameters: QuasiStaticParameters
     force_mN: float = 0.0
-    """F̂ of the sample before."""
+    """Force F̂ of the previous sample, in mN."""
     x_um: float = 0.0
-    """x_{k-1}."""
+    """Position x_{k-1} of the previous sample, in µm."""
     voltage_V: float = 0.0
-    """u_{k-2}."""
+    """Voltage u_{k-2} of the previous sample, in V."""
     free_um: float = 0.0
-    """x_1 of the sample before, and"""
+    """Free response x_1 of the previous sample, in µm."""
     lagging_um: float = 0.0
-    """behind the lag."""
+    """Free response x_1 of the previous sample behind the lag, in µm."""
 
     @property
     def noise_gain(self) -> float:
@@ -149,7 +152,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
     def observe(
         self, x_um: float, free_um: float, voltage_V: float, /
     ) -> tuple["QuasiStatic", float]:
-        """Read (53), low-passed."""
+        """Return the force (53) behind the low-pass."""
         p = self.parameters
         if p.bare:
             return self, force(x_um, free_um, p.compliance_um_per_mN)
@@ -162,7 +165,7 @@ class QuasiStatic(FrozenRecord, frozen=True):
         return QuasiStatic(p, F_mN, x_um, voltage_V, free_um, paired_um), F_mN
 
     def restart(self, x_um: float, free_um: float, voltage_V: float, /) -> "QuasiStatic":
-        """Hold what a resting arm would have left behind."""
+        """Return the observer for an arm at rest."""
         p = self.parameters
         if p.bare:
             return self

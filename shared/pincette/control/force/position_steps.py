@@ -1,4 +1,4 @@
-"""Steps of the position that the voltage does not explain: a part that slips, a sensor that jumps.
+"""Detection of position steps that the voltage does not explain: slips and sensor jumps.
 
 A pressed arm stands where the free arm and the part balance. With x_1 the free place and
 kappa = s_p·K_e,
@@ -49,7 +49,7 @@ SIGMAS = 5.5
 SLACK_UM = 0.02
 """Part of the threshold that does not depend on the noise, in µm: resolution of the sensor."""
 EXPLAINED = 0.1
-"""Share of the free arm's own step that an error of kappa may leave unexplained."""
+"""Share of a step of the free arm that an error of kappa may leave unexplained."""
 RINGING = 0.2
 """Share of the fastest step of the free place that the ring of the mode may leave unexplained along
 a path: it was 0.13 at 5 Hz without an output lag, less than 0.09 at 2 Hz, and less than 0.05 with a
@@ -58,12 +58,12 @@ SPAN_S = 0.006
 """Time over which a step is measured where the period is shorter, in s: the ring of the mode and
 the lag of the output take this long."""
 SHORT_MEAN, REST_MEAN = 3, 8
-"""Samples of the mean before a step: at short periods, and besides wherever there are as many."""
+"""Number of samples in the mean before a step, at short periods and where enough samples exist."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepLimits:
-    """Numbers of the rig by which a step is judged.
+    """Limits of a rig by which a position step is judged.
 
     Raises
     ------
@@ -72,9 +72,9 @@ class StepLimits:
     """
 
     noise_um: float
-    """R.m.s. noise of one reading."""
+    """R.m.s. noise of one reading, in µm."""
     compliance_um_per_mN: float
-    """s_p."""
+    """Compliance s_p of the arm."""
     period_s: float
 
     span: int = field(init=False)
@@ -82,9 +82,9 @@ class StepLimits:
     mean_of: int = field(init=False)
     """Number of samples before a step from whose mean it is measured."""
     limit_um: float = field(init=False)
-    """Part of the threshold that noise and resolution make, by that mean, and"""
+    """Part of the threshold from noise and resolution, for a mean of ``mean_of`` samples."""
     rest_limit_um: float = field(init=False)
-    """by a mean of ``REST_MEAN`` samples."""
+    """Part of the threshold from noise and resolution, for a mean of ``REST_MEAN`` samples."""
     resting_um: float = field(init=False)
     """Way of the free place up to which the longer mean is used: an error of kappa then explains
     at most a quarter of its threshold."""
@@ -106,19 +106,19 @@ class StepLimits:
         return self.compliance_um_per_mN * stiffness_mN_per_um
 
     def with_noise(self, noise_um: float) -> "StepLimits":
-        """Return the limits for a sensor that is found to be noisier than its rig file says."""
+        """Return the limits for a sensor that is noisier than its rig file states."""
         return replace(self, noise_um=noise_um) if noise_um > self.noise_um else self
 
 
 class Kappa(FrozenRecord, frozen=True):
-    """s_p·K_e of the part that is pressed."""
+    """Product s_p·K_e for the part that is pressed."""
 
     value: float
     known: bool = True
-    """False where ``value`` is the least that it may be."""
+    """False where ``value`` is a lower bound."""
 
     def explained_um(self, free_um: float) -> float:
-        """Return the most by which a step of the free place moves the arm."""
+        """Return the largest motion of the arm that a step of the free place explains."""
         return (free_um if self.known else max(0.0, free_um)) / (1.0 + self.value)
 
 
@@ -128,13 +128,13 @@ class Step(NamedTuple):
     step_um: float
     """Unexplained part of the step, r; positive towards the part."""
     before_x_um: float
-    """Mean position before it, and"""
+    """Mean position before the step, in µm."""
     before_free_um: float
-    """mean free place x_1 before it."""
+    """Mean free place x_1 before the step, in µm."""
 
     @property
     def forwards(self) -> bool:
-        """Whether a slip can be its cause."""
+        """Return True if a slip can have caused the step."""
         return self.step_um > 0.0
 
 
@@ -145,7 +145,7 @@ class StepWatch(FrozenRecord, frozen=True):
     free_um: tuple[float, ...] = ()
 
     def follow(self, limits: StepLimits, x_um: float, free_um: float) -> "StepWatch":
-        """Return the watch with the newest sample in it."""
+        """Return the watch with the newest sample added."""
         kept = limits.span - 1 + max(limits.mean_of, REST_MEAN)
         return StepWatch((*self.x_um[-kept:], x_um), (*self.free_um[-kept:], free_um))
 
@@ -183,7 +183,7 @@ class StepWatch(FrozenRecord, frozen=True):
         return way_um <= limits.resting_um
 
     def _against(self, begin: int, end: int, kappa: Kappa, limit_um: float) -> Step | None:
-        """Hold the newest sample against the mean of the samples from ``begin`` up to ``end``."""
+        """Compare the newest sample with the mean of the samples from ``begin`` up to ``end``."""
         count = end - begin
         before_x_um = sum(self.x_um[begin:end]) / count
         before_free_um = sum(self.free_um[begin:end]) / count
@@ -199,12 +199,12 @@ class StepWatch(FrozenRecord, frozen=True):
 
 
 def unexplained_um(step: Step, x_um: float, free_um: float, kappa: Kappa) -> float:
-    """Return the step that a later sample shows against the mean before ``step``, in µm."""
+    """Return the step of a later sample relative to the mean before ``step``, in µm."""
     return x_um - step.before_x_um - kappa.explained_um(free_um - step.before_free_um)
 
 
 def slip_um(step_um: float, kappa: float) -> float:
-    """Return the way δ by which the face of a part gave way, of an unexplained step: r·(1 + 1/κ).
+    """Return the way δ by which the face of a part gave way: r·(1 + 1/κ) for a step r.
 
     Raises
     ------
@@ -215,9 +215,10 @@ def slip_um(step_um: float, kappa: float) -> float:
 
 
 class RestNoise(FrozenRecord, frozen=True):
-    """R.m.s. noise of the sensor, from differences of neighbouring samples of an arm at rest.
+    """R.m.s. noise of the sensor from differences of neighbouring samples at rest.
 
-    Creep moves neighbouring samples alike, so that sigma² = ⟨(x_k - x_(k-1))²⟩/2 leaves it out.
+    Creep moves neighbouring samples by the same way, so that sigma² = ⟨(x_k - x_(k-1))²⟩/2 leaves
+    it out.
     """
 
     last_um: float | None = None
@@ -226,7 +227,7 @@ class RestNoise(FrozenRecord, frozen=True):
     sum_um2: float = 0.0
 
     def follow(self, x_um: float) -> "RestNoise":
-        """Return the noise with one more sample of the rest in it."""
+        """Return the noise with one more sample of the rest added."""
         if self.last_um is None:
             return RestNoise(x_um, self.count, self.sum_um2)
         return RestNoise(x_um, self.count + 1, self.sum_um2 + (x_um - self.last_um) ** 2)

@@ -26,7 +26,7 @@ from pincette.control.checks import require_positive
 def ring_share(
     natural_frequency_rad_per_s: float, damping_ratio: float, output: OutputTiming, period_s: float
 ) -> float:
-    """Return the standard uncertainty of a free position as a share of A.
+    """Return the standard uncertainty of a free position after a step, as a share of A.
 
     Raises
     ------
@@ -40,12 +40,12 @@ def ring_share(
 
 
 def ring_kept(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> float:
-    """Return the share e^(-ζω_n·T) of a ring that is left after a period."""
+    """Return the share e^(-ζω_n·T) of a ring that remains after a period."""
     return exp(-damping_ratio * natural_frequency_rad_per_s * period_s)
 
 
 def lag_share(output: OutputTiming, period_s: float) -> float:
-    """Return the share of a step that the lag of the output lacks at the next sample."""
+    """Return the share of a step that is missing at the next sample because of the lag."""
     left_s = max(0.0, period_s - output.delay_s)
     return exp(-left_s / output.lag_s) if output.lag_s > 0.0 else 0.0
 
@@ -60,9 +60,9 @@ class RingShares(NamedTuple):
     free: float = 0.0
     """Standard uncertainty of the position of a free arm, as a share of A."""
     pressed: float = 0.0
-    """The same for an arm that presses a part."""
+    """Standard uncertainty of the position of a pressed arm, as a share of A."""
     kept: float = 0.0
-    """Share of A that is left after a period."""
+    """Share of A that remains after a period."""
 
 
 def shares_of_ring(

@@ -22,22 +22,23 @@ from numpy.typing import NDArray
 Column = NDArray[np.float64]
 
 FREQUENCY_ERROR = 0.02
-"""Share by which the frequency of the pressed mode may be off, and"""
+"""Relative error of the frequency of the pressed mode that the search covers."""
 TRIED = 9
-"""number of frequencies that are tried over it."""
+"""Number of frequencies that are tried in this range."""
 DECAYS = 4.0
-"""Time constants of the decay over which a ring is looked for."""
+"""Number of decay time constants in which a ring is searched."""
 SAMPLES = (4, 48)
-"""Fewest and most samples in which it is looked for."""
+"""Least and largest number of samples in which a ring is searched."""
 RESTED = 8
 """Number of samples after those whose mean is the rest."""
 SURE = 18.0
-"""Explained squares over the noise's variance that count as a ring. With two amplitudes and the
-frequencies that are tried, noise alone exceeds it in less than one step of a thousand."""
+"""Least ratio of the explained squares to the variance of the noise that counts as a ring. With two
+amplitudes and the frequencies that are tried, noise alone exceeds it in less than one step of a
+thousand."""
 
 
 def ring_samples(decay_per_s: float, period_s: float) -> int:
-    """Return how many samples after a step are looked at."""
+    """Return the number of samples after a step that are examined."""
     fewest, most = SAMPLES
     return min(max(fewest, ceil(DECAYS / (decay_per_s * period_s))), most)
 
@@ -45,7 +46,7 @@ def ring_samples(decay_per_s: float, period_s: float) -> int:
 def rings(
     x_um: Column, *, mode_rad_per_s: float, decay_per_s: float, period_s: float, noise_um: float
 ) -> bool | None:
-    """Return whether the samples after a step ring; None where there are too few.
+    """Return whether the samples after a step show a ring, or None where there are too few.
 
     Parameters
     ----------

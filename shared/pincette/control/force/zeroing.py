@@ -1,7 +1,7 @@
-"""Whether the force may be zeroed: only where the arm is provably free.
+"""Conditions under which the force may be zeroed: only where the arm is known to be free.
 
-A zero declares the force at a rest to be none. In contact it hides the force for as long as it
-holds, so each reason to doubt is a reason to refuse.
+A zero states that the force at a rest is none. In contact it would hide the force for as long as it
+holds, so that each doubt is a reason to refuse.
 """
 
 from collections.abc import Sequence
