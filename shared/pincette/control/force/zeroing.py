@@ -23,17 +23,21 @@ class ZeroLimits:
 
     rest_samples: int = 10
     spread_um: float = 0.5
-    """Largest spread, maximum minus minimum, of x and of x - x_1 over the rest, without noise."""
+    """Largest spread (maximum minus minimum) of x and of x - x_1 over the rest, without noise, in
+    µm."""
     noise_um: float = 0.0
     """Standard deviation of the sensor's noise."""
     offset_um: float = 5.0
-    """Largest change of the offset without travel, where the arm's memory is unknown, and"""
+    """Largest change of the offset without travel, where the memory of the arm is unknown, in µm.
+    """
     offset_fraction: float = 0.4
-    """the share of d_p·|u - u_zero| by which it may grow: whole hysteresis, and an error of d_p."""
+    """Share of d_p·|u - u_zero| by which the offset may change: the whole hysteresis and an error
+    of d_p."""
     first_touch_um: float = inf
     """Position from which on the arm may touch the part."""
     touch_um: float = inf
-    """Distance by which a touch may have pushed the arm back: the contact's force times s_p."""
+    """Distance by which a touch may have pushed the arm back: the contact force times s_p, in µm.
+    """
 
     def settled_um(self) -> float:
         """Return the largest spread of a settled rest, in µm.
@@ -48,7 +52,7 @@ class ZeroLimits:
         return max(self.spread_um, r * self.noise_um)
 
     def change_um(self, model: FreeResponse, creep_um: float, memory_known: bool) -> float:
-        """Return how far a zero may move the offset of x_1 at the voltage followed last, in µm.
+        """Return the largest change of the offset of x_1 by a zero at the last voltage, in µm.
 
         Parameters
         ----------
@@ -80,7 +84,7 @@ def zero_refusal(
     kept: bool = False,
     memory_known: bool = True,
 ) -> Fault | None:
-    """Return why the force must not be zeroed on the end of ``samples``; None where it may be.
+    """Return why the force must not be zeroed at the end of ``samples``, or None.
 
     Refused while a part is held, before there are enough samples, where the arm has not settled,
     where it stands beyond the first touch that is planned, where it has met something on the way

@@ -1,1 +1,1 @@
-"""The laws: from references, position and force to the voltage."""
+"""Control laws, which compute the voltage from references, position and force."""

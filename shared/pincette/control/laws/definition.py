@@ -23,17 +23,17 @@ else:
 
 
 class BuildLaw(Protocol):
-    """Make what ``step`` needs of the model, the gains and the period; raises ValueError."""
+    """Function that builds the parameters of ``step``; raises ValueError."""
 
     def __call__(
         self, plant: DifferenceEquation, gains: Mapping[str, float], period_s: float, /
     ) -> Any:
-        """Take the model of the arm, gains by name, and the period in s."""
+        """Return the parameters for a model of the arm, gains by name, and the period in s."""
         ...
 
 
 class StartLaw(Protocol):
-    """Begin a segment without a bump, just before the step that gets the same ``x_um``.
+    """Function that begins a segment without a bump, before the step with the same ``x_um``.
 
     The state that is returned is a frozen dataclass of floats and of such dataclasses; its field
     ``history`` is the ``History`` that was given.
@@ -49,12 +49,12 @@ class StartLaw(Protocol):
         x_r_um: float,
         force_error_mN: float,
     ) -> Any:
-        """Take x_{k-1}, x_{r,k-1} in µm, F - F_r in mN."""
+        """Return the state for x_{k-1} and x_{r,k-1} in µm, and F - F_r in mN."""
         ...
 
 
 class StepLaw(Protocol):
-    """Compute u_k; which sample is which: ``pbsmic.step``.
+    """Function that computes u_k; for the ages of its arguments see ``pbsmic.step``.
 
     A law that ``previews`` gets a further argument ``plan``, a ``PlannedMotion``.
     """
@@ -78,10 +78,10 @@ class StepLaw(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LawDefinition:
-    """A law: what it is called, its gains, and the functions that it runs by."""
+    """A law: its name, its gains, and its functions."""
 
     name: str
-    """The scheme; the same as in its line of registration."""
+    """Name of the law, equal to the one in its registration."""
     title: str
     summary: str
     """One line that distinguishes it from the others."""
@@ -90,25 +90,26 @@ class LawDefinition:
     start: StartLaw
     step: StepLaw | Callable[..., tuple[Any, LawOutput]]
     impedance: Callable[[Mapping[str, float]], ImpedanceParameters]
-    """The impedance (10) that the law renders, of which K and K_f give the steady errors."""
+    """Function that returns the impedance (10) of the law, whose K and K_f give the steady errors.
+    """
     linearise: Callable[[Any], Array] | None = None
-    """Takes the built ``Law``, returns the matrix of its step; None: it is read off the step. See
-    ``loop_matrix.law_matrix``."""
+    """Function that returns the matrix of a step of the built ``Law``; None: it is computed from
+    the step. See ``loop_matrix.law_matrix``."""
     search: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    """Gains that a search for balanced gains varies, each with its values; (): no search."""
+    """Gains that a search for balanced gains varies, each with its values; empty: no search."""
     switching: str = ""
-    """The gain of a switching term, which 0 switches off; "": there is none."""
+    """Name of the gain of a switching term, which 0 switches off; "" without such a term."""
     remedies: Callable[[Mapping[str, float]], Sequence[tuple[str, Sequence[float]]]] | None = None
     """Other gains that a refusal may propose, each with its values, the gentlest first."""
     previews: bool = False
-    """Whether ``step`` is told of the planned motion and of the contact, gets the force error as
-    it was estimated, without the rig's low-pass, and goes on through the begin of a segment with
-    the state it has: a touch is then a matter of the plan it is told of."""
+    """True if ``step`` receives the planned motion and the contact. Such a law gets the force error
+    as estimated, without the rig's low-pass, and keeps its state over the begin of a segment, since
+    the plan contains the touch."""
     rebase: Callable[[Any], Any] | None = None
-    """Of a law that previews: what becomes of its state where the force input begins or ends, that
-    is where a contact is told of, or told of no more; None: nothing."""
+    """For a law that previews, function that returns its state after a contact has begun or ended
+    in the plan; None: the state stays."""
     arms: int = 1
-    """Number of arms that it drives."""
+    """Number of arms that the law drives."""
 
     def settings(
         self,
@@ -117,7 +118,7 @@ class LawDefinition:
         force_age: ForceAge | None = None,
         **gains: float,
     ) -> "LawSettings":
-        """Return complete gains, by the defaults of a parameter set.
+        """Return complete gains, with the defaults of a parameter set.
 
         ``force_age`` None is ``newest`` for the printed set, as in the paper, else ``planned``.
         A law of the identified set is built with the free response; see ``law.build``.
@@ -137,7 +138,10 @@ class LawDefinition:
         return found.with_gains(**gains)
 
     def resolve(self, spec: LawSpec) -> "LawSettings":
-        """Return the complete law that a program names; raises ValueError as ``settings``."""
+        """Return the complete law that a motion program names.
+
+        Raises ValueError as ``settings``.
+        """
         gains = {gain.name: gain.value for gain in spec.gains}
         return self.settings(spec.set, force_age=spec.force_age, **gains)
 
@@ -175,7 +179,7 @@ class LawSettings:
 
     @property
     def switches(self) -> bool:
-        """Whether a switching term acts."""
+        """Return True if a switching term acts."""
         name = self.definition.switching
         return bool(name) and self.gains[name] > 0.0
 
@@ -190,6 +194,6 @@ class LawSettings:
         return replace(self, values=tuple((values | gains).values()))
 
     def spec(self) -> LawSpec:
-        """Return the settings as a program carries them."""
+        """Return the settings as a motion program carries them."""
         gains = tuple(Gain(name, value) for name, value in self.gains.items())
         return LawSpec(self.scheme, self.set, self.force_age, gains)

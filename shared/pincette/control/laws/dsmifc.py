@@ -29,15 +29,15 @@ class DsmifcState(FrozenRecord, frozen=True):
 
     history: History
     x_r_um: float
-    """x_{r,k-1}."""
+    """Reference x_{r,k-1} in µm."""
     error_2_um: float
-    """ẽ_{k-2} = x_{k-2} - x_{r,k-2}."""
+    """Position error ẽ_{k-2} = x_{k-2} - x_{r,k-2} in µm."""
     error_3_um: float
-    """ẽ_{k-3}."""
+    """Position error ẽ_{k-3} in µm."""
     force_error_mN: float
-    """F_{k-1} - F_{r,k-1}, as the last tick used them."""
+    """Force error F_{k-1} - F_{r,k-1} that the last tick used, in mN."""
     integral_mN: float
-    """ζ_{k-2}."""
+    """Integral ζ_{k-2} in mN."""
 
 
 def start(
@@ -134,7 +134,7 @@ def impedance_residual(
     error_2_um: float,
     force_error_mN: float,
 ) -> float:
-    """Return the residual of the target impedance (12) in mN; ẽ = x - x_r now, one and two ago.
+    """Return the residual of the target impedance (12) in mN, from ẽ = x - x_r of three samples.
 
     M̄ ẽ_{k-2} + B̄ ẽ_{k-1} + K̄ ẽ_k + K̄_f (F_k - F_{r,k}), the impedance measure error (33).
     """

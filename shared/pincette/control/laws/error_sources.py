@@ -1,4 +1,4 @@
-"""Where the error of a path or of a hold comes from: five causes, each an r.m.s.
+"""Causes of the error of a path or of a hold: five parts, each an r.m.s.
 
 With the measured position x, the references x_r and F_r, the target x_d of the impedance (10), what
 learning adds to the reference l, and the estimate F̂ of every sample,
@@ -42,11 +42,11 @@ Series = NDArray[np.float64]
 Cause = Literal["noise", "response", "contact_line", "lag", "limits"]
 CAUSES: tuple[Cause, ...] = ("noise", "response", "contact_line", "lag", "limits")
 AFTER_LIMIT = 10
-"""Samples after a limit acted that it still shows in."""
+"""Number of samples after a limit acted that still count as limited."""
 SLOW_TICKS = 25
-"""Over which what is slow is averaged, where nothing swings."""
+"""Number of ticks over which slow errors are averaged where nothing swings."""
 LEAST = 10
-"""Samples that tell anything."""
+"""Least number of samples for a statement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,20 +64,20 @@ class Tracked:
     x_r_um: Series
     x_d_um: Series
     learned_um: Series
-    """l; zeros where nothing is learned."""
+    """Correction l that learning adds to the reference; zeros without learning."""
     force_mN: Series
-    """F̂."""
+    """Estimated force F̂."""
     force_r_mN: Series
     standard_uncertainty_mN: Series
-    """u: that of F̂ without the sensor's noise."""
+    """Standard uncertainty u of F̂ without the sensor's noise."""
     limited: NDArray[np.bool_]
-    """Whether a limit acted."""
+    """True for samples in which a limit acted."""
     cycle_ticks: int
-    """Samples of a cycle; 0: nothing swings."""
+    """Number of samples of a cycle; 0 where nothing swings."""
     stiffness_mN_per_um: float
-    """K_e of the references' contact line."""
+    """Stiffness K_e of the contact line of the references."""
     noise_um: float
-    """σ, r.m.s. of the sensor."""
+    """R.m.s. noise σ of the sensor, in µm."""
 
     def __post_init__(self) -> None:
         count = len(self.x_um)
@@ -100,10 +100,11 @@ class Tracked:
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """R.m.s. of an error by its causes, in µm or mN."""
+    """R.m.s. parts of an error by cause, in µm or mN."""
 
     total: float
-    """Total error: of the measured position; of the force, the root of the sum of the squares."""
+    """Total error: that of the measured position, or for the force the root of the sum of squares.
+    """
     by_cause: Mapping[Cause, float]
 
     @property
@@ -157,12 +158,12 @@ def error_sources(seen: Tracked) -> tuple[Sources, Sources]:
 
 
 def _product(one: Series, other: Series, there: NDArray[np.bool_]) -> float:
-    """Sum of the products where it counts, over the number of all samples."""
+    """Return the sum of the products over selected samples, over the number of all samples."""
     return float(one[there] @ other[there]) / len(one)
 
 
 def _rms(values: Series, there: NDArray[np.bool_]) -> float:
-    """Return the root of the sum of squares where it counts, over the number of all samples."""
+    """Return the root of the sum of squares over selected samples, over the number of all."""
     return sqrt(_product(values, values, there))
 
 

@@ -1,21 +1,22 @@
-"""Which force serves a law as F_k; flat records, so that batches can compile it."""
+"""Selection of the force that a law uses as F_k."""
 
 from typing import NamedTuple
 
 
 class ForceInput(NamedTuple):
-    """How F_k is made from the newest estimate."""
+    """Rule by which F_k is made from the newest estimate."""
 
     planned: bool
-    """Whether the estimate is carried on to k by the plan's F_r; else it serves as it is."""
+    """True if the planned change of F_r carries the estimate on to sample k; else it is used as it
+    is."""
     share: float
-    """Share by which F - F_r follows each estimate, where it is carried on."""
+    """Share by which F - F_r follows each estimate, where the estimate is carried on."""
 
 
 def input_force(
     k: ForceInput, force_mN: float, force_r_mN: float, before_r_mN: float, before_error_mN: float
 ) -> tuple[float, float]:
-    """Return F_k and F - F_r low-passed, in mN.
+    """Return F_k and the low-passed F - F_r, in mN.
 
     The estimate F̂ belongs to the newest sample, that is to k-1, while F_{r,k} holds for k. Used as
     it is, it makes the law see a moving F_r as an error of one period. Carried on, F_k is

@@ -1,4 +1,4 @@
-"""PBSMIC with a perturbation that is filtered over time: a law for periods of a few ms or less.
+"""PBSMIC with a filtered perturbation: a law for periods of a few ms or less.
 
 At a short period the one-sample-late p̂_k = p_{k-1} of PBSMIC takes up all of the arm's mode, and
 backward differences of x are noise. Here the perturbation passes a filter of n equal poles, the
@@ -44,32 +44,33 @@ from pincette.control.laws.sliding import LawOutput
 from pincette.control.record import FrozenRecord, replace
 
 MOST_POLES, LATEST = 4, 1.5
-"""Longest delay in periods, beyond which an answer is not seen in the next sample but one."""
+"""Largest number of poles, and the longest delay in periods: a later answer is not seen in the next
+sample but one."""
 
 
 @dataclass(frozen=True, slots=True)
 class FpbsmicParameters:
-    """The model of the arm, the filters and the impedance."""
+    """Model of the arm, filters and impedance."""
 
     period_s: float
     um_per_V: float
-    """d/k."""
+    """Gain d/k of the arm."""
     compliance_um_per_mN: float
-    """s_p."""
+    """Compliance s_p of the arm."""
     lead_s: float
-    """2ζ/ω_n, and"""
+    """Coefficient 2ζ/ω_n of the lead l, in s."""
     lead_s2: float
-    """1/ω_n², of l."""
+    """Coefficient 1/ω_n² of the lead l, in s²."""
     older: float
-    """φ."""
+    """Share φ of the older free response."""
     ahead_s: float
-    """φT, from the coming sample to the instant that u_k is chosen for."""
+    """Time φT from the next sample to the instant for which u_k is chosen, in s."""
     lag_s: float
-    """τ of a lag between output and arm, and"""
+    """Time constant τ of a lag between output and arm, in s."""
     lag_kept: float
-    """e^(-T/τ); 0 without one."""
+    """Share e^(-T/τ) that the lag keeps over a period; 0 without a lag."""
     poles: "Cascade"
-    """p of each stage of F(z); 0 of those beyond n."""
+    """Pole p of each stage of F(z); 0 for stages beyond n."""
     force_share: float
     """Share of the low-pass of the force error."""
     impedance: DiscreteImpedance
@@ -89,33 +90,33 @@ class FpbsmicState(FrozenRecord, frozen=True):
 
     history: History
     fresh: float
-    """1 before the first step, which takes the perturbation as it finds it."""
+    """1 before the first step, which takes the perturbation without filtering it."""
     rebased: float
     """1 before a step with a changed contact; see ``rebase``."""
     x_d_um: float
-    """x_{d,k} of the newest sample."""
+    """Desired position x_{d,k} of the newest sample, in µm."""
     deviation_1_um: float
-    """x_d - x_r of the newest sample, and"""
+    """Deviation x_d - x_r of the newest sample, in µm."""
     deviation_2_um: float
-    """of the one before."""
+    """Deviation x_d - x_r of the sample before, in µm."""
     lead_um: float
-    """l_k."""
+    """Lead l_k in µm."""
     lagging_um: float
-    """x̄_1 of the sample before, behind the lag."""
+    """Free response x̄_1 of the sample before, behind the lag, in µm."""
     begun_um: float
-    """W at the start, from which the sliding function counts."""
+    """Perturbation W at the start, from which the sliding function counts, in µm."""
     perturbation_um: Cascade
-    """Stages of F4; the last is Ŵ_{k-1}."""
+    """Stages of the filter F4; the last one is Ŵ_{k-1}."""
     force_error_mN: Cascade
-    """Stages of F7."""
+    """Stages of the filter F7."""
     slow_error_mN: float
-    """F̂ - F_r, low-passed."""
+    """Low-passed F̂ - F_r, in mN."""
 
 
 def build(
     plant: DifferenceEquation, gains: Mapping[str, float], period_s: float
 ) -> FpbsmicParameters:
-    """Make the filters; raises ValueError for an order that is none, or too long a delay."""
+    """Build the filters; raises ValueError for an impossible order or too long a delay."""
     poles = gains["n"]
     if poles not in range(1, MOST_POLES + 1):
         raise ValueError(f"n = {poles:g}, must be a whole number of poles from 1 to {MOST_POLES}")
@@ -153,7 +154,7 @@ def start(
     x_r_um: float,
     force_error_mN: float,  # noqa: ARG001  the filter takes it up from 0
 ) -> FpbsmicState:
-    """Begin without a bump: the step that follows keeps the voltage where x_r = x."""
+    """Begin without a bump: the next step keeps the voltage where x_r = x."""
     zero = Cascade(0.0, 0.0, 0.0, 0.0)
     return FpbsmicState(
         history=history,

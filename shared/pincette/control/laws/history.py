@@ -1,4 +1,4 @@
-"""The arm's past that both laws keep, and its evaluation by (17).
+"""Past of the arm that both laws keep, and its evaluation by (17).
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -8,16 +8,16 @@ from pincette.control.record import FrozenRecord
 
 
 class History(FrozenRecord, frozen=True):
-    """The arm's past before the tick that computes u_k."""
+    """Past of the arm before the tick that computes u_k."""
 
     x_2_um: float
-    """x_{k-2}."""
+    """Position x_{k-2} in µm."""
     x_3_um: float
-    """x_{k-3}."""
+    """Position x_{k-3} in µm."""
     force_mN: float
-    """F_{k-1}, as the last tick used it."""
+    """Force F_{k-1} that the last tick used, in mN."""
     applied_V: float
-    """u_{k-2}, as applied."""
+    """Voltage u_{k-2} that was applied, in V."""
     coasting_um: float
     """x_{k-1} as (17) predicted it for an unchanged voltage u_{k-1} = u_{k-2}."""
 
@@ -26,13 +26,14 @@ class Outlook(FrozenRecord, frozen=True):
     """Residual and perturbation at the newest sample, and the next position by (17)."""
 
     coasting_um: float
-    """x_k for an unchanged voltage u_k = u_{k-1} and p̃_k = 0."""
+    """Position x_k that (17) predicts for an unchanged voltage u_k = u_{k-1} and p̃_k = 0, in µm.
+    """
     residual_um: float
-    """x_{k-1} minus what (17) predicted for the voltage applied."""
+    """Difference between x_{k-1} and its prediction by (17) for the applied voltage, in µm."""
     perturbation_mN: float
-    """p̂_k = p_{k-1} (6)."""
+    """Estimated perturbation p̂_k = p_{k-1} (6), in mN."""
     perturbation_error_mN: float
-    """p̃_{k-1} (8)."""
+    """Error p̃_{k-1} (8) of the perturbation, in mN."""
     history: History
     """History with the newest sample, for the next tick."""
 

@@ -17,7 +17,7 @@ IMPEDANCE_GAINS = (
     LawParameter("K", "mN/µm", "stiffness of the generalized impedance (10)", 1.9901e4, True),
     LawParameter("K_f", "mN/mN", "gain of the force error in (10)", 5000.0, identified=2000.0),
 )
-"""The gains of a law that renders (10), with the paper's values of section VI.C.2.
+"""Gains of a law that renders (10), with the paper's values of section VI.C.2.
 
 Where the law knows the free response, K_f need not fight hysteresis, and a smaller one lets less
 of the force estimate's error into the position.
@@ -44,7 +44,7 @@ class ImpedanceParameters:
 
 @dataclass(frozen=True, slots=True)
 class DiscreteImpedance:
-    """Coefficients of (12): M̄, B̄, K̄ in mN/µm, K̄_f without unit."""
+    """Coefficients of the discrete impedance (12): M̄, B̄, K̄ in mN/µm, K̄_f without unit."""
 
     M_bar: float
     B_bar: float
@@ -84,7 +84,7 @@ def desired_position(
     force_r_mN: float,
     x_r_um: float,
 ) -> float:
-    """Desired position x_{d,k} in µm, the solution of the impedance filter (14).
+    """Return the desired position x_{d,k} in µm, the solution of the impedance filter (14).
 
         x_{d,k} = -M̄/K̄ (x_{d,k-2} - x_{r,k-2}) - B̄/K̄ (x_{d,k-1} - x_{r,k-1})
                   - K̄_f/K̄ (F_k - F_{r,k}) + x_{r,k}                                     (16)
@@ -103,12 +103,15 @@ def desired_position(
 
 
 def impedance_of(gains: Mapping[str, float]) -> ImpedanceParameters:
-    """Return the impedance among the gains of a law that has ``IMPEDANCE_GAINS``."""
+    """Return the impedance from the gains of a law that has ``IMPEDANCE_GAINS``."""
     return ImpedanceParameters(M=gains["M"], B=gains["B"], K=gains["K"], K_f=gains["K_f"])
 
 
 def discrete_impedance_of(gains: Mapping[str, float], period_s: float) -> DiscreteImpedance:
-    """Return ``impedance_of`` discretized; raises ValueError where M/T² or B/T is no number."""
+    """Return the discretized ``impedance_of``.
+
+    Raises ValueError where M/T² or B/T is not finite.
+    """
     impedance = discretize_impedance(impedance_of(gains), period_s)
     require_positive("impedance K̄", impedance.K_bar, "mN/µm")
     return impedance

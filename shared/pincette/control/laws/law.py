@@ -1,4 +1,4 @@
-"""A law as it runs: the scheme's own step, the force that serves as F_k, the free response.
+"""A law as it runs: its step, the force used as F_k, and the free response.
 
 With the identified set the free response H takes the place of d·u in (1), (4) and (17): the scheme
 works with the voltage v = (k/d)·H(u), of which its model d·v is k·H(u), and
@@ -44,12 +44,12 @@ from pincette.control.response.inverse import voltage_for
 
 @dataclass(frozen=True, slots=True)
 class FreeResponseInput:
-    """How a law uses the free response."""
+    """Use of the free response by a law."""
 
     model: HysteresisModel
-    """H; who steps the law leads its memory by what is applied."""
+    """Free response H, whose memory each step advances by the applied voltage."""
     um_per_V: float
-    """d/k = d_p, mean slope of H."""
+    """Mean slope d/k = d_p of H."""
     period_s: float
 
 
@@ -59,7 +59,7 @@ class Law:
 
     definition: LawDefinition
     plant: DifferenceEquation
-    """The law's model of the arm."""
+    """Model of the arm that the law uses."""
     parameters: Any
     """Parameters from ``definition.build``."""
     force: ForceInput

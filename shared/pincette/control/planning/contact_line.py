@@ -18,7 +18,7 @@ from pincette.control.record import FrozenRecord
 
 
 class LoadLine(NamedTuple):
-    """Contact line that references follow, F = K_e·(x - x_e)."""
+    """Contact line F = K_e·(x - x_e) that references follow."""
 
     x_e_um: float
     K_e_mN_per_um: float
@@ -56,7 +56,7 @@ class ContactLine(FrozenRecord, frozen=True):
     sum_FF: float = 0.0
 
     def add(self, x_um: float, force_mN: float, force_r_mN: float) -> "ContactLine":
-        """Return the line with one more sample in it: x, F̂ and the F_r that holds for them."""
+        """Return the line with one more sample: x, F̂ and the F_r that belongs to them."""
         if self.count == 0:
             return ContactLine(1, x_um, force_mN, force_r_mN)
         x = x_um - self.first_x_um

@@ -49,51 +49,51 @@ LOST_FRACTION = 0.3
 LOST_SAMPLES = 5
 ZERO_WAIT_S = 1.0
 RANGE_SHARE, UNKNOWN_SHARE, RANGE_V = 0.1, 0.5, 0.1
-"""Voltage beyond those that are predicted, as a share of their range, and in V; the larger share
-where no free response has been identified."""
+"""Margin of voltage beyond the predicted range, as a share of that range and in V; the share is
+larger where no free response has been identified."""
 DRIFT_UM = 5.0
-"""Way back beyond the rest that a drift of the sensor may ask for, in µm."""
+"""Way back beyond the rest position that drift of the sensor may require, in µm."""
 RANGE_STEPS = 50
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRig:
-    """The rig as a plan knows it."""
+    """Properties of the rig that a plan uses."""
 
     limits: PlanLimits
     piezo_um_per_V: float
-    """d_p."""
+    """Coefficient d_p."""
     compliance_um_per_mN: float
-    """s_p."""
+    """Compliance s_p of the arm."""
     period_s: float
-    """Control period, in which the limits are checked."""
+    """Control period, at which the limits are checked."""
     x_start_um: float = 0.0
     """Position of the arm at rest at zero voltage."""
     stands_um: float | None = None
     """Position of the arm at the beginning of the plan; None: ``x_start_um``."""
     rest_um: float | None = None
-    """Reading of the arm at rest at 0 V as the plan begins; None: not known."""
+    """Reading of the arm at rest at 0 V as the plan begins; None if unknown."""
     free_response: HysteresisModel | None = None
-    """As identified; None: a straight line of slope d_p."""
+    """Identified free response; None: a straight line of slope d_p."""
     taught_V: tuple[float, float] | None = None
-    """Voltages between which it was identified; None: not known."""
+    """Range of voltages for which the free response was identified; None if unknown."""
     memory: HysteresisState | None = None
-    """Of the free response as a plan begins; None: the arm is unpoled."""
+    """Memory of the free response as a plan begins; None: that of an unpoled arm."""
     condition_V: float | None = None
-    """Lowest voltage of the strokes that a plan begins with; None: it begins without."""
+    """Lowest voltage of the conditioning strokes at the begin of a plan; None without strokes."""
     strokes: int = STROKES
     """Number of those strokes."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionPlan:
-    """A program, its predicted phases and course, and every limit it breaks (none: play it)."""
+    """A motion program, its predicted course, and every limit that it breaks (none: play it)."""
 
     program: Program
     phases: tuple[PlannedPhase, ...]
-    """A segment without end is drawn ``SHORTEST_MOVE_S`` long."""
+    """Phases in order; one without end is drawn ``SHORTEST_MOVE_S`` long."""
     course: Course
-    """Course in steps of the period."""
+    """Predicted course in steps of the period."""
     violations: tuple[Violation, ...]
 
     @property
@@ -117,7 +117,7 @@ def plan_contact(
     *,
     flying: bool = False,
 ) -> ContactPlan:
-    """Plan zero, approach, zero, contact, what is done while pressed, and the retreat.
+    """Plan zero, approach, zero, contact, the pressed part, and the retreat.
 
     An arm that stands where it may touch the part, as after a stop on the way or a move, first goes
     back home: no force could be zeroed where it stands. Conditioning strokes, where the rig asks
@@ -207,7 +207,7 @@ def _highest_mN(segment: Segment) -> float:
 def _way_out(
     request: ContactRequest, arm: PlannedArm, stands_um: float | None, back_um: float
 ) -> tuple[float, tuple[Segment, ...]]:
-    """Return where the plan begins, and the way back from there if the arm may touch the part."""
+    """Return the state in which the plan begins, and a way back if the arm may touch the part."""
     # Half of the margin is left to noise and creep until the zero.
     free_um = max(arm.x_start_um, request.stand_off_um + 0.5 * MARGIN_UM)
     if stands_um is None or stands_um <= free_um:
@@ -257,11 +257,10 @@ def _guards(request: ContactRequest, limits: PlanLimits) -> Guards:
 def _range(
     request: ContactRequest, arm: PlannedArm, course: Course, rig: PlannedRig
 ) -> PlannedRange:
-    """Return how far the softest part that is admitted, touched last, leads the arm, and back.
+    """Return the range of positions and voltages with the softest permitted part, touched last.
 
-    The voltage is that of the free response, or of d_p, and ``RANGE_SHARE`` of it and ``RANGE_V``
-    beyond, for creep, hysteresis and the law's own motion. Away from the part there is room for
-    ``DRIFT_UM`` besides.
+    The voltage is that of the free response, or of d_p, plus ``RANGE_SHARE`` of it and ``RANGE_V``,
+    for creep, hysteresis and the motion of the law. Away from the part it includes ``DRIFT_UM``.
     """
     force_mN = max(course.force_r_mN)
     x_um = max(request.furthest_um + force_mN / request.softest_mN_per_um, *course.x_r_um)
@@ -279,7 +278,7 @@ def _range(
 
 
 def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
-    """Return the voltages that a plan under a law states, for those that its course needs.
+    """Return the range of voltages that a plan states, from those that its course needs.
 
     Limits of the rig are not part of it: what they keep back is a violation of the plan.
     """
@@ -291,7 +290,7 @@ def voltage_range(voltages_V: Sequence[float], rig: PlannedRig) -> VoltageRange:
 def _touch(
     request: ContactRequest, arm: PlannedArm, period_s: float, seek: Seek, entry: Entry
 ) -> tuple[float, Entry]:
-    """Return when a seek meets the part where it is expected, and the state in which it ends."""
+    """Return the time at which a seek meets the expected part, and the state in which it ends."""
     force_mN, rate, speed = request.contact_force_mN, 0.0, request.seek_um_per_s
     if seek.run_up_s > 0.0:
         K_e, s_p = arm.stiffness_mN_per_um, arm.compliance_um_per_mN
@@ -318,7 +317,7 @@ def hasty(request: ContactRequest, rig: PlannedRig, force_mN: float) -> tuple[Vi
 
 
 def safe_touch(request: ContactRequest, rig: PlannedRig, force_mN: float) -> SafeTouch:
-    """Return what bounds the speeds of a plan with this highest force."""
+    """Return the bounds of the speeds of a plan with this highest force."""
     return SafeTouch(
         force_mN,
         request.contact_force_mN,
@@ -343,7 +342,7 @@ def _early_contact(request: ContactRequest, x_start_um: float) -> list[Violation
 def _untaught(
     course: Course, taught_V: tuple[float, float] | None, pointers: Mapping[str, str]
 ) -> Iterator[Violation]:
-    """Return where a course leaves the voltages for which the free response is known."""
+    """Return violations where a course leaves the voltages with a known free response."""
     if taught_V is None:
         return
     least_V, largest_V = taught_V

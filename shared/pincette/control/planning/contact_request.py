@@ -5,13 +5,17 @@ from dataclasses import dataclass, fields
 from pincette.control.checks import require_positive
 
 MARGIN_UM = 1.0
-"""Beyond the contact's tolerance, on both sides: tracking lag, and the samples of the guard."""
+"""Margin beyond the contact's tolerance on both sides, in µm, for tracking lag and the samples of
+the guard."""
 CONTACT_SAMPLES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactRequest:
-    """How a part is met, loaded and left; all values are positive except ``contact_um``."""
+    """Parameters with which a part is met, loaded and left.
+
+    All are positive except ``contact_um``.
+    """
 
     load_s: float
     approach_um_per_s: float
@@ -19,10 +23,10 @@ class ContactRequest:
     contact_force_mN: float
     zero_s: float
     contact_um: float
-    """x_e, the position of the arm at first touch."""
+    """Position x_e of the arm at the first touch."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
-    """K_e."""
+    """Stiffness K_e of the contact."""
     stiffness_tolerance: float
     """Share of K_e by which the part may differ; below 1."""
 
@@ -64,6 +68,6 @@ def check_contact(request: ContactRequest) -> None:
 def force_at_touch_mN(
     contact_force_mN: float, K_e: float, compliance_um_per_mN: float, v: float, period_s: float
 ) -> float:
-    """Return the force when a touch is detected, at the speed v in µm/s: F + K_e/S·v·n·T."""
+    """Return the force at which a touch at the speed v in µm/s is detected: F + K_e/S·v·n·T."""
     series = 1.0 / (1.0 / K_e + compliance_um_per_mN)
     return contact_force_mN + series * v * CONTACT_SAMPLES * period_s

@@ -1,4 +1,4 @@
-"""The press in voltage of Fig. 8: the way to a part as for a grip, then four levels about a mean.
+"""The press in voltage of Fig. 8: the way to a part as in a grip, then four levels about a mean.
 
 The arm is zeroed, seeks the part, and presses under the law, first lightly, which identifies
 the contact line, then until the force at the crest of the widest level. From the voltage that this
@@ -25,25 +25,25 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.segments import Drive, Follow, Press, Seek
 
 LEVELS_V = (0.3, 1.0, 1.5, 2.0)
-"""Peak to peak, of Fig. 8."""
+"""Peak-to-peak voltages of Fig. 8."""
 LEVEL_HZ = 0.5
 SETTLING_CYCLES, LEVEL_CYCLES = 2, 4
-"""Number of cycles of each level: before the measured ones, and measured."""
+"""Number of cycles of each level before the measured ones, and number of measured cycles."""
 SETTLE_S = 2.0
 TROUGH_MN = 3.0
 """Force that remains at the lowest trough."""
 SHIFT = 0.15
-"""Share of the highest force by which creep and hysteresis may raise it."""
+"""Share of the highest force by which creep and hysteresis may increase it."""
 FIRST_LOAD = 0.25
-"""Share of the highest force that the line of the contact is taken from, and"""
+"""Share of the highest force up to which the line of the contact is identified."""
 LEAST_LOADS = 3.0
-"""times the contact force that it is at least."""
+"""Least value of that force as a multiple of the contact force."""
 WIDE = 4.0
-"""Factor by which the stiffness may differ from the plan: it is what is looked for."""
+"""Factor by which the stiffness may differ from the planned one, since it is to be measured."""
 LEAST_WIDEST_V = 0.5
-"""Widest level below which noise and an error of x_1 leave too little of the line."""
+"""Peak-to-peak voltage of the widest level below which noise and an error of x_1 hide the line."""
 CREST_ROUNDS = 2
-"""Rounds in which the crest and the way back from it are found from each other."""
+"""Number of rounds in which the crest and the way back from it are computed from each other."""
 STEP_V = 0.05
 """Step by which the widest level is lowered until it is within the limits."""
 

@@ -1,4 +1,4 @@
-"""Whether a rig bears a planned course: every limit broken, by how much, where and when.
+"""Feasibility of a planned course: every limit that it breaks, by how much, where and when.
 
 The period is that of the course, on which the arm is driven. The rate of the voltage is its change
 from one period to the next. The acceleration of x_r is its second difference; it is bounded so
@@ -13,12 +13,12 @@ from pincette.control.planning.prediction import Course
 from pincette.control.vocabulary import LimitedQuantity
 
 RING_UM = 0.025
-"""Amplitude of the ringing that is allowed: the resolution of the paper's sensor."""
+"""Permitted amplitude of the ringing, in µm: the resolution of the paper's sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits:
-    """Limits of a rig for plans."""
+    """Limits of a rig that plans must keep."""
 
     voltage_min_V: float
     voltage_max_V: float
@@ -32,27 +32,27 @@ class PlanLimits:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """Place in which a course exceeds one limit within one phase."""
+    """A place in which a course exceeds one limit within one phase."""
 
     quantity: LimitedQuantity
     value: float
-    """The furthest value."""
+    """Furthest value beyond the limit."""
     limit: float
     unit: str
     at_s: float
-    """Time of its beginning, and"""
+    """Time at which the excursion begins, in s."""
     phase: str
-    """in which phase."""
+    """Phase in which the excursion begins."""
     times: int = 1
-    """Number of times that it exceeds the limit and returns."""
+    """Number of times that the course exceeds the limit and returns."""
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One limit broken: by which member of the request, by how much, and where it begins."""
+    """A broken limit: the request's member, the excess, and where it begins."""
 
     pointer: str
-    """JSON pointer into the request; "" where the cause lies outside it."""
+    """JSON pointer into the request; "" where the cause is not in the request."""
     quantity: LimitedQuantity
     value: float
     limit: float
@@ -128,7 +128,7 @@ def named_violation(excursion: Excursion, pointer: str) -> Violation:
 
 
 def _differences(values: Sequence[float], period_s: float) -> list[float]:
-    """Return the rate from each value to the next; as many as there are values."""
+    """Return the rate from each value to the next, with as many values as were given."""
     rates = [0.0]
     for index in range(1, len(values)):
         rates.append((values[index] - values[index - 1]) / period_s)

@@ -1,4 +1,4 @@
-"""The free motion in voltage from which the free response, its gain, loop and creep are found.
+"""Free motion in voltage from which free response, gain, loop and creep are identified.
 
 The course of ``teaching``, in voltage and without a law; then cycles of 2 V peak to peak and
 0.5 Hz, the paper's largest drive, until they are settled; then a step with a rest after it; then
@@ -29,33 +29,35 @@ from pincette.control.response.model_errors import RehearsedGrip
 GAIN_PP_V, GAIN_HZ = 2.0, 0.5
 """Drive at which d_p is stated: section VI.B of the paper."""
 SETTLING_CYCLES, GAIN_CYCLES = 3, 5
-"""Before those that are measured, and those."""
+"""Number of cycles before the measured ones, and number of measured cycles."""
 PRESS_LOW, PRESS_HIGH = 0.51, 0.96
-"""Shares of the range between which presses of a part move, by which the model is judged there."""
+"""Range of presses, as shares of the full range; the model is judged in it."""
 PRESS_CYCLES = 4
-"""Number of cycles after they have settled."""
+"""Number of measured cycles after the settling ones."""
 CREEP_BEFORE_S, CREEP_S = 6.0, 12.0
-"""Rest before the step, so that older creep is slow beside that which is looked at, and after."""
+"""Rests before and after the step, in s; the first is long, so that older creep is slow."""
 REHEARSED = ((0.50, 0.62), (0.55, 0.88), (0.60, 0.75), (0.52, 0.95), (0.57, 0.70), (0.50, 0.82))
-"""Shares of the range at which a part would be met, and to which it would be pressed."""
+"""Shares of the range at which a rehearsed grip meets its part, and to which it presses."""
 BEFORE_S, ZERO_S, HELD_S = 0.4, 0.4, 5.0
-"""Rests of a rehearsal: before it and after it, where a grip is zeroed, and pressed."""
+"""Rests of a rehearsal before and after it, at the zero of a grip, and pressed, in s."""
 CONDITIONED = ((0.50, 0.95), (0.57, 0.82), (0.30, 0.60), (0.52, 0.70))
-"""The same for grips that begin with conditioning strokes."""
+"""Such shares for grips that begin with conditioning strokes."""
 CONDITIONED_HELD_S = 2.0
 BEYOND = 0.01
-"""Overshoot of their approach, as a share of the range. The law of a grip takes back as much while
-the arm creeps at the zero, and arms of the Bouc-Wen class remember that."""
+"""Overshoot of the approach as a share of the range. The law of a grip takes back as much while the
+arm creeps at the zero, and arms of the Bouc-Wen class remember that."""
 STAIRCASES = 2
 STAIRS, STAIR_S = 16, 0.25
-"""Rests of the rising branch after conditioning strokes, and the duration of each in s."""
+"""Number of rests on the rising branch after conditioning strokes, and duration of each in s."""
 SWINGS_EVERY = 3
-"""Each so many rehearsals, the hold goes on with small swings, as sensor noise and a law make."""
+"""Interval, in rehearsals, at which a hold goes on with small swings as noise and a law cause them.
+"""
 SMALL_PP_V, SMALL_HZ, SMALL_S = 0.02, 12.5, 4.0
-"""Small swings, 1 V to and fro in all, as in a hold of some 30 s; little wider than those of noise,
-since relays know swings by their width."""
+"""Peak-to-peak voltage, frequency and duration of the small swings: a total way of 1 V, as in a
+hold of some 30 s. They are little wider than those of noise, since relays distinguish swings by
+their width."""
 SMALL_SAMPLES = 4.0
-"""Samples that a small swing has at least."""
+"""Least number of samples in a small swing."""
 
 
 def free_response_program(
@@ -165,7 +167,7 @@ def free_response_program(
 
 
 def slow_on_new_ground(course: Sequence[Leg]) -> list[Leg]:
-    """Return a course that goes slowly wherever it is higher than before: a part may be there."""
+    """Return a course that moves slowly wherever it is higher than before: a part may be there."""
     found, highest = list[Leg](), 0.0
     for leg in course:
         found.append(leg._replace(pace=min(leg.pace, SLOW)) if leg.to > highest else leg)
@@ -215,7 +217,7 @@ def _conditioned(
 def conditioned_ways(
     samples_of: Callable[[str], slice], program: Program
 ) -> tuple[ConditionedWay, ...]:
-    """Return the samples of the conditioned ways of such a program; none where it has none."""
+    """Return the samples of the conditioned ways of such a program, or None without such ways."""
     phases = {segment.phase for segment in program.segments}
     found: list[ConditionedWay] = []
     for number in range(1, STAIRCASES + len(CONDITIONED) + 1):
@@ -275,7 +277,7 @@ def _small_swings(rig: PlannedRig, mean_V: float) -> Path:
 
 
 def cycles_mean_V(rig: PlannedRig, rest_V: float = 0.0) -> float:
-    """Return the mean of the cycles: the resting voltage if the limits leave 1 V about it.
+    """Return the mean of the cycles: the rest voltage if the limits leave 1 V on both sides.
 
     Else the nearest that those of voltage, and of position by nominal gain, allow.
 

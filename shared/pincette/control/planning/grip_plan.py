@@ -1,4 +1,4 @@
-"""A grip planned in position and force at once: zero, approach, contact, load, hold, unload."""
+"""Plan of a grip in position and force: zero, approach, contact, load, hold, unload."""
 
 from dataclasses import dataclass, replace
 
@@ -24,11 +24,11 @@ class GripRequest(ContactRequest):
 
     force_mN: float
     hold_s: float | None
-    """None: until an action ends it."""
+    """Duration of the hold; None: until an action ends it."""
     unload_s: float | None = None
-    """None: as long as the load."""
+    """Duration of the unload; None: equal to the load."""
     quick: bool = False
-    """Whether the load begins at the touch without a stop, and the contact line is followed."""
+    """True if the load begins at the touch without a stop, and follows the contact line."""
 
     def __post_init__(self) -> None:
         check_contact(self)

@@ -1,4 +1,4 @@
-"""A new force on a part that is held: a load or an unload to it, a hold, and the release.
+"""Change of the force on a held part: a load or unload to it, a hold, and the release.
 
 The references begin where the arms are, with the force that acts. Those of one arm move along the
 contact line; two arms keep the place of the part.
@@ -47,7 +47,7 @@ from pincette.control.response.inverse import free_voltages
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldForceRequest:
-    """The force that a held part is loaded or unloaded to, and how.
+    """Force to which a held part is loaded or unloaded, and its timing.
 
     Raises
     ------
@@ -57,13 +57,13 @@ class HeldForceRequest:
 
     force_mN: float
     load_s: float
-    """Time of the way to the force, up or down."""
+    """Duration of the way to the force, up or down."""
     hold_s: float | None
-    """None: until an action ends it."""
+    """Duration of the hold; None: until an action ends it."""
     release_s: float
     contact_force_mN: float
     stiffness_mN_per_um: float
-    """K_e as planned."""
+    """Planned stiffness K_e."""
     stiffness_tolerance: float
     """Share of K_e by which the part may differ; below 1."""
 
@@ -80,7 +80,7 @@ class HeldStand(Stand):
 
     force_mN: float
     uncertainty_mN: float
-    """Expanded uncertainty of that force."""
+    """Expanded uncertainty of the force."""
 
 
 def plan_held_force(
@@ -164,7 +164,7 @@ def held_force_segments(
 def unheld_forces(
     request: HeldForceRequest, uncertainty_mN: float, period_s: float
 ) -> list[Violation]:
-    """Return why the force cannot be held: too weak or too uncertain, or too short a way to it."""
+    """Return why the force cannot be held: it is too small, too uncertain, or its way too short."""
     force_mN = request.force_mN
     return [
         *weak_force(force_mN, request.contact_force_mN, "/force_mN", 0.0),
@@ -191,7 +191,7 @@ def held_guards(request: HeldForceRequest, limits: PlanLimits) -> Guards:
 
 
 def _voltages_V(rig: PlannedRig, from_V: float, way_um: float) -> list[list[float]]:
-    """Return the voltages along a way of the free arm, for a memory from below and from above."""
+    """Return the voltages along a way of the free arm, for both possible memories."""
     ways_um = [way_um * step / SWEPT_STEPS for step in range(SWEPT_STEPS + 1)]
     model = rig.free_response
     if model is None:

@@ -1,4 +1,4 @@
-"""The contact line that the references of a load follow while it is identified.
+"""Contact line that the references of a load follow while it is identified.
 
 A load moves F_r and x_r together along F_r = K_e·(x_r - x_e). A part that is harder than the line
 is pressed with too much force: at twice the planned stiffness, by up to twice the force. So a load
@@ -22,7 +22,7 @@ from pincette.control.planning.contact_line import ContactFit, ContactLine, Load
 from pincette.control.planning.program import Guards
 
 LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
-"""Bounds of a contact stiffness that may be used, as shares of the planned one."""
+"""Bounds of a usable contact stiffness, as shares of the planned one."""
 LINE_S = 0.02
 """Time constant with which the references follow the line, in s."""
 STANDARD_ERRORS = 2.0
