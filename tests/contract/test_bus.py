@@ -22,7 +22,7 @@ from pincette.core.messages import Ack, Burst, Message, Position, StatusRequest,
 from pincette.core.messages.arms import ArmPosition
 from pincette.core.topics import BURST, JOB, POSITION, STATUS, TRIP, Request, Topic, key
 from pincette.engine.rig_file import read_rig_reply, serve_rig_file
-from pincette_supervisor.rigs.other_rigs import OtherRigs
+from pincette_supervisor.rigs.latch import OtherRigs
 from tests.support.arms import with_arm
 from tests.support.rigs import demo_rig, free_ports
 

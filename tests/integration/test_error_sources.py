@@ -14,8 +14,7 @@ from pincette.records.columns import columns
 from pincette_supervisor.kinds.grip import GripJobRequest, GripResult
 from pincette_supervisor.kinds.track import TrackJobRequest, TrackResult
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.plugin import Evaluation, Run
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import Evaluation, Run, functions_of, kind_of
 from tests.support.rigs import Tree, demo_rig
 
 TRACK = TrackJobRequest(

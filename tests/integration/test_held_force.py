@@ -30,7 +30,7 @@ from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.hold import HoldJobRequest, HoldResult
+from pincette_supervisor.kinds.motions import HoldJobRequest, HoldResult
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Planned, Present
 from pincette_supervisor.results.archive import Take, gather

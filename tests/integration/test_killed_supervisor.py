@@ -16,7 +16,7 @@ from pincette.records import folder, mcap_reading
 from pincette.records.mcap_file import NAME
 from pincette_recorder.record_keeper import Reply
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.hold import HoldJobRequest
+from pincette_supervisor.kinds.motions import HoldJobRequest
 from pincette_supervisor.problems import ProblemError
 from tests.support.grips import SHORT
 from tests.support.office import Office

@@ -24,7 +24,7 @@ from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette.engine.replay.service_alone import replay
 from pincette_supervisor.jobs.lease import lease_end
-from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
+from pincette_supervisor.kinds.calibrate.requests import ContactStiffnessRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import recorded

@@ -13,8 +13,8 @@ from pincette.control.planning.program import Program
 from pincette.control.planning.segments import paths_of
 from pincette_study.open_loop import Motion, drive, peak_to_peak
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.kinds.calibrate.free_response import FreeResponseRequest
-from pincette_supervisor.kinds.calibrate.free_response.functions import moves_less
+from pincette_supervisor.kinds.calibrate.free_response import moves_less
+from pincette_supervisor.kinds.calibrate.requests import FreeResponseRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Planned, Run
 from tests.support.twenty_rigs import unknown_rig

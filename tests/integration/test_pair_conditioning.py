@@ -25,9 +25,8 @@ from pincette.records.columns import columns
 from pincette.sim.bench import Bench, open_bench
 from pincette_supervisor.kinds.pairs import evaluated
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.plugin import Present, Run
+from pincette_supervisor.plugin import Present, Run, functions_of
 from pincette_supervisor.plugin.figures import series
-from pincette_supervisor.plugin.functions import functions_of
 from tests.integration.test_two_arm_jobs import lockstep
 from tests.support.calibrating import REQUEST, calibrated, opened_benches, value
 

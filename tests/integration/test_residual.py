@@ -15,13 +15,21 @@ from pincette.engine.arming import arm
 from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import Columns, columns
 from pincette.sim.bench import Bench
-from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
+from pincette_supervisor.kinds.calibrate.requests import ResidualRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.recorded_jobs import motion_of
-from pincette_supervisor.plugin import RESIDUALS, Evaluation, ModelInUse, Planned, Present, Run
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import (
+    RESIDUALS,
+    Evaluation,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    functions_of,
+    kind_of,
+)
 from pincette_supervisor.plugin.model_in_use import armed_with, merged, rig_file_alone, table_for
 from tests.support.calibrating import opened_benches
 from tests.support.rigs import demo_rig

@@ -23,8 +23,7 @@ from pincette.engine.composed import ComposedLoop
 from pincette.records.columns import Columns, columns
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.plugin import Present, Run
-from pincette_supervisor.plugin.functions import functions_of
+from pincette_supervisor.plugin import Present, Run, functions_of
 from tests.support.two_arms import TWO_ARMS
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)

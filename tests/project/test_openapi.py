@@ -4,8 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pincette_supervisor.rest.api import openapi_document
-from pincette_supervisor.rest.openapi import OPERATIONS
+from pincette_supervisor.rest.api import OPERATIONS, openapi_document
 
 COMMITTED = Path(__file__).parents[2] / "deploy" / "openapi.json"
 

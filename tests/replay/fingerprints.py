@@ -25,7 +25,7 @@ from pincette.core.messages import (
     Telemetry,
 )
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.move import MoveJobRequest
+from pincette_supervisor.kinds.motions import MoveJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.replay.desk import Desk, Watch, nobody

@@ -17,7 +17,7 @@ from pincette.engine.replay.recorded import recorded_epoch, recorded_rig
 from pincette.engine.replay.service_alone import replay
 from pincette.engine.replay.steps import STEPS
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.move import MoveJobRequest
+from pincette_supervisor.kinds.motions import MoveJobRequest
 from pincette_supervisor.kinds.track import TrackJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import Present

@@ -13,9 +13,8 @@ from pincette.api.states import STATES, ActionType, JobState
 from pincette.config.reading import laid_over
 from pincette_supervisor.jobs.job_monitor import deadline_s
 from pincette_supervisor.journal.store import JobRow
-from pincette_supervisor.kinds.release import ReleaseJobRequest
-from pincette_supervisor.plugin import Planned
-from pincette_supervisor.plugin.functions import kind_of
+from pincette_supervisor.kinds.motions import ReleaseJobRequest
+from pincette_supervisor.plugin import Planned, kind_of
 from pincette_supervisor.problems import ProblemError
 from tests.support.grips import SHORT
 from tests.support.office import Office

@@ -13,7 +13,7 @@ from pincette.core.faults import ActionCode
 from pincette.core.messages import Action
 from pincette_supervisor.jobs.lease import lease_end
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.plugin.functions import kind_of
+from pincette_supervisor.plugin import kind_of
 from tests.support.explored import Explored
 
 BODY: TypeAdapter[JobRequest] = TypeAdapter(Body)

@@ -5,7 +5,7 @@ from typing import get_args
 
 from pincette.api.access import Scope
 from pincette_supervisor.access.authentication import Authenticator, digest_of, new_key
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.store import Store
 
 

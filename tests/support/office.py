@@ -20,7 +20,7 @@ from pincette_supervisor.jobs import job_manager as job_manager_module
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model import RigModel
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
 from pincette_supervisor.rigs import latch

@@ -8,7 +8,7 @@ from pathlib import Path
 from pincette.core.messages import Applied
 from pincette_supervisor.config import MODELS, STORE
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model import RigModel
 from tests.support.commands import pincette
 from tests.support.grips import SHORT, make_ready
 from tests.support.rigs import paced_rig, rig_toml

@@ -14,8 +14,7 @@ from pincette.api import access as access_models
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.key_store import KeyStore
-from pincette_supervisor.journal.access_rows import AuditRepository
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import AuditRepository, KeyFile
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.api import create_app
 from tests.support.browser import Visit, visit

@@ -23,7 +23,7 @@ from pincette.security.identity import SUPERVISOR, program
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.config import configure
 from pincette_supervisor.rest.api import create_app
-from pincette_supervisor.rest.tls import HANDSHAKE_S, MOST_PENDING, server_context
+from pincette_supervisor.rest.connections import HANDSHAKE_S, MOST_PENDING, server_context
 from tests.support.bare_connects import TLS_HELLO_BEGUN, descriptors
 from tests.support.certificates import folder_for
 from tests.support.commands import pincette

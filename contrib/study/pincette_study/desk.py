@@ -21,12 +21,11 @@ from pincette.engine.teaching import SPEED_FACTOR, free_range_um
 from pincette.records.columns import columns
 from pincette.sim.bench import Bench
 from pincette_study.closed_loop import StudyError, outcome
-from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
+from pincette_supervisor.kinds.calibrate.requests import ResidualRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.planning.recorded_jobs import motion_of
-from pincette_supervisor.plugin import RESIDUALS, Planned, Present, Run
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import RESIDUALS, Planned, Present, Run, functions_of, kind_of
 from pincette_supervisor.plugin.model_in_use import motion_digest, rig_file_alone
 
 FORCE_MAX_MN = 1e3

@@ -13,8 +13,7 @@ from pincette.core.faults import TRIPPED, Cause, Fault, FaultCode
 from pincette.core.messages import Applied, Command, Estimate, Message, Position, Telemetry
 from pincette.core.topics import Topic
 from pincette.core.wording import cause_text, fault_text
-from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow, Clears, Severity
-from pincette_supervisor.journal.events import EventLog
+from pincette_supervisor.journal.events import AlarmRepository, AlarmRow, Clears, EventLog, Severity
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
 from pincette_supervisor.journal.write_queue import WriteQueue
 

@@ -1,12 +1,18 @@
-"""The supervisor as a program: its port, journal, rigs and REST server."""
+"""The supervisor as a program: its port, journal, rigs and REST server.
+
+It restarts itself when the bus no longer carries anything for it: a link may come up and carry
+nothing, and then a new process has helped where nothing within the old one did. The loop goes on
+meanwhile, and a held part stays held.
+"""
 
 import errno
 import logging
 import os
 import socket
 import ssl
+import sys
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from math import inf
@@ -22,7 +28,8 @@ from pincette.bus.zenoh_bus import ZenohBus
 from pincette.config import RigFile
 from pincette.core.listening import bound
 from pincette.core.messages import Message, Trip
-from pincette.engine.program import Context
+from pincette.engine.program import Context, OpenBus
+from pincette.engine.threads import RepeatedAction
 from pincette.security.identity import SUPERVISOR, program
 from pincette_supervisor.access.access import (
     Access,
@@ -38,18 +45,17 @@ from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import Listeners
 from pincette_supervisor.journal.store import Store, StoreError, utc_now
-from pincette_supervisor.notify.outbox import Outbox
-from pincette_supervisor.notify.senders import senders_of
+from pincette_supervisor.notify import Outbox, senders_of
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Worker
-from pincette_supervisor.plugin.functions import import_functions
+from pincette_supervisor.plugin import import_functions
 from pincette_supervisor.rest.api import create_app
+from pincette_supervisor.rest.connections import server_context
 from pincette_supervisor.rest.server import server_of
-from pincette_supervisor.rest.tls import server_context
 from pincette_supervisor.results.archive import picture
+from pincette_supervisor.rigs.latch import OtherRigs
 from pincette_supervisor.rigs.observer import SuspendAwareClock
-from pincette_supervisor.rigs.other_rigs import OtherRigs
-from pincette_supervisor.unheard import UnheardWatch, can_join, restart
+from pincette_supervisor.rigs.rig_context import RigContext
 
 log = logging.getLogger("pincette")
 STOP_S = 5.0
@@ -245,3 +251,97 @@ def rest_server(
     finally:
         server.should_exit = True
         thread.join(STOP_S)
+
+
+UNHEARD_S = 30.0
+"""Time without hearing itself on the bus after which the supervisor is restarted."""
+UNHEARD_LOOK_S = 1.0
+UNHEARD_CAUSE = "supervisor.unheard"
+RESTARTS = "PINCETTE_UNHEARD_RESTARTS"
+"""Environment variable: how often the supervisor has restarted itself since it was last heard."""
+MOST_DOUBLED = 4
+"""Largest number of doublings of the time: a bus that stays silent costs a restart each 8 minutes.
+"""
+
+
+class UnheardWatch:
+    """Watches whether the supervisor hears itself, and restarts it if it has not for too long.
+
+    It is restarted only if a new session can be opened: without a router, or with one that hangs,
+    a new process could not start either, and the stop by the direct link would be gone with this
+    one.
+    """
+
+    def __init__(
+        self,
+        hears: Callable[[], bool],
+        can_join: Callable[[], bool],
+        restart: Callable[[float], None],
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._hears, self._can_join, self._restart = hears, can_join, restart
+        self._clock = clock
+        self._heard_s = clock()
+        # A question to a bus that carries nothing may never come back, so the watch has its own
+        # thread.
+        self._asking = RepeatedAction("unheard-asks", UNHEARD_LOOK_S, self.ask)
+        self._looking = RepeatedAction("unheard", UNHEARD_LOOK_S, self.look)
+
+    def start(self) -> None:
+        """Watch from here on."""
+        self._heard_s = self._clock()
+        self._asking.start()
+        self._looking.start()
+
+    def ask(self) -> None:
+        """Ask the bus once."""
+        if self._hears():
+            self._heard_s = self._clock()
+            os.environ.pop(RESTARTS, None)
+
+    def look(self) -> None:
+        """Restart the supervisor if it has not heard itself for too long and can join again."""
+        silent_s = self._clock() - self._heard_s
+        if silent_s > UNHEARD_S * 2 ** min(_restarts(), MOST_DOUBLED) and self._can_join():
+            self._restart(silent_s)
+
+    def close(self) -> None:
+        """Watch no longer; waits for no question that is under way."""
+        self._looking.close(0.0)
+        self._asking.close(0.0)
+
+
+def can_join(open_bus: OpenBus) -> bool:
+    """Return whether a new session can be opened at the router."""
+    try:
+        open_bus().close()
+    except BusError:
+        return False
+    return True
+
+
+def restart(context: RigContext, silent_s: float) -> None:
+    """Put a new process in the place of this one, with an alarm in the journal that says so.
+
+    While the journal's disk hangs, this does nothing: a process whose threads wait for a disk
+    cannot end, and the new one could not open its journal.
+    """
+    words = (
+        f"the supervisor has not heard itself on the bus for {silent_s:.0f} s, limit "
+        f"{UNHEARD_S:g} s, although the router takes new links: it restarts itself; the loop and "
+        "a held part go on"
+    )
+    context.alarms.raise_alarm(UNHEARD_CAUSE, words, severity="alarm", clears="acknowledge")
+    if context.write_queue.late:
+        return
+    log.critical("%s", words)
+    for handler in logging.getLogger().handlers:
+        handler.flush()
+    os.environ[RESTARTS] = str(_restarts() + 1)
+    # All other descriptors are closed by this, and with them the links that carry nothing.
+    os.execv(sys.executable, sys.orig_argv)
+
+
+def _restarts() -> int:
+    text = os.environ.get(RESTARTS, "")
+    return int(text) if text.isdecimal() else 0

@@ -10,7 +10,7 @@ from pathlib import Path
 
 if "supervisor" in sys.orig_argv:
     from pincette.bus.zenoh_bus import ZenohBus
-    from pincette_supervisor import unheard
+    from pincette_supervisor import program
 
     place, alive = Path(os.environ["PINCETTE_TEST_UNHEARD"]), ZenohBus.alive
 
@@ -19,4 +19,4 @@ if "supervisor" in sys.orig_argv:
         return set() if place.exists() else alive(self)
 
     ZenohBus.alive = answered
-    unheard.UNHEARD_S /= 10.0
+    program.UNHEARD_S /= 10.0

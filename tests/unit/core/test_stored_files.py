@@ -21,9 +21,9 @@ from pincette.security.establishing import establish
 from pincette.security.folder import Folder, checked
 from pincette.security.identity import person, program
 from pincette.security.revocation import read_revoked
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.model_file import ModelFiles, StoredModel
+from pincette_supervisor.model import ModelFiles, StoredModel
 from tests.support.durable import Durable
 
 NOW = datetime(2013, 4, 1, 12, tzinfo=UTC)

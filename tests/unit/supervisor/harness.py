@@ -16,7 +16,7 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model import RigModel
 from pincette_supervisor.planning.dry_run import DryRun
 from pincette_supervisor.planning.prediction import played
 from pincette_supervisor.planning.worker import Runner, run_here

@@ -12,7 +12,7 @@ from pincette.core.topics import LOOP, Request
 from pincette_supervisor.fleet.rig_finder import RigFinder
 from pincette_supervisor.fleet.rigs import RigFactory, Rigs
 from pincette_supervisor.journal.events import Listeners
-from pincette_supervisor.rigs.other_rigs import OtherRigs
+from pincette_supervisor.rigs.latch import OtherRigs
 from tests.support.apps import create_app
 from tests.support.stores import open_store
 

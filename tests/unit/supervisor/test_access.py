@@ -17,9 +17,8 @@ from pincette_supervisor.access.authentication import (
     new_key,
     require_scope,
 )
-from pincette_supervisor.journal import access_rows
-from pincette_supervisor.journal.access_rows import SessionRepository
-from pincette_supervisor.journal.key_file import KeyFile, KeyNameTakenError
+from pincette_supervisor.journal import access
+from pincette_supervisor.journal.access import KeyFile, KeyNameTakenError, SessionRepository
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.problems import ProblemError
@@ -193,7 +192,7 @@ def test_sessions_are_bounded(
     store: Store,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(access_rows, "SESSIONS_MAX", 5)
+    monkeypatch.setattr(access, "SESSIONS_MAX", 5)
     key = made(book, "ann")
     authenticator.refresh(store)
     caller = authenticator.identify(HERE, key, None)

@@ -15,7 +15,7 @@ from pincette_supervisor.access.authentication import (
     new_key,
 )
 from pincette_supervisor.access.key_store import open_keys
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 from tests.support.apps import create_app

@@ -10,10 +10,10 @@ from pincette.config import RigFile
 from pincette.control.record import replace
 from pincette.core.faults import Cause, FaultCode, Mode, fault
 from pincette_supervisor.alarms import TripReason
-from pincette_supervisor.journal import alarm_rows
-from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
+from pincette_supervisor.journal import events
+from pincette_supervisor.journal.events import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.store import Store, StoreError
-from pincette_supervisor.watch.alarm_monitor import AFTER_A_LOSS, IDLE_S
+from pincette_supervisor.watch import AFTER_A_LOSS, IDLE_S
 
 from . import samples
 from .canned import IN_HOLD
@@ -83,12 +83,12 @@ def test_the_first_who_has_seen_it_stays(book: AlarmRepository) -> None:
 
 
 def test_only_so_many_are_kept(book: AlarmRepository, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(alarm_rows, "KEPT", 20)
+    monkeypatch.setattr(events, "ALARMS_KEPT", 20)
     for place in range(220):
         book.add(replace(DISK, cause=f"cause {place}"))
     rows = book.newest(500)
     assert rows[0].cause == "cause 219"
-    assert 20 <= len(rows) <= 20 + alarm_rows.SWEEP
+    assert 20 <= len(rows) <= 20 + events.ALARMS_SWEEP
 
 
 def alarms(harness: Harness, **query: Any) -> list[dict[str, Any]]:
@@ -241,7 +241,7 @@ def test_a_disk_that_runs_full_is_reported_before_it_is(
     def low(_folder: Path) -> float:
         return 12.0
 
-    monkeypatch.setattr("pincette_supervisor.watch.checks.free_space_MB", low)
+    monkeypatch.setattr("pincette_supervisor.watch.free_space_MB", low)
     watch.poll()
     (row,) = alarms(harness)
     assert (row["cause"], row["severity"]) == ("disk", "warning")

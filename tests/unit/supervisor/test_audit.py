@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
+from pincette_supervisor.journal.access import AuditRepository, AuditRow
 from tests.support.keys import ScopeKeys
 
 from .harness import Harness
@@ -135,7 +135,7 @@ SELECT '2026-03-01T12:00:00.000Z', 'ann', '127.0.0.1', 'POST /estop', '', 200, 1
 def test_the_oldest_of_very_many_entries_go(
     harness: Harness, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pincette_supervisor.journal.access_rows.AUDIT_SWEEP", 0)
+    monkeypatch.setattr("pincette_supervisor.journal.access.AUDIT_SWEEP", 0)
     with harness.store.writing() as base:
         base.exec_driver_sql(MANY)
     AuditRepository(harness.store).add(

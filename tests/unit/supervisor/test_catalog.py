@@ -4,21 +4,21 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.rest import routes_catalog
+from pincette_supervisor.rest import routes_jobs
 
 from .harness import Harness
 
 
 def test_kinds_are_described_once(harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
     described: list[str] = []
-    describe = routes_catalog.described
+    describe = routes_jobs.described
 
     def counted(kind: Any) -> Any:
         described.append(kind.name)
         return describe(kind)
 
-    routes_catalog._installed_kinds.cache_clear()  # pyright: ignore[reportPrivateUsage]
-    monkeypatch.setattr(routes_catalog, "described", counted)
+    routes_jobs._installed_kinds.cache_clear()  # pyright: ignore[reportPrivateUsage]
+    monkeypatch.setattr(routes_jobs, "described", counted)
     first, second = harness.get("/kinds"), harness.get("/kinds")
     assert first == second
     assert described == [kind["name"] for kind in first["kinds"]]

@@ -11,7 +11,7 @@ from pincette_supervisor.jobs import bring_up
 from pincette_supervisor.jobs.bring_up import Step, ordered
 from pincette_supervisor.kinds.bodies import REQUEST
 from pincette_supervisor.kinds.calibrate import KIND
-from pincette_supervisor.kinds.calibrate.compliance.functions import weights_within
+from pincette_supervisor.kinds.calibrate.compliance import weights_within
 from pincette_supervisor.planning.job_plans import plan_job
 from tests.support.rigs import DEMO, Tree, demo_rig
 

@@ -4,7 +4,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette_supervisor.kinds.bodies import REQUEST
-from pincette_supervisor.kinds.calibrate.contact_stiffness import ContactStiffnessRequest
+from pincette_supervisor.kinds.calibrate.requests import ContactStiffnessRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import FaultyRequestError
 

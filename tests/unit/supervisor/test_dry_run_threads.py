@@ -6,8 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import httpx
 
 from pincette_supervisor.planning.dry_run import DryRun
-from pincette_supervisor.planning.prediction import played
-from pincette_supervisor.planning.prediction_cache import PredictionCache
+from pincette_supervisor.planning.prediction import PredictionCache, played
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rest.server import WORKERS
 from tests.support.served import served

@@ -8,8 +8,7 @@ import pytest
 from pincette.config import ConfigError, RigFile, parse_rig
 from pincette_supervisor.jobs.bring_up import model_view
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model import rig_model
-from pincette_supervisor.model.rig_model import Instruments, RigModel, due_at
+from pincette_supervisor.model import Instruments, RigModel, due_at
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"
 MEASURED = "2026-03-01T12:00:00.000Z"
@@ -98,7 +97,7 @@ def test_a_calibration_is_of_the_instruments_of_its_time(
     rig_file: RigFile, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = ["2026-02-01T00:00:00.000Z"]
-    monkeypatch.setattr(rig_model, "utc_now", lambda: now[0])
+    monkeypatch.setattr("pincette_supervisor.model.utc_now", lambda: now[0])
     RigModel(kept_up(rig_file, "S1"), tmp_path / "models", store)
     RigModel(kept_up(rig_file, "S1"), tmp_path / "models", store)
     now[0] = "2026-04-01T00:00:00.000Z"
@@ -112,10 +111,10 @@ def test_a_calibration_is_of_the_instruments_of_its_time(
 def test_changes_of_instruments_are_remembered_so_far_back(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rig_model, "KEPT_CHANGES", 2)
+    monkeypatch.setattr("pincette_supervisor.model.KEPT_CHANGES", 2)
     for day in (1, 2, 3):
         at = f"2026-03-0{day}T00:00:00.000Z"
-        monkeypatch.setattr(rig_model, "utc_now", lambda at=at: at)
+        monkeypatch.setattr("pincette_supervisor.model.utc_now", lambda at=at: at)
         known = Instruments(store, "demo", {"sensor": f"S{day}"})
     assert known.at("2026-03-01T12:00:00.000Z") == {}
     assert known.at("2026-03-02T00:00:00.000Z") == {"sensor": "S2"}

@@ -11,8 +11,8 @@ from pincette.config import RigFile
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
 from pincette_supervisor.journal import events as event_log
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.events import EventLog
-from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.rest import routes_events
 from tests.support.keys import key_of_each_scope

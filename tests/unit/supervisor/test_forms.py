@@ -4,7 +4,7 @@ import pytest
 
 from pincette.api.job_kinds import FieldSpec
 from pincette.api.kinds import complete
-from pincette_supervisor.kinds.calibrate.residual import ResidualRequest
+from pincette_supervisor.kinds.calibrate.requests import ResidualRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 
 

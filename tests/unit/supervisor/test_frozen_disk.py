@@ -18,9 +18,8 @@ from pincette_supervisor.access.authentication import (
     new_key,
 )
 from pincette_supervisor.journal import database
-from pincette_supervisor.journal.access_rows import SessionRepository
+from pincette_supervisor.journal.access import KeyFile, SessionRepository
 from pincette_supervisor.journal.database import Database
-from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.write_queue import WAIT_S, WriteQueue
 
 from .canned import IN_APPROACH, IN_HOLD

@@ -14,8 +14,8 @@ from pincette_supervisor.access.access import authenticator_of, require_key
 from pincette_supervisor.access.authentication import Authenticator, Caller, digest_of, new_cookie
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.config import STORE, configure
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.database import KEY_FILE
-from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import NOTES, utc_text
 from tests.support.rigs import demo_rig

@@ -23,11 +23,11 @@ from pincette_supervisor.access.authentication import (
 from pincette_supervisor.access.key_store import open_keys
 from pincette_supervisor.config import STORE
 from pincette_supervisor.journal import engines
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.journal.database import KEY_FILE
-from pincette_supervisor.journal.key_file import KeyFile
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.problems import ProblemError
-from pincette_supervisor.watch.checks import of_supervisor
+from pincette_supervisor.watch import of_supervisor
 
 HERE = "127.0.0.1"
 LONG_S = 20.0

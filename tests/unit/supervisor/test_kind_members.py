@@ -7,10 +7,10 @@ import pytest
 from pincette.api.job_kinds import JobKind, job_kinds
 from pincette.config import RigFile
 from pincette.core.faults import ActionCode, LeaseEnd
+from pincette_supervisor import plugin
 from pincette_supervisor.jobs.lease import interruption, lease_end, lease_s
 from pincette_supervisor.kinds.grip import GripJobRequest
-from pincette_supervisor.kinds.move import MoveJobRequest
-from pincette_supervisor.plugin import functions
+from pincette_supervisor.kinds.motions import MoveJobRequest
 
 MOVE = MoveJobRequest(kind="move", to_um=3.0)
 GRIP = GripJobRequest(kind="grip", on_stop="retract")
@@ -22,7 +22,7 @@ def kinds(monkeypatch: pytest.MonkeyPatch) -> dict[str, JobKind]:
     found = dict(job_kinds())
     for name in ("move", "grip"):
         found[name] = replace(found[name], on_stop="release", lease_factor=2.5)
-    monkeypatch.setattr(functions, "job_kinds", lambda: found)
+    monkeypatch.setattr(plugin, "job_kinds", lambda: found)
     return found
 
 

@@ -11,7 +11,7 @@ from pincette.core.messages import Ack, Lease, Message
 from pincette.core.topics import LEASE, Request
 from pincette.engine.arming import arm
 from pincette_supervisor.jobs.lease import RENEWALS, Renewal, lease_of, renewing
-from pincette_supervisor.kinds.calibrate.noise import NoiseRequest
+from pincette_supervisor.kinds.calibrate.requests import NoiseRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 

@@ -17,7 +17,7 @@ from pincette.core.messages.arms import ArmApplied, ArmPosition
 from pincette.core.topics import APPLIED, ESTIMATE, POSITION, TELEMETRY
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.rigs.live import (
     EVENT_POINTS,
     HISTORY_POINTS,

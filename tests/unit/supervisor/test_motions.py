@@ -16,9 +16,8 @@ from pincette.core.messages.arms import ArmApplied, ArmEstimate, ArmPosition, Ar
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.plugin import FaultyRequestError, Planned, Present
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present, functions_of
 from pincette_supervisor.plugin.drawing import Picture
-from pincette_supervisor.plugin.functions import functions_of
 from pincette_supervisor.results.archive import Take, gather
 from tests.support.rigs import demo_rig
 

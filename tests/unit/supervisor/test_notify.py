@@ -15,9 +15,11 @@ from pincette.config.notify import Mail, Webhook
 from pincette.config.programs import Supervisor
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.notify.outbox import FIRST_DELAY_S, Delivery, Outbox
-from pincette_supervisor.notify.senders import (
+from pincette_supervisor.notify import (
+    FIRST_DELAY_S,
+    Delivery,
     MailSender,
+    Outbox,
     SecretError,
     Sender,
     WebhookSender,

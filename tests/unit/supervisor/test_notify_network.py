@@ -13,7 +13,7 @@ import pytest
 from pincette.config.notify import Mail, Webhook
 from pincette.security.folder import Folder
 from pincette.security.identity import SUPERVISOR, Credentials, program
-from pincette_supervisor.notify.senders import (
+from pincette_supervisor.notify import (
     MailSender,
     Notice,
     RefusedError,

@@ -11,13 +11,13 @@ from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
 from pincette.config import RigFile
-from pincette_supervisor.journal.access_rows import (
+from pincette_supervisor.journal.access import (
     AuditRepository,
     AuditRow,
     SessionRepository,
     SessionRow,
 )
-from pincette_supervisor.journal.alarm_rows import AlarmRepository, AlarmRow
+from pincette_supervisor.journal.events import AlarmRepository, AlarmRow
 from pincette_supervisor.journal.library import RecipeRepository
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import METADATA, utc_now

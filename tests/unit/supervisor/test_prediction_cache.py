@@ -10,10 +10,10 @@ from pydantic import TypeAdapter
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
 from pincette_supervisor.kinds.bodies import Body
-from pincette_supervisor.planning import dry_run, prediction_cache
+from pincette_supervisor.planning import dry_run, prediction
 from pincette_supervisor.planning.dry_run import DryRun, stated_instruments
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.planning.prediction_cache import PredictionCache
+from pincette_supervisor.planning.prediction import PredictionCache
 from pincette_supervisor.plugin import Planned, Present
 from pincette_supervisor.problems import ProblemError
 from tests.support.rigs import at_own_ports, demo_rig
@@ -87,7 +87,7 @@ def test_who_would_wait_too_long_is_sent_away(monkeypatch: pytest.MonkeyPatch) -
         go_on.wait(10.0)
         return nothing()
 
-    monkeypatch.setattr(prediction_cache, "WAITING", 1)
+    monkeypatch.setattr(prediction, "WAITING", 1)
     teller, planned = PredictionCache(wait), plan(straight(), kind="grip")
     other = threading.Thread(target=teller.dry_run, args=[planned])
     other.start()

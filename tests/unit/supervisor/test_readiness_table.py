@@ -22,7 +22,7 @@ from pincette.api.states import STATES
 from pincette.core.faults import Cause
 from pincette_supervisor.alarms import TripReason
 from pincette_supervisor.jobs.job import JobStatus
-from pincette_supervisor.jobs.readiness import ABOUT_TO, Readiness, motion_of, occupant_of
+from pincette_supervisor.jobs.refusals import ABOUT_TO, Readiness, motion_of, occupant_of
 from tests.support.arms import with_arm
 
 from . import samples

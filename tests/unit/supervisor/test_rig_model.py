@@ -7,7 +7,7 @@ import pytest
 
 from pincette.config import ConfigError, RigFile
 from pincette_supervisor.journal.store import Store
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model import RigModel
 from pincette_supervisor.plugin.model_in_use import assumed_for_force
 
 NOISE, COMPLIANCE = "sensor.noise_um", "model.compliance_um_per_mN"

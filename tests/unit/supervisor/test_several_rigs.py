@@ -18,7 +18,7 @@ from pincette.core.topics import LOOP
 from pincette_supervisor.fleet import rig_finder, rigs
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.rigs import health
-from pincette_supervisor.rigs.other_rigs import StopOfOthers
+from pincette_supervisor.rigs.latch import StopOfOthers
 from tests.support.apps import create_app
 
 from . import samples

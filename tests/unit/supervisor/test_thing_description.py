@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pincette_supervisor.thing_description import ACTIONS, EVENTS, OPEN, PROPERTIES, thing
+from pincette_supervisor.rest.routes_probes import ACTIONS, EVENTS, OPEN, PROPERTIES, thing
 from tests.support.api_document import openapi
 
 BASE = "http://192.168.1.20:8000"

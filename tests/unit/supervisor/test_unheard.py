@@ -2,7 +2,7 @@
 
 import pytest
 
-from pincette_supervisor.unheard import MOST_DOUBLED, RESTARTS, UNHEARD_S, UnheardWatch
+from pincette_supervisor.program import MOST_DOUBLED, RESTARTS, UNHEARD_S, UnheardWatch
 
 
 class Bus:

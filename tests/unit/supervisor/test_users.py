@@ -24,7 +24,7 @@ from pincette_supervisor.access.passwords import (
     fits,
     hashed,
 )
-from pincette_supervisor.journal.key_file import KeyFile
+from pincette_supervisor.journal.access import KeyFile
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import COOKIE
 from tests.support.apps import create_app

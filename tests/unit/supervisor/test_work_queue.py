@@ -13,9 +13,9 @@ from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
 from pincette_supervisor.rest import limits, server
+from pincette_supervisor.rest.connections import EVENTS, TASKS, BoundedSelector, WorkQueue
 from pincette_supervisor.rest.limits import Refusals
 from pincette_supervisor.rest.server import MOST, server_of
-from pincette_supervisor.rest.work_queue import EVENTS, TASKS, BoundedSelector, WorkQueue
 
 MANY = 300
 """Connections whose data arrive before those of the stop."""

@@ -29,8 +29,7 @@ from pincette_study.closed_loop import StudyError, outcome
 from pincette_study.desk import FORCE_MAX_MN, REST_S
 from pincette_supervisor.kinds.bodies import Body
 from pincette_supervisor.planning.job_plans import plan_job
-from pincette_supervisor.plugin import Run
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import Run, functions_of, kind_of
 
 REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from pincette.engine.threads import RepeatedAction
 from pincette_supervisor.access.authentication import Authenticator, hours_before
 from pincette_supervisor.config import SupervisorConfig
-from pincette_supervisor.journal.access_rows import AuditRepository, AuditRow
+from pincette_supervisor.journal.access import AuditRepository, AuditRow
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_now, utc_text
 

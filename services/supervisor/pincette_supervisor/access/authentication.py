@@ -14,8 +14,14 @@ from typing import Literal, TypeVar
 from pincette.api.access import MEANINGS, SCOPES, Scope, covers
 from pincette.security.latest_time import LatestTime, since_boot_s, utc
 from pincette_supervisor.access.passwords import PasswordCheck
-from pincette_supervisor.journal.access_rows import SESSIONS_MAX, SessionRepository, SessionRow
-from pincette_supervisor.journal.key_file import KEYS_WANTED, KeyFile, KeyRow
+from pincette_supervisor.journal.access import (
+    KEYS_WANTED,
+    SESSIONS_MAX,
+    KeyFile,
+    KeyRow,
+    SessionRepository,
+    SessionRow,
+)
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.journal.write_queue import WriteQueue

@@ -13,8 +13,8 @@ from pincette_supervisor.access.access import BEHIND, KEY_CLOCK
 from pincette_supervisor.access.authentication import digest_of, new_key
 from pincette_supervisor.access.passwords import hashed
 from pincette_supervisor.config import STORE, STORE_URL
+from pincette_supervisor.journal.access import KEYS_WANTED, KeyFile, KeyNameTakenError, KeyRow
 from pincette_supervisor.journal.database import columns
-from pincette_supervisor.journal.key_file import KEYS_WANTED, KeyFile, KeyNameTakenError, KeyRow
 from pincette_supervisor.journal.store import Store, StoreError
 from pincette_supervisor.journal.tables import utc_text
 

@@ -27,10 +27,10 @@ from pincette.core.wording import status_text
 from pincette_supervisor.alarms import fault_views
 from pincette_supervisor.jobs import job_queue
 from pincette_supervisor.jobs.job_manager import JobManager
-from pincette_supervisor.jobs.readiness import readiness
+from pincette_supervisor.jobs.refusals import readiness
 from pincette_supervisor.rigs.health import PROGRAMS
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.watch.checks import of_rig
+from pincette_supervisor.watch import of_rig
 
 SAMPLE_OF = {topic.producer: topic.message for topic in reversed(TOPICS) if topic.producer in LOOP}
 

@@ -25,17 +25,15 @@ from pincette_supervisor.journal.events import EventLog, Listeners
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store
 from pincette_supervisor.journal.tables import TableRow
-from pincette_supervisor.model.rig_model import RigModel
-from pincette_supervisor.planning.prediction import played
-from pincette_supervisor.planning.prediction_cache import Play
+from pincette_supervisor.model import RigModel
+from pincette_supervisor.planning.prediction import Play, played
 from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.results import archive, job_table
 from pincette_supervisor.results.job_table import Rows
 from pincette_supervisor.rigs.health import Health
-from pincette_supervisor.rigs.latch import LEAST_S, SharedTurns
+from pincette_supervisor.rigs.latch import LEAST_S, SharedTurns, StopOfOthers
 from pincette_supervisor.rigs.observer import Observer, WatchedBus
-from pincette_supervisor.rigs.other_rigs import StopOfOthers
 from pincette_supervisor.rigs.rig_context import RigContext
 
 T = TypeVar("T")

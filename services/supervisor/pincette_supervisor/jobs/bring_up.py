@@ -24,7 +24,7 @@ from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.store import JobRow, Store, utc_now
 from pincette_supervisor.kinds.calibrate import KIND
 from pincette_supervisor.kinds.calibrate.calibration import CalibrationFunctions, functions_of
-from pincette_supervisor.model.rig_model import RigModel, basis, changes, doubtful, overdue, words
+from pincette_supervisor.model import RigModel, basis, changes, doubtful, overdue, words
 from pincette_supervisor.plugin import (
     ASSUMED,
     UNITS,

@@ -27,13 +27,12 @@ from pincette_supervisor.jobs.refusals import invalid_action
 from pincette_supervisor.jobs.run import Run
 from pincette_supervisor.journal.store import ActionRow, JobRow, KeyTakenError, StoreError, utc_now
 from pincette_supervisor.planning.job_plans import ResolvedRequest
-from pincette_supervisor.planning.prediction import played
-from pincette_supervisor.planning.prediction_cache import Play, PredictionCache
+from pincette_supervisor.planning.prediction import Play, PredictionCache, played
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rigs.latch import LatchControl
 from pincette_supervisor.rigs.rig_context import RigContext
-from pincette_supervisor.watch.alarm_monitor import AlarmMonitor
+from pincette_supervisor.watch import AlarmMonitor
 
 # Requests with the same ``Idempotency-Key`` take turns: the later one finds the earlier one's job.
 #

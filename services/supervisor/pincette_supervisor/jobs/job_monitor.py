@@ -34,8 +34,7 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import ended_words, interruption, lease_end, lease_s
 from pincette_supervisor.jobs.tracker import MissingSamples, Tracker, gone_words
-from pincette_supervisor.plugin import Interruption, Planned
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import Interruption, Planned, functions_of, kind_of
 from pincette_supervisor.results import archive
 from pincette_supervisor.rigs.observer import MessageBuffer
 from pincette_supervisor.rigs.rig_context import RigContext

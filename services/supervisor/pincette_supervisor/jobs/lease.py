@@ -18,7 +18,7 @@ from pincette.core.messages import Lease, Status
 from pincette.core.topics import LEASE
 from pincette.core.wording import faults_text
 from pincette.engine.arming import status
-from pincette_supervisor.plugin.functions import kind_of
+from pincette_supervisor.plugin import kind_of
 
 RENEWALS = 5.0
 """Within the length of a lease; all but one of them may fail."""

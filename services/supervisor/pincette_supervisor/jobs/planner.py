@@ -31,8 +31,8 @@ from pincette_supervisor.plugin import (
     Planned,
     Present,
     UnsupportedError,
+    kind_of,
 )
-from pincette_supervisor.plugin.functions import kind_of
 from pincette_supervisor.plugin.model_in_use import rig_file_alone
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rigs.rig_context import RigContext

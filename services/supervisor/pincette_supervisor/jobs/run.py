@@ -14,8 +14,7 @@ from pincette_supervisor.jobs.job import LiveJob
 from pincette_supervisor.jobs.job_monitor import JobMonitor, deadline_s
 from pincette_supervisor.jobs.job_recorder import JobRecorder
 from pincette_supervisor.jobs.lease import Renewal, lease_of, renewing
-from pincette_supervisor.jobs.readiness import lasting_readiness, reset_words
-from pincette_supervisor.jobs.refusals import require_zero_confirmed
+from pincette_supervisor.jobs.refusals import lasting_readiness, require_zero_confirmed, reset_words
 from pincette_supervisor.journal.store import StoreError
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.problems import ProblemError

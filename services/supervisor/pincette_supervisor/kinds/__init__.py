@@ -1,1 +1,1 @@
-"""Kinds of job: one folder each, registered in ``pyproject.toml``."""
+"""Kinds of job, registered in ``pyproject.toml``; requests are apart from what plans them."""

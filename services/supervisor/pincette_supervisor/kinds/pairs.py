@@ -1,17 +1,34 @@
-"""Result and plot of a job of both arms: place, force, and how far both forces differ; pure."""
+"""Result and plot of a job of both arms, with the difference of both forces; plan of a carry."""
 
 from math import hypot
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from pincette.api.pairs import PairResult
+from pincette.control.planning.calibration_programs import FREE
+from pincette.control.planning.pair_plan import carry_program
+from pincette.control.planning.pair_prediction import HeldPair
 from pincette.control.planning.paths import Path
 from pincette.control.planning.segments import Track
 from pincette.records.columns import Columns
-from pincette_supervisor.plugin import Evaluation, Run, drawing, figures
+from pincette_supervisor.kinds.motions import CarryJobRequest
+from pincette_supervisor.plugin import (
+    Evaluation,
+    FaultyRequestError,
+    JobFunctions,
+    ModelInUse,
+    Planned,
+    Present,
+    Run,
+    drawing,
+    figures,
+)
 from pincette_supervisor.plugin.drawing import MEASURED, REFERENCE, SECOND, TRUE, Picture, Sheet
 from pincette_supervisor.plugin.figures import Mask, Series, series, table_of_arm, within
+from pincette_supervisor.plugin.pair_plans import contacts_um, pair_job
+from pincette_supervisor.plugin.plans import CONTACT_FIELDS, contact_values
 from pincette_supervisor.plugin.result import (
     course,
     full_amplitude,
@@ -154,3 +171,42 @@ def _subtitle(result: PairResult) -> str:
     if result.true_force_mN is not None:
         words.append(f"true force off by {result.true_force_mN.rmse:.2f} mN r.m.s.")
     return "   ·   ".join(words)
+
+
+MORE_TOUCHES = 2.0
+"""Contact forces that the squeeze may grow by on the way: how large it is, is not known."""
+
+
+def carry_job(request: CarryJobRequest, model: ModelInUse, present: Present) -> Planned:
+    """Plan a carry from where both tips stand."""
+    rig = model.rig
+    tips = present.tips_um
+    by_um = request.by_um or 0.0
+    if request.to_um is not None:
+        if tips is None:
+            raise FaultyRequestError(
+                "/to_um", "the positions of the tips are not known yet: ask for by_um, or wait"
+            )
+        by_um = request.to_um - 0.5 * (tips[0] - tips[1])
+    values = contact_values(request, CONTACT_FIELDS, rig)
+    limits = rig.limits
+    guards = replace(
+        FREE,
+        force_max_mN=MORE_TOUCHES * values["contact_force_mN"],
+        position_min_um=limits.position_min_um,
+        position_max_um=limits.position_max_um,
+    )
+    program = carry_program(
+        by_um,
+        values["approach_um_per_s"],
+        guards,
+        release_s=values["load_s"],
+        safe_V=rig.safety.safe_V,
+    )
+    pointer = "/to_um" if request.to_um is not None else "/by_um"
+    values |= {"by_um": by_um, "to_um": request.to_um}
+    held = HeldPair(tips or contacts_um(rig))
+    return pair_job(request, model, program, values, {"move": pointer}, present, held)
+
+
+CARRY = JobFunctions(plan=carry_job, evaluate=evaluate, plot=plot)

@@ -54,8 +54,7 @@ from pincette_supervisor.planning.identified_arms import (
     identified_pair,
 )
 from pincette_supervisor.planning.predicted_samples import Samples
-from pincette_supervisor.plugin import Planned, Present, Run
-from pincette_supervisor.plugin.functions import functions_of
+from pincette_supervisor.plugin import Planned, Present, Run, functions_of
 
 SWEEP = "a swept sine is played by the output alone"
 

@@ -14,8 +14,14 @@ from pincette.control.planning.repetition import Corrections
 from pincette.control.record import replace as changed
 from pincette.core.validation_wording import refusal
 from pincette_supervisor.journal.library import RecipeRow
-from pincette_supervisor.plugin import FaultyRequestError, ModelInUse, Planned, Present
-from pincette_supervisor.plugin.functions import functions_of, kind_of
+from pincette_supervisor.plugin import (
+    FaultyRequestError,
+    ModelInUse,
+    Planned,
+    Present,
+    functions_of,
+    kind_of,
+)
 from pincette_supervisor.plugin.model_in_use import (
     armed_with,
     learning_digest,

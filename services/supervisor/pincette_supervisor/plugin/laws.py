@@ -13,7 +13,7 @@ from pincette.config.laws import law_definition
 from pincette.control.laws.definition import LawSettings
 from pincette.control.stability.assessment import Assessment
 from pincette.control.stability.two_arms import TwoArmAssessment
-from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin import FaultyRequestError
 
 SPECTRAL_RADIUS: Quantity = "spectral_radius"
 SENSITIVITY_PEAK: Quantity = "sensitivity_peak"

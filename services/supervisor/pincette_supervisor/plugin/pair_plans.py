@@ -35,10 +35,9 @@ from pincette.control.planning.sampling import unsampled
 from pincette.control.planning.touch_force import SafeTouch, weak_force
 from pincette.control.stability.two_arms import TwoArmLoop, assess_two_arms
 from pincette.core.wording import fault_text
-from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present, decimated, stride_of
 from pincette_supervisor.plugin.laws import judgement, unstable
 from pincette_supervisor.plugin.model_in_use import ModelInUse
-from pincette_supervisor.plugin.planned import Planned, decimated, stride_of
 from pincette_supervisor.plugin.plans import (
     CONTACT_FIELDS,
     held_warnings,
@@ -48,7 +47,6 @@ from pincette_supervisor.plugin.plans import (
     usual_conditioning_V,
     violation_view,
 )
-from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.stated_uncertainty import uncertain_forces
 
 STARTS_UM: Pair = (X_START_UM, X_START_UM)

@@ -28,7 +28,7 @@ from pincette.control.planning.sampling import unsampled
 from pincette.control.planning.segments import Drive
 from pincette.control.planning.touch_force import SafeTouch
 from pincette.core.wording import fault_text
-from pincette_supervisor.plugin.errors import FaultyRequestError
+from pincette_supervisor.plugin import FaultyRequestError, Planned, Present, decimated
 from pincette_supervisor.plugin.goal import (
     PAST_HIDES_MN,
     goal_warnings,
@@ -37,8 +37,6 @@ from pincette_supervisor.plugin.goal import (
 )
 from pincette_supervisor.plugin.laws import choose_law, rig_law, unstable
 from pincette_supervisor.plugin.model_in_use import ModelInUse
-from pincette_supervisor.plugin.planned import Planned, decimated
-from pincette_supervisor.plugin.present import Present
 from pincette_supervisor.plugin.stated_uncertainty import (
     hidden_by_past,
     past_uncertainty_mN,

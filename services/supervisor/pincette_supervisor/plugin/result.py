@@ -29,9 +29,8 @@ from pincette.control.planning.paths import Path
 from pincette.control.safety.voltage import SLEW_DOWN, SLEW_UP, VOLTAGE_MAX, VOLTAGE_MIN
 from pincette.core.faults import TRIPPED, Outcome, Phase
 from pincette.records.columns import Columns, missed
-from pincette_supervisor.plugin import figures
+from pincette_supervisor.plugin import Run, figures
 from pincette_supervisor.plugin.figures import Mask, Series, series, within
-from pincette_supervisor.plugin.functions import Run
 
 PRESSED = ("load", "hold", "settle", "track", "unload", "stopped")
 LIMITS = {

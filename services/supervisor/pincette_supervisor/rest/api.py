@@ -1,57 +1,241 @@
-"""The REST application of the rigs of one supervisor.
+"""The REST application of the rigs of one supervisor, and its OpenAPI document.
 
-``python -m pincette_supervisor.rest.api FILE`` writes its OpenAPI document.
+``python -m pincette_supervisor.rest.api FILE`` writes that document.
 """
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
 from fastapi import FastAPI
 
 from pincette import __version__
+from pincette.api.job_kinds import job_kinds
+from pincette.api.problems import Problem, responses
+from pincette.api.results import JobResult
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import Access
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.rest import (
     routes_access,
-    routes_alarms,
-    routes_artifacts,
-    routes_calibrations,
-    routes_catalog,
     routes_events,
     routes_job_list,
     routes_jobs,
-    routes_learning,
+    routes_model,
     routes_page,
     routes_probes,
-    routes_recipes,
     routes_rigs,
-    routes_simulation,
     routes_trajectories,
 )
 from pincette_supervisor.rest.dependencies import cookie_name
-from pincette_supervisor.rest.limits import RateLimit
+from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES, SMALL_BYTES, NormalTarget, RateLimit
 from pincette_supervisor.rest.middleware import AuditLog, HeadAndOptions, OriginCheck
-from pincette_supervisor.rest.openapi import BASE, complete
-from pincette_supervisor.rest.request_target import NormalTarget
+
+BASE = "/api/v1"
+SCHEMAS = "#/components/schemas/"
+NAMES = {
+    401: "NoKey",
+    403: "NotAllowed",
+    408: "BodyTooSlow",
+    413: "BodyTooLarge",
+    415: "UnsupportedMediaType",
+    421: "ForeignHost",
+    422: "InvalidRequest",
+    429: "TooManyRequests",
+    503: "Busy",
+}
+EVERYWHERE, WITH_KEY, WITH_BODY = (403, 421, 422, 429, 503), (401,), (408, 413, 415)
+
+OPERATIONS = {
+    "post /estop": "estop_all_rigs",
+    "get /rigs": "list_rigs",
+    "get /rigs/{rig}": "get_rig",
+    "post /rigs/{rig}/estop": "estop_rig",
+    "post /rigs/{rig}/reset": "reset_rig",
+    "put /rigs/{rig}/claim": "claim_rig",
+    "delete /rigs/{rig}/claim": "give_back_rig",
+    "post /rigs/{rig}/queue/actions": "control_queue",
+    "get /rigs/{rig}/timing": "get_timing",
+    "get /rigs/{rig}/model": "get_model",
+    "get /rigs/{rig}/checklist": "get_checklist",
+    "post /rigs/{rig}/model/actions": "use_model",
+    "get /rigs/{rig}/history": "get_history",
+    "get /rigs/{rig}/samples": "list_samples",
+    "get /rigs/{rig}/live": "stream_samples",
+    "get /jobs": "list_jobs",
+    "post /jobs": "start_job",
+    "get /jobs/export.csv": "export_jobs_as_csv",
+    "get /jobs/export.numbers.csv": "export_numbers_as_csv",
+    "get /jobs/export.numbers.csv-metadata.json": "describe_numbers",
+    "get /jobs/export.parquet": "export_jobs_as_parquet",
+    "patch /jobs/{job}": "describe_job",
+    "get /jobs/{job}": "get_job",
+    "delete /jobs/{job}/record": "delete_record",
+    "post /jobs/stop": "stop_request",
+    "post /jobs/{job}/actions": "act_on_job",
+    "get /jobs/{job}/artifacts": "list_artifacts",
+    "get /jobs/{job}/artifacts/{name}": "get_artifact",
+    "get /jobs/{job}/artifacts/{name}/content": "get_artifact_content",
+    "get /kinds": "list_job_kinds",
+    "get /laws": "list_laws",
+    "post /calibrations": "start_calibration",
+    "get /calibrations": "list_proposals",
+    "get /calibrations/{calibration}": "get_proposal",
+    "post /calibrations/{calibration}/actions": "decide_proposal",
+    "get /rigs/{rig}/learning": "list_learned_programs",
+    "delete /rigs/{rig}/learning": "erase_learned_programs",
+    "delete /rigs/{rig}/learning/{program}": "erase_learned_program",
+    "post /recipes": "save_recipe",
+    "get /recipes": "list_recipes",
+    "get /recipes/{name}": "get_recipe",
+    "get /recipes/{name}/{version}": "get_recipe_version",
+    "get /rigs/{rig}/simulation/commands": "list_simulation_commands",
+    "post /rigs/{rig}/simulation/commands": "simulate",
+    "post /trajectories": "save_trajectory",
+    "get /trajectories": "list_trajectories",
+    "post /trajectories/plot": "plot_plan",
+    "get /trajectories/{digest}": "get_trajectory",
+    "get /trajectories/{digest}/samples": "get_trajectory_samples",
+    "get /trajectories/{digest}/samples.csv": "get_trajectory_as_csv",
+    "get /trajectories/{digest}/samples.parquet": "get_trajectory_as_parquet",
+    "get /trajectories/{digest}/plot": "plot_trajectory",
+    "post /trajectories/{digest}/jobs": "start_trajectory",
+    "get /jobs/{job}/events/list": "list_job_events",
+    "get /rigs/{rig}/events/list": "list_rig_events",
+    "get /events/list": "list_events",
+    "get /jobs/{job}/events": "stream_job_events",
+    "get /rigs/{rig}/events": "stream_rig_events",
+    "get /events": "stream_events",
+    "get /alarms": "list_alarms",
+    "get /alarms/{alarm}": "get_alarm",
+    "post /alarms/{alarm}/actions": "acknowledge_alarm",
+    "get /session": "get_session",
+    "post /session": "sign_in",
+    "delete /session": "sign_out",
+    "post /rigs/{rig}/page-check": "check_page",
+    "get /audit": "list_audit_entries",
+    "get /audit/chain": "check_audit_chain",
+    "get /asyncapi.json": "get_asyncapi",
+    "get /livez": "check_liveness",
+    "get /readyz": "check_readiness",
+    "get /metrics": "get_metrics",
+    "get /version": "get_version",
+}
+"""Name of each operation by its method and path; clients and tools are generated with it."""
+
+
+def complete(document: dict[str, Any]) -> None:
+    """Add models and answers that no route names, and remove FastAPI's own error model."""
+    schemas = document["components"]["schemas"]
+    # A job holds the result of any kind, and kinds are registered by plug-ins.
+    results = dict.fromkeys(
+        [*(one for kind in job_kinds().values() for one in kind.results), JobResult]
+    )
+    for model in (Problem, *results):
+        tree = model.model_json_schema(ref_template=SCHEMAS + "{model}")
+        schemas.update(tree.pop("$defs", {}))
+        schemas[model.__name__] = tree
+    told = schemas["Job"]["properties"]
+    named = [{"$ref": SCHEMAS + model.__name__} for model in results]
+    told["result"] = {"title": "Result", "anyOf": [*named, {"type": "null"}]}
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    _name_operations(document)
+    for operation in _operations(document):
+        for parameter in operation.get("parameters", ()):
+            parameter["schema"] = _sent(parameter["schema"])
+        if _is_own_error_model(operation["responses"].get("422", {})):
+            del operation["responses"]["422"]
+        if "requestBody" in operation:
+            most_bytes = operation.setdefault(MOST_BYTES, SMALL_BYTES)
+            operation["requestBody"]["description"] = f"JSON of at most {most_bytes} bytes"
+        for content in operation.get("requestBody", {}).get("content", {}).values():
+            operation["responses"].update(
+                {str(status): answer for status, answer in responses(400).items()}
+            )
+            _name_inner_unions(content["schema"], schemas)
+    _add_shared_responses(document)
+
+
+def _name_operations(document: dict[str, Any]) -> None:
+    """Name each operation; one that has no name in ``OPERATIONS`` keeps what FastAPI made."""
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            name = OPERATIONS.get(f"{method} {path.removeprefix(BASE)}")
+            operation["operationId"] = name or operation["operationId"]
+
+
+def _sent(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a parameter without null, which no query and no header can carry."""
+    kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
+    if len(kinds) != 1:
+        return schema
+    return {name: value for name, value in schema.items() if name != "anyOf"} | kinds[0]
+
+
+def _placed(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    for path, operations in document["paths"].items():
+        for operation in operations.values():
+            yield path, operation
+
+
+def _operations(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    return (operation for _, operation in _placed(document))
+
+
+def _is_own_error_model(answer: dict[str, Any]) -> bool:
+    """Return whether FastAPI has added an answer by itself."""
+    schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+    return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
+
+
+def _name_inner_unions(schema: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """Give nested unions a name, since a discriminator may map to names of schemas only."""
+    mapping = schema.get("discriminator", {}).get("mapping", {})
+    for value, choice in mapping.items():
+        if isinstance(choice, dict):
+            name = f"{value.title()}JobRequest"
+            inner = {"$ref": SCHEMAS + name}
+            place = schema["oneOf"].index(choice)
+            first = schemas[schema["oneOf"][place]["oneOf"][0]["$ref"].removeprefix(SCHEMAS)]
+            schemas[name] = {**choice, "examples": first["examples"]}
+            schema["oneOf"][place] = inner
+            mapping[value] = inner["$ref"]
+
+
+def _add_shared_responses(document: dict[str, Any]) -> None:
+    """Add to each operation the answers of the middleware before it, by reference."""
+    document["components"]["responses"] = {
+        name: responses(status)[status] for status, name in NAMES.items()
+    }
+    for path, operation in _placed(document):
+        wanted = EVERYWHERE
+        if path.endswith(ESTOP):  # which is refused for no parameter
+            wanted = tuple(status for status in wanted if status != 422)
+        if "security" in operation or operation["operationId"] == "sign_in":
+            wanted += WITH_KEY
+        if "requestBody" in operation:
+            wanted += WITH_BODY
+        for status in wanted:
+            reference = {"$ref": f"#/components/responses/{NAMES[status]}"}
+            operation["responses"].setdefault(str(status), reference)
+
 
 VERSIONED = (
-    routes_rigs,
-    routes_job_list,
-    routes_jobs,
-    routes_artifacts,
-    routes_catalog,
-    routes_calibrations,
-    routes_learning,
-    routes_recipes,
-    routes_simulation,
-    routes_trajectories,
-    routes_events,
-    routes_alarms,
-    routes_access,
+    routes_rigs.router,
+    routes_job_list.router,
+    routes_jobs.router,
+    routes_jobs.catalog_router,
+    routes_model.calibration_router,
+    routes_model.learning_router,
+    routes_model.recipe_router,
+    routes_rigs.simulation_router,
+    routes_trajectories.router,
+    routes_events.router,
+    routes_events.alarm_router,
+    routes_access.router,
 )
 
 
@@ -71,8 +255,8 @@ def create_app(rigs: Rigs, access: Access | None = None) -> FastAPI:
     app.state.access = access = access or Access()
     problems.install_handlers(app)
     _add_middleware(app, access)
-    for routes in VERSIONED:
-        app.include_router(routes.router, prefix=BASE)
+    for router in VERSIONED:
+        app.include_router(router, prefix=BASE)
     for router in (routes_page.router, routes_probes.documents, routes_probes.router):
         app.include_router(router)
     generate: Callable[[], dict[str, Any]] = app.openapi

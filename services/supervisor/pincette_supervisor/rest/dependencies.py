@@ -31,6 +31,20 @@ from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.store import Store
 
+LARGEST = 2**63 - 1
+"""Largest number that a column of the database holds."""
+
+# Contents of responses other than JSON, as the OpenAPI document describes them.
+
+Content = dict[str, dict[str, Any]]
+"""Schema of a body by its media type."""
+_BYTES = {"schema": {"type": "string", "format": "binary"}}
+CSV: Content = {"text/csv; charset=utf-8": {"schema": {"type": "string"}}}
+BINARY: Content = {"application/octet-stream": _BYTES}
+"""Content of Parquet files; generated clients have bytes for this media type."""
+OBJECT: Content = {"application/json": {"schema": {"type": "object"}}}
+PNG: Content = {"image/png": _BYTES}
+
 # The cookie of a signed-in page.
 #
 # Cookies ignore ports, so the name contains the supervisor's identifier: a browser that is signed

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from pincette_supervisor import problems
 from pincette_supervisor.access.access import AuditBuffer, is_foreign, is_ours
 from pincette_supervisor.access.authentication import Authenticator
-from pincette_supervisor.journal.access_rows import AuditRow
+from pincette_supervisor.journal.access import AuditRow
 from pincette_supervisor.journal.tables import utc_now
 from pincette_supervisor.problems import METHODS, ProblemError, allowed_methods
 from pincette_supervisor.rest.dependencies import NOTE, caller_of, label_of

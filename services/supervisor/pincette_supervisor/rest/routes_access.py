@@ -16,11 +16,12 @@ from pincette.api.access import (
 )
 from pincette.api.problems import remedy_of, responses
 from pincette_supervisor.access.authentication import Caller, new_cookie, require_scope
-from pincette_supervisor.journal.access_rows import AuditRepository
+from pincette_supervisor.journal.access import AuditRepository
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     CALLER,
+    LARGEST,
     AccessState,
     AllRigs,
     AnyCaller,
@@ -34,8 +35,6 @@ from pincette_supervisor.rest.dependencies import (
 from pincette_supervisor.rest.limits import ESTOP, MOST_BYTES
 from pincette_supervisor.rest.middleware import DRY_RUN, PAGE_CHECK, refusal
 from pincette_supervisor.rest.strict_route import StrictRoute
-
-LARGEST = 2**63 - 1
 
 router = APIRouter(tags=["access"], route_class=StrictRoute)
 

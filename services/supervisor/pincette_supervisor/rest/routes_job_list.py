@@ -1,35 +1,39 @@
-"""Jobs found again over REST: listed, exported as one table, described, their records deleted."""
+"""Jobs of the past over REST: lists, tables, descriptions, and files of their records."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import AwareDatetime
 
-from pincette.api.jobs import Job, JobEdit, JobList
+from pincette.api.jobs import Artifact, ArtifactList, Job, JobEdit, JobList
 from pincette.api.problems import responses
 from pincette.api.requests import LABEL_NAME
 from pincette.api.states import JobState
-from pincette.records import number_table
+from pincette.records import csv_export, finished_copy, folder, number_table
 from pincette_supervisor import problems
+from pincette_supervisor.jobs.job_index import WRITTEN_S
 from pincette_supervisor.journal.job_filter import JobFilter
 from pincette_supervisor.journal.tables import utc_text
 from pincette_supervisor.kinds.bodies import KindName
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
+    BINARY,
+    CSV,
+    OBJECT,
     OBSERVE,
     OPERATE,
     AllRigs,
+    Content,
     Note,
     Operator,
     etag,
 )
 from pincette_supervisor.rest.limits import LARGE
-from pincette_supervisor.rest.openapi import BINARY, CSV, OBJECT, Content
-from pincette_supervisor.rest.routes_artifacts import WRITTEN
 from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table
 
@@ -112,6 +116,28 @@ MostJobs = Annotated[
     int | None, Query(ge=1, description="only this many of the newest jobs; all by default")
 ]
 
+SAMPLES_CSV = "samples.csv"
+MADE: Mapping[str, tuple[str, Callable[[Path], Iterator[str | bytes]], str]] = {
+    SAMPLES_CSV: (folder.SAMPLES, csv_export.csv_rows, csv_export.MEDIA_TYPE),
+    csv_export.NUMBERS: (folder.SAMPLES, csv_export.number_rows, csv_export.MEDIA_TYPE),
+    f"{csv_export.NUMBERS}{number_table.METADATA}": (
+        folder.SAMPLES,
+        csv_export.number_metadata,
+        number_table.MEDIA_TYPE,
+    ),
+    finished_copy.NAME: (folder.LIVE, finished_copy.snapshot, folder.MEDIA_TYPES[folder.LIVE]),
+}
+"""Files that are made as they are downloaded: the file each is made of, how, and its media type."""
+
+
+async def _written(job: str, rigs: AllRigs) -> None:
+    manager = rigs.with_live_job(job)
+    await manager.changes.wait(
+        lambda: manager.index.is_recorded(job) or not manager.index.is_over(job), WRITTEN_S
+    )
+
+
+WRITTEN = Depends(_written)
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 
@@ -208,3 +234,59 @@ def delete_record(job: str, rigs: AllRigs, by: Operator, note: Note) -> Job:
     """Delete the files of a job that has ended and is not pinned; its result stays."""
     note(f"record of {job}")
     return rigs.of_job(job).index.delete_record(job, by)
+
+
+@router.get("/{job}/artifacts", responses=responses(404), dependencies=[OBSERVE, WRITTEN])
+def artifacts(job: str, rigs: AllRigs) -> ArtifactList:
+    """Files of a job's record, with size and SHA-256; waits while they are being written."""
+    known = rigs.job(job)
+    found = folder.artifacts(rigs.records(known.rig) / known.id)
+    return ArtifactList(artifacts=[Artifact(**entry) for entry in found])
+
+
+@router.get(
+    "/{job}/artifacts/{name}",
+    response_model=None,
+    response_class=FileResponse,
+    responses=responses(404),
+    dependencies=[OBSERVE, WRITTEN],
+)
+def artifact(job: str, name: str, rigs: AllRigs) -> Response:
+    """One file of a job's record. Some are made of others as they go.
+
+    ``samples.csv`` is made of ``samples.parquet``, and so is ``numbers.csv``, which has numbers
+    alone; ``numbers.csv-metadata.json`` describes it. ``snapshot.mcap`` is a finished copy of
+    ``job.mcap`` as it is now.
+    """
+    known = rigs.job(job)
+    path = rigs.records(known.rig) / known.id / name
+    made = {one: path.with_name(of) for one, (of, _, _) in MADE.items()}
+    if name in MADE and made[name].is_file():
+        _, make, media_type = MADE[name]
+        shown = f"{known.id}.csv" if name == SAMPLES_CSV else name
+        attached = {"Content-Disposition": f'attachment; filename="{shown}"'}
+        return StreamingResponse(make(made[name]), media_type=media_type, headers=attached)
+    media_type = folder.media_type(name)
+    if media_type is None or not path.is_file():
+        there = [entry["name"] for entry in folder.artifacts(path.parent)]
+        if not there:
+            raise problems.not_found("artifact", name, why=f"job {known.id} has no record")
+        more = [one for one, of in made.items() if of.is_file()]
+        raise problems.not_found("artifact", name, [*there, *more])
+    return FileResponse(path, media_type=media_type, filename=name)
+
+
+@router.get(
+    "/{job}/artifacts/{name}/content",
+    response_class=Response,
+    responses={
+        200: {"description": "the bytes of the file, whatever its kind", "content": BINARY},
+        **responses(404),
+    },
+    dependencies=[OBSERVE, WRITTEN],
+)
+def artifact_content(job: str, name: str, rigs: AllRigs) -> Response:
+    """One file of a job's record as bytes, for clients that are generated from this document."""
+    response = artifact(job, name, rigs)
+    (response.headers["Content-Type"],) = BINARY
+    return response

@@ -1,4 +1,4 @@
-"""Jobs over REST.
+"""Jobs over REST, and the kinds of job and control laws that are installed.
 
 Plain functions run in a pool of threads, so that neither the store nor a slow program of the rig
 holds up the event loop.
@@ -8,18 +8,21 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from functools import partial
+from functools import cache, partial
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
+from pincette.api.job_kinds import job_kinds
 from pincette.api.jobs import ActionRequest, Job, StoppedRequest, StopRequest
-from pincette.api.plans import JobPlan
+from pincette.api.kinds import KindList, described
+from pincette.api.plans import JobPlan, LawList
 from pincette.api.problems import responses
 from pincette.api.requests import JobRequest
 from pincette.api.states import STATES, ActionType
+from pincette.config.laws import described_laws
 from pincette_supervisor.fleet.rigs import Rigs
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.jobs.job_queue import ALWAYS
@@ -306,3 +309,24 @@ def _performed(job: str, action: ActionType, rigs: Rigs, asker: Asker) -> tuple[
     if action not in ALWAYS:
         manager.claims.require(asker.claim)
     return manager.perform(job, action, asker.by)
+
+
+catalog_router = APIRouter(route_class=StrictRoute)
+
+
+@cache
+def _installed_kinds() -> KindList:
+    """Describe every installed kind; their schemas do not change while the program runs."""
+    return KindList(kinds=[described(kind) for kind in job_kinds().values()])
+
+
+@catalog_router.get("/kinds", tags=["jobs"], dependencies=[OBSERVE])
+def kinds() -> KindList:
+    """Every kind of job that is installed: its request, form, actions and figures."""
+    return _installed_kinds()
+
+
+@catalog_router.get("/laws", tags=["laws"], dependencies=[OBSERVE])
+def laws() -> LawList:
+    """The control laws that a job may choose, each with its gains."""
+    return LawList(laws=described_laws())

@@ -1,8 +1,14 @@
-"""What programs ask of the supervisor: probes, version, metrics, AsyncAPI, Thing Description."""
+"""Documents for other programs: probes, version, metrics, AsyncAPI, Thing Description.
+
+The W3C Thing Description (1.1) of a rig is made of the OpenAPI document.
+"""
 
 import asyncio
+from collections.abc import Mapping, Sequence
 from time import monotonic
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
+from urllib.parse import quote
+from uuid import NAMESPACE_URL, uuid5
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -10,13 +16,186 @@ from prometheus_client.exposition import choose_encoder
 
 from pincette import __version__
 from pincette.api.checks import Alive, Check, Readiness
+from pincette.api.problems import MEDIA_TYPE
 from pincette.asyncapi.document import document
 from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.metrics import RigCollector
 from pincette_supervisor.rest.dependencies import OBSERVE, AccessState, AllRigs
 from pincette_supervisor.rest.strict_route import StrictRoute
-from pincette_supervisor.thing_description import THING_TYPE, WELL_KNOWN, thing
-from pincette_supervisor.watch.checks import of_rig, of_supervisor, words_of
+from pincette_supervisor.watch import of_rig, of_supervisor, words_of
+
+WELL_KNOWN = "/.well-known/wot"
+THING_TYPE = "application/td+json"
+CONTEXT = "https://www.w3.org/2022/wot/td/v1.1"
+BINDING = {"htv": "http://www.w3.org/2011/http#"}
+KEY, NO_KEY = "key", "none"
+RIG, JOBS = "/api/v1/rigs/{rig}", "/api/v1/jobs"
+PROPERTIES: Mapping[str, str] = {
+    "state": RIG,
+    "model": f"{RIG}/model",
+    "timing": f"{RIG}/timing",
+    "job": f"{JOBS}/{{job}}",
+    "result": f"{JOBS}/{{job}}",
+    "jobs": JOBS,
+}
+ACTIONS: Mapping[str, str] = {
+    "plan": JOBS,
+    "start": JOBS,
+    "act": f"{JOBS}/{{job}}/actions",
+    "stopRequest": f"{JOBS}/stop",
+    "estop": f"{RIG}/estop",
+}
+"""No reset: it says that a person has looked."""
+EVENTS: Mapping[str, str] = {"live": f"{RIG}/live"}
+"""The events of jobs are server-sent with names, which a form cannot ask for."""
+DEEPEST = 1
+"""Depth up to which nested models are included: a client checks what it sends by them. Deeper ones
+are in the OpenAPI document."""
+OPEN = ("estop",)
+"""Security of operations that need no key."""
+FIXED = {"plan": "dry_run=true", "result": "wait=terminal&timeout_s=60"}
+"""Queries by which one path is two affordances."""
+LEFT_OUT = ("discriminator", "example", "examples")
+"""Keys of schemas that are left out: words for other tools."""
+
+
+def thing(
+    document: Mapping[str, Any],
+    rig: str,
+    base: str,
+    *,
+    keys: bool = False,
+    others: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Describe a rig, by the OpenAPI document of its supervisor.
+
+    ``base`` is where the supervisor answers; ``keys`` whether it wants keys; ``others`` are the
+    other rigs that it serves.
+    """
+    described = _Described(document, rig)
+    security = {KEY: {"scheme": "bearer", "in": "header"}, NO_KEY: {"scheme": "nosec"}}
+    return {
+        "@context": [CONTEXT, BINDING],
+        "id": uuid5(NAMESPACE_URL, f"{base}{RIG.format(rig=rig)}").urn,
+        "title": f"pincette {rig}",
+        "description": document["info"]["description"],
+        "version": {"instance": document["info"]["version"]},
+        "base": f"{base}/",
+        "securityDefinitions": security if keys else {NO_KEY: security[NO_KEY]},
+        "security": KEY if keys else NO_KEY,
+        "schemaDefinitions": {"problem": described.schema("Problem")},
+        "properties": {name: described.property(name) for name in PROPERTIES},
+        "actions": {
+            name: described.action(name, keys=keys, several=bool(others)) for name in ACTIONS
+        },
+        "events": {name: described.event(name) for name in EVENTS},
+        "links": [
+            {"rel": "item", "href": f"{base}{WELL_KNOWN}?rig={quote(one)}", "type": THING_TYPE}
+            for one in others
+        ],
+    }
+
+
+class _Described:
+    def __init__(self, document: Mapping[str, Any], rig: str) -> None:
+        self._document, self._rig = document, rig
+
+    def property(self, name: str) -> dict[str, Any]:
+        """Return what is read."""
+        operation = self._operation(PROPERTIES[name], "get")
+        form = self._form(name, PROPERTIES[name], "GET", "readproperty")
+        told = self._answer(operation)
+        return {**told, **self._words(operation), "readOnly": True, "forms": [form]}
+
+    def action(self, name: str, *, keys: bool, several: bool) -> dict[str, Any]:
+        """Return what is done; a plan does nothing."""
+        operation = self._operation(ACTIONS[name], "post")
+        form = self._form(name, ACTIONS[name], "POST", "invokeaction")
+        form["additionalResponses"] = [
+            {"success": False, "contentType": MEDIA_TYPE, "schema": "problem"}
+        ]
+        found: dict[str, Any] = {**self._words(operation), "output": self._answer(operation)}
+        body = operation.get("requestBody")
+        if body is not None:
+            found["input"] = self._inlined(body["content"]["application/json"]["schema"])
+            self._name_rig(found["input"], wanted=several)
+        if keys and name in OPEN:
+            form["security"] = NO_KEY
+        safe = name == "plan"
+        return {**found, "safe": safe, "idempotent": safe or name in OPEN, "forms": [form]}
+
+    def _name_rig(self, schema: dict[str, Any], *, wanted: bool) -> None:
+        """State the rig in what a request may be; where there are several it must be sent."""
+        for one in schema.get("oneOf", [schema]):
+            if "rig" not in one.get("properties", {}):
+                continue
+            one["properties"]["rig"] = {"type": "string", "const": self._rig}
+            if wanted:
+                one["required"] = sorted({*one.get("required", ()), "rig"})
+
+    def event(self, name: str) -> dict[str, Any]:
+        """Return what comes as server-sent events."""
+        operation = self._operation(EVENTS[name], "get")
+        form = self._form(name, EVENTS[name], "GET", "subscribeevent")
+        form["subprotocol"] = "sse"
+        return {**self._words(operation), "data": self.schema("LiveBatch"), "forms": [form]}
+
+    def schema(self, name: str) -> dict[str, Any]:
+        """Return a model as a data schema, with all that it refers to."""
+        schemas = self._document["components"]["schemas"]
+        return self._inlined(schemas[name]) if name in schemas else {"type": "object"}
+
+    def _operation(self, path: str, method: str) -> dict[str, Any]:
+        return self._document["paths"][path][method]
+
+    def _words(self, operation: Mapping[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = {"description": operation["description"].split("\n\n")[0]}
+        named = [one for one in operation.get("parameters", ()) if one["in"] == "path"]
+        variables = {
+            one["name"]: self._inlined(one["schema"]) for one in named if one["name"] != "rig"
+        }
+        return {**found, "uriVariables": variables} if variables else found
+
+    def _form(self, name: str, path: str, method: str, does: str) -> dict[str, Any]:
+        href = path.replace("{rig}", self._rig).lstrip("/")
+        query = f"?{FIXED[name]}" if name in FIXED else ""
+        return {
+            "href": href + query,
+            "htv:methodName": method,
+            "contentType": "application/json",
+            "op": does,
+        }
+
+    def _answer(self, operation: Mapping[str, Any]) -> dict[str, Any]:
+        answers = operation["responses"]
+        good = next(answers[status] for status in sorted(answers) if "content" in answers[status])
+        content = next(iter(good["content"].values()))
+        found = self._inlined(content.get("schema", {}))
+        return {"type": "object", **found}  # of a union too, which a client wants to be told
+
+    def _inlined(self, node: Any, within: tuple[str, ...] = ()) -> Any:
+        """Return a schema without references, which a data schema has not."""
+        if isinstance(node, list):
+            return [self._inlined(one, within) for one in cast("list[Any]", node)]
+        if not isinstance(node, dict):
+            return node
+        tree = cast("dict[str, Any]", node)
+        name = str(tree.get("$ref", "")).rpartition("/")[2]
+        if name:
+            model = self._document["components"]["schemas"][name]
+            if len(within) >= DEEPEST and model.get("type", "object") == "object":
+                return {"type": "object"}
+            return self._inlined(model, (*within, name))
+        found = {
+            key: self._inlined(value, within) for key, value in tree.items() if key not in LEFT_OUT
+        }
+        for union in {"anyOf", "oneOf"} & found.keys():
+            # Models that are told alike by now would all be met, and oneOf wants one.
+            found[union] = [
+                one for at, one in enumerate(found[union]) if one not in found[union][:at]
+            ]
+        return found
+
 
 TURN_S = 1.0
 """The event loop is expected to come round at least this often."""

@@ -1,7 +1,8 @@
-"""Rigs over REST: their state, emergency stop, reset, queue, model and live samples."""
+"""Rigs over REST: state, emergency stop, reset, queue, model, live samples, simulation."""
 
 import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from time import time
 from typing import Annotated
 
@@ -14,23 +15,23 @@ from pincette.api.history import History
 from pincette.api.live import LiveBatch, LiveList, LoopTiming
 from pincette.api.models import ModelAction, ModelView
 from pincette.api.problems import responses
-from pincette.api.rigs import (
-    QueueRequest,
-    ResetRequest,
-    Rig,
-    RigList,
-    Stopped,
-    StoppedList,
-)
+from pincette.api.rigs import QueueRequest, ResetRequest, Rig, RigList, Stopped, StoppedList
+from pincette.api.simulation import SimulationCommand, SimulationOperation, SimulationOperationList
+from pincette.bus.protocol import BusError, RefusalError
+from pincette.config.script import OPERATIONS, Operation, objection, operation_of
 from pincette.core.faults import Cause
+from pincette.core.messages import SimCommand
+from pincette.core.topics import SIM_COMMAND
 from pincette_supervisor.fleet.rig_view import rig_view
 from pincette_supervisor.jobs.bring_up import checklist, model_view
 from pincette_supervisor.jobs.bring_up import use_model as change_model
+from pincette_supervisor.jobs.job_manager import JobManager
 from pincette_supervisor.journal.events import TooManyListenersError
-from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.problems import ProblemError, unanswered
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     CLAIM_TOKEN,
+    LARGEST,
     OBSERVE,
     OPERATE,
     AccessState,
@@ -56,7 +57,6 @@ LIVE_INTERVAL_S = 1.0 / 15.0
 """Between two live events."""
 KEEP_ALIVE_S = 1.0
 """A live event is sent at least this often, so that a listener knows that the line works."""
-LARGEST = 2**63 - 1
 
 router = APIRouter(tags=["rigs"], route_class=StrictRoute)
 
@@ -285,3 +285,72 @@ async def samples(
         for batch in cursor.batches(KEEP_ALIVE_S):
             yield batch.model_copy(update={"standing": standing(manager.context)})
         await asyncio.sleep(LIVE_INTERVAL_S)
+
+
+simulation_router = APIRouter(tags=["simulation"], route_class=StrictRoute)
+
+
+@simulation_router.get(
+    "/rigs/{rig}/simulation/commands",
+    responses=responses(404, 409),
+    dependencies=[OBSERVE],
+)
+def operations(manager: Manager) -> SimulationOperationList:
+    """What can be done to this simulated rig, with units and bounds of the values."""
+    _require_simulated(manager)
+    return SimulationOperationList(
+        operations=[
+            _view(target, operation) for target, known in OPERATIONS.items() for operation in known
+        ]
+    )
+
+
+@simulation_router.post(
+    "/rigs/{rig}/simulation/commands",
+    responses=responses(404, 409),
+    dependencies=[OPERATE],
+)
+def command(manager: Manager, body: SimulationCommand, asker: Asking) -> SimulationCommand:
+    """Operate the simulated rig, or let a fault befall it; answered once the rig has taken it."""
+    asker.note(f"{body.target} {body.what}")
+    manager.claims.require(asker.claim)
+    _require_simulated(manager)
+    wanted = SimCommand(body.target, body.what, body.value, body.after_s, body.for_s)
+    if trouble := objection(wanted):
+        raise _impossible(wanted, trouble)
+    try:
+        manager.context.bus.call(SIM_COMMAND, wanted)
+    except RefusalError as error:
+        raise ProblemError(
+            409, "simulation-refused", "The simulated rig has no such command", str(error)
+        ) from error
+    except BusError as error:
+        raise unanswered(error) from error
+    return body
+
+
+def _impossible(wanted: SimCommand, trouble: str) -> ProblemError:
+    found = operation_of(wanted.target, wanted.what)
+    return ProblemError(
+        422,
+        "simulation-impossible",
+        "The simulated rig cannot do this",
+        trouble,
+        value=wanted.value,
+        **({} if found is None else _view(wanted.target, found).model_dump()),
+    )
+
+
+def _view(target: str, operation: Operation) -> SimulationOperation:
+    return SimulationOperation(target=target, **asdict(operation))
+
+
+def _require_simulated(manager: JobManager) -> None:
+    rig = manager.context.rig
+    if rig.simulation is None:
+        raise ProblemError(
+            409,
+            "rig-is-real",
+            "This rig is not simulated",
+            f"rig {rig.rig.name!r} is real: make the change at its bench",
+        )

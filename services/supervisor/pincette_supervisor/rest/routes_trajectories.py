@@ -35,16 +35,19 @@ from pincette_supervisor.planning.predicted_samples import (
 )
 from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rest.dependencies import (
+    BINARY,
+    CSV,
     OBSERVE,
     OPERATE,
+    PNG,
     AllRigs,
     Asking,
+    Content,
     IdempotencyKey,
     Note,
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
-from pincette_supervisor.rest.openapi import BINARY, CSV, PNG, Content
 from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import DryRunQuery, take
 from pincette_supervisor.rest.strict_route import StrictRoute

@@ -14,11 +14,16 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
+from pincette_supervisor.rest.connections import Doorway, WorkQueue, has_data, new_loop
 from pincette_supervisor.rest.dependencies import HELD
-from pincette_supervisor.rest.limits import REFUSED, HeldRefusals, Refusals
-from pincette_supervisor.rest.request_target import estop_of_malformed, estop_path, is_stop
-from pincette_supervisor.rest.tls import Doorway
-from pincette_supervisor.rest.work_queue import WorkQueue, has_data, new_loop
+from pincette_supervisor.rest.limits import (
+    REFUSED,
+    HeldRefusals,
+    Refusals,
+    estop_of_malformed,
+    estop_path,
+    is_stop,
+)
 
 MOST = 600
 """Connections; each is an open file, of which the program has 4096 where the system allows it."""

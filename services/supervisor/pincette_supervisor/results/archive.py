@@ -25,10 +25,9 @@ from pincette.records.columns import Columns
 from pincette_supervisor.attention import ATTENTION
 from pincette_supervisor.journal.store import JobRow
 from pincette_supervisor.planning.worker import Runner, run_here
-from pincette_supervisor.plugin import Evaluation, Planned, Run
+from pincette_supervisor.plugin import Evaluation, Planned, Run, functions_of
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.plugin.figures import series, table_of_arm
-from pincette_supervisor.plugin.functions import functions_of
 from pincette_supervisor.plugin.goal import goal_of
 from pincette_supervisor.plugin.result import with_ring
 from pincette_supervisor.results.documents import NOT_RECORDED, said_of, write_documents

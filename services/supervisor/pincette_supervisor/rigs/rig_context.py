@@ -20,7 +20,7 @@ from pincette_supervisor.alarms import AlarmLog, TripReason
 from pincette_supervisor.journal.events import EventLog
 from pincette_supervisor.journal.store import Store
 from pincette_supervisor.journal.write_queue import WriteQueue
-from pincette_supervisor.model.rig_model import RigModel
+from pincette_supervisor.model import RigModel
 from pincette_supervisor.planning.worker import Runner, run_here
 from pincette_supervisor.results.history import HistoryReader
 from pincette_supervisor.rigs.health import Health

@@ -1,9 +1,28 @@
 """``calibrate``: find quantities of the rig; each calibration is registered on its own."""
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pincette.api import WHOLE
 from pincette.api.calibrations import CalibrationPlan, CalibrationResult
 from pincette.api.job_kinds import JobKind, ResultField, Variant, registered
+from pincette.api.requests import ZeroingRequest
 from pincette.core import plugins
-from pincette_supervisor.kinds.calibrate.request import CalibrationRequest
+
+TRIES = 3
+
+
+class CalibrationRequest(ZeroingRequest, frozen=True):
+    """Members of every request for a calibration."""
+
+    kind: Literal["calibrate"] = "calibrate"
+    calibration: str
+    arm: Literal[1, 2] = 1
+    """Arm that is calibrated, on a rig of two driven arms; the other rests."""
+    tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
+    """Number of attempts in all if a stall trips it; that trip is acknowledged beforehand."""
+
 
 KIND = JobKind(
     name="calibrate",

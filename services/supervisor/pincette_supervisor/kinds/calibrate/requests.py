@@ -1,0 +1,337 @@
+"""The installed calibrations: the request of each, its form, and where its functions are."""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pincette.api import WHOLE, Model, example
+from pincette.api.job_kinds import FieldSpec, Variant
+from pincette.api.requests import Duration, NotNegative, Positive, Speed
+from pincette.config.laws import law_definition
+from pincette.control.calibration.visible_mode import shows_mode
+from pincette.control.planning.calibration_programs import (
+    LEAST_CAPTURE_HZ,
+    NOISE_S,
+    SWEEP_FROM_HZ,
+    SWEEP_S,
+    SWEEP_TO_HZ,
+)
+from pincette_supervisor.kinds import fields
+from pincette_supervisor.kinds.calibrate import CalibrationRequest
+
+if TYPE_CHECKING:
+    from pincette.config import RigFile
+
+
+WEIGHTS_MAX = 20
+
+
+class WeighedStep(Model):
+    """Readings under one weight."""
+
+    model_config = example(x_um=-2.31, scatter_um=0.004, at_s=-41.5)
+
+    x_um: float
+    scatter_um: NotNegative
+    """Standard uncertainty of the mean."""
+    at_s: float
+    """Since the job began; below 0 s of a reading before it."""
+
+
+class ComplianceRequest(CalibrationRequest, frozen=True):
+    """Hang known weights at the tip, there and back, as the job asks for them; the part away."""
+
+    model_config = example(
+        kind="calibrate", calibration="compliance", autostart=True, weights_mN=[0.0, 5.0, 10.0]
+    )
+
+    calibration: Literal["compliance"]
+    weights_mN: list[NotNegative] | None = Field(default=None, min_length=2, max_length=WEIGHTS_MAX)
+    """Ascending from 0; they pull as a part presses, against the closing of the gripper. Left out,
+    three round weights that the limits of the rig bear."""
+    weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Standard uncertainty of the weights, as a share common to all of them."""
+    taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
+    """The first steps, as a job has read them that a stall has tripped; this one goes on."""
+
+
+COMPLIANCE = Variant(
+    name="compliance",
+    label="compliance, with weights",
+    summary="Compliance of the arm by known weights, hung as it asks for them; take the part away.",
+    request=ComplianceRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="weights_mN", label="Weights, from 0", placeholder="as the limits allow"),
+        FieldSpec(
+            name="weight_uncertainty", label="Uncertainty of the weights, as a share", advanced=True
+        ),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.compliance:FUNCTIONS",
+    place=20,
+)
+
+
+LEVELS_MAX = 12
+
+
+class ContactStiffnessRequest(CalibrationRequest, frozen=True):
+    """Press the part by a sinusoid of voltage at several levels, as in Fig. 8 of the paper."""
+
+    model_config = example(
+        kind="calibrate", calibration="contact_stiffness", autostart=True, levels_V=[0.3, 1.0, 1.5]
+    )
+
+    calibration: Literal["contact_stiffness"]
+    levels_V: list[Positive] | None = Field(default=None, min_length=3, max_length=LEVELS_MAX)
+    """Peak to peak; left out, the paper's, scaled down to what the limits of the rig allow."""
+    load_s: Duration | None = None
+    """Duration of the press to the mean, and of the unload."""
+    approach_um_per_s: Speed | None = None
+    """Speed of the free arm on its way to the part."""
+    seek_um_per_s: Speed | None = None
+    """Speed near the part, until the contact is found."""
+    contact_force_mN: Positive | None = None
+    """Force that counts as a contact."""
+
+
+CONTACT_STIFFNESS = Variant(
+    name="contact_stiffness",
+    label="contact stiffness",
+    summary="Stiffness and place of the contact with the part, by a press at several levels.",
+    request=ContactStiffnessRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="levels_V", label="Levels, peak to peak", placeholder="as the limits allow"),
+        FieldSpec(name="load_s", label="Press over", advanced=True),
+        FieldSpec(name="contact_force_mN", label="Contact from", advanced=True),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.contact_stiffness:FUNCTIONS",
+    place=50,
+)
+
+
+class FreeResponseRequest(CalibrationRequest, frozen=True):
+    """Move the free arm by voltage alone: gain, loop, creep and the model of both; the part away.
+
+    What is left out comes from the rig file's limits and its nominal gain.
+    """
+
+    model_config = example(kind="calibrate", calibration="free_response", autostart=True)
+
+    calibration: Literal["free_response"]
+    low_V: float | None = None
+    """Lowest voltage of the motion."""
+    high_V: float | None = None
+    """Voltages that a grip needs lie between both."""
+    least_V: float | None = None
+    """Below it no part of the motion goes, nor above ``most_V``; the cycles of 2 V make room.
+    Where the arm has gone beyond a limit of position, the next try has them."""
+    most_V: float | None = None
+    """Highest voltage of all the motion."""
+    rate_V_per_s: Positive | None = None
+    """Peak rate of the fastest moves."""
+    no_part: bool = False
+    """A person has seen that no part is in the gripper. A motion that breaks at one position, as
+    with a part in the way, then gives a warning and is not refused: some free arms show that. What
+    is as hard as a part still ends the motion as ``contact``, at twice the contact force."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "FreeResponseRequest":
+        if self.low_V is not None and self.high_V is not None and self.low_V >= self.high_V:
+            raise ValueError(f"low_V = {self.low_V} V is not below high_V = {self.high_V} V")
+        return self
+
+
+FREE_RESPONSE = Variant(
+    name="free_response",
+    label="free response",
+    summary="Gain, loop and creep of the free arm, and the model of both; take the part away.",
+    request=FreeResponseRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="no_part", label="No part is in the gripper: I have looked"),
+        FieldSpec(name="low_V", label="Lowest voltage"),
+        FieldSpec(name="high_V", label="Highest voltage"),
+        FieldSpec(name="rate_V_per_s", label="Rate at most", advanced=True),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.free_response:FUNCTIONS",
+    place=30,
+)
+
+
+Frequency = Annotated[float, Field(ge=0.1, le=5000)]
+
+
+class FrequencyResponseRequest(CalibrationRequest, frozen=True):
+    """Sweep a sine through the resonance, acquired from the sensor's buffer; the part away."""
+
+    model_config = example(
+        kind="calibrate", calibration="frequency_response", autostart=True, to_hz=800.0
+    )
+
+    calibration: Literal["frequency_response"]
+    from_hz: Frequency = SWEEP_FROM_HZ
+    """Lowest frequency."""
+    to_hz: Frequency = SWEEP_TO_HZ
+    """Highest frequency."""
+    duration_s: Annotated[float, Field(ge=1, le=120)] = SWEEP_S
+    """Time of the measurement."""
+    amplitude_V: Positive | None = None
+    """Left out, as large as limits and resonance bear."""
+    capture_hz: Annotated[float, Field(ge=LEAST_CAPTURE_HZ, le=100_000)] = LEAST_CAPTURE_HZ
+    """Rate of the sweep's wave and of its acquisition."""
+
+    @model_validator(mode="after")
+    def _ascending(self) -> "FrequencyResponseRequest":
+        if self.from_hz >= self.to_hz:
+            raise ValueError(f"from_hz = {self.from_hz} Hz is not below to_hz = {self.to_hz} Hz")
+        return self
+
+
+FREQUENCY_RESPONSE = Variant(
+    name="frequency_response",
+    label="frequency response",
+    summary="Natural frequency and damping of the arm, by a sweep; take the part away.",
+    request=FrequencyResponseRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="duration_s", label="For"),
+        FieldSpec(name="from_hz", label="From"),
+        FieldSpec(name="to_hz", label="To"),
+        FieldSpec(
+            name="amplitude_V",
+            label="Amplitude",
+            placeholder="as limits and resonance allow",
+            advanced=True,
+        ),
+        FieldSpec(name="capture_hz", label="Acquired at", advanced=True),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.frequency_response:FUNCTIONS",
+    place=40,
+)
+
+
+class GainCheckRequest(CalibrationRequest, frozen=True):
+    """Compare the stroke of the arm with its calibration, in a few seconds; the part away.
+
+    Accept what it finds where amplifier or piezo are the cause of a changed stroke. Where the
+    sensor is the cause, correct the sensor's scale instead.
+    """
+
+    model_config = example(kind="calibrate", calibration="gain_check", autostart=True)
+
+    calibration: Literal["gain_check"]
+
+
+GAIN_CHECK = Variant(
+    name="gain_check",
+    label="gain check",
+    summary="Compare the stroke of the arm with its calibration; take the part away.",
+    request=GainCheckRequest,
+    form=(fields.ZERO_CONFIRMED,),
+    functions="pincette_supervisor.kinds.calibrate.gain_check:FUNCTIONS",
+    place=35,
+)
+
+
+class NoiseRequest(CalibrationRequest, frozen=True):
+    """Hold the voltage and read: noise, resolution and drift of the sensor."""
+
+    model_config = example(kind="calibrate", calibration="noise", autostart=True)
+
+    calibration: Literal["noise"]
+    duration_s: Annotated[float, Field(ge=2, le=600)] = NOISE_S
+    """Time of the measurement."""
+
+
+NOISE = Variant(
+    name="noise",
+    label="noise of the sensor",
+    summary="Noise, resolution and drift of the sensor, the arm at rest.",
+    request=NoiseRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="duration_s", label="For"),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.noise:FUNCTIONS",
+    place=10,
+)
+
+
+class OutputTimingRequest(CalibrationRequest, frozen=True):
+    """Ring the mode by bursts at the period of the loop: delay and lag of the output, the mode."""
+
+    model_config = example(kind="calibrate", calibration="output_timing", autostart=True)
+
+    calibration: Literal["output_timing"]
+    amplitude_V: Positive | None = None
+    """Left out, as large as the limits of position, slew and sweeps bear."""
+
+
+OUTPUT_TIMING = Variant(
+    name="output_timing",
+    label="delay and lag of the output",
+    summary="When a voltage acts on the arm, and its mode, at a short period; take the part away.",
+    request=OutputTimingRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(
+            name="amplitude_V", label="Amplitude", placeholder="as limits allow", advanced=True
+        ),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.output_timing:FUNCTIONS",
+    place=45,
+)
+
+
+def bursts_are_needed(rig: "RigFile") -> bool:
+    """Return whether the law looks ahead, and samples show the mode by which it is told when."""
+    looks_ahead = law_definition(rig.law.scheme).previews
+    return looks_ahead and shows_mode(rig.model.natural_frequency_rad_per_s, rig.rig.period_s)
+
+
+RUNS = 2
+
+
+class ResidualRequest(CalibrationRequest, frozen=True):
+    """Play the voltages of a recorded job without the part, and keep what the model misses.
+
+    It holds for jobs of the same motion: the same request, part and free response.
+    """
+
+    model_config = example(
+        kind="calibrate",
+        calibration="residual",
+        autostart=True,
+        of_job="20260301-120000-1f0c",
+    )
+
+    calibration: Literal["residual"]
+    of_job: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,60}$")] | None = None
+    """Job whose voltages are played, a grip or a track; default: the newest that succeeded."""
+    runs: Annotated[int, Field(ge=2, le=10), WHOLE] = RUNS
+    """Number of runs; their difference is the error of the stored values."""
+    confirm: bool = True
+    """Wait for a person before the first run, until the part is away, and after the last."""
+
+    @property
+    def plays(self) -> str:
+        """Job whose recorded motion it plays; empty: the newest."""
+        return self.of_job or ""
+
+
+RESIDUAL = Variant(
+    name="residual",
+    label="residual of a motion",
+    summary="What the model misses along a recorded job, played again without the part.",
+    request=ResidualRequest,
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(name="of_job", label="Of job", placeholder="the newest grip or track"),
+        FieldSpec(name="runs", label="Runs"),
+        FieldSpec(name="confirm", label="Wait until the part is away, and back"),
+    ),
+    functions="pincette_supervisor.kinds.calibrate.residual:FUNCTIONS",
+    place=60,
+)

@@ -1,0 +1,309 @@
+"""``move``, ``hold``, ``release`` and ``carry``: jobs that load no new part."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from pincette.api import WHOLE, example
+from pincette.api.job_kinds import FieldSpec, JobKind, choices, number
+from pincette.api.pairs import PairJobRequest, PairPlan, PairResult
+from pincette.api.plans import MotionPlan
+from pincette.api.requests import (
+    Duration,
+    GoalRequest,
+    JobRequest,
+    PolicyRequest,
+    Positive,
+    Speed,
+    ZeroingRequest,
+    check_one_hold,
+)
+from pincette.api.results import COMMON, MotionResult
+from pincette_supervisor.kinds import fields
+
+TARGETS = ("to_um", "by_um", "to_V", "by_V")
+CYCLES_MAX = 20
+POSE_NAME = r"^[A-Za-z0-9_.-]{1,40}$"
+
+
+class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
+    """Move the free arm, and let it rest there; the voltage is kept.
+
+    A position is gone to by the law, a voltage without one. Before that the hysteresis may be
+    brought into a known state, and the arm be warmed up, by cycles of voltage.
+    """
+
+    model_config = example(kind="move", autostart=True, to_um=12.5, conditioning_cycles=3)
+
+    kind: Literal["move"]
+    to_um: float | None = None
+    """Target position, by the law."""
+    by_um: float | None = None
+    """From the target of the last move where the arm still stands there, else from its position."""
+    to_V: float | None = None
+    """Target voltage, without a law."""
+    by_V: float | None = None
+    """From the voltage that is applied."""
+    speed_um_per_s: Speed | None = None
+    """Peak speed; left out, that of the rig file's approach. Of a voltage, by the nominal gain."""
+    conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
+    """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
+    warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
+    """Time for which the arm is cycled before that."""
+    low_V: float | None = None
+    """Lowest voltage of the cycles, or of a grip."""
+    high_V: float | None = None
+    """Of the cycles; left out, as far as the rig file's limits and its part allow."""
+    rate_V_per_s: Positive | None = None
+    """Peak rate of the cycles."""
+    zero: bool = True
+    """Zero the force where the arm stands, so that a contact on the way is noticed."""
+    teach: Annotated[str, Field(pattern=POSE_NAME)] | None = None
+    """Name under which the result states the pose that is reached."""
+
+    @model_validator(mode="after")
+    def _one_target(self) -> "MoveJobRequest":
+        said = [name for name in TARGETS if getattr(self, name) is not None]
+        if len(said) != 1:
+            found = " and ".join(said) or "none"
+            raise ValueError(f"a move needs exactly one of {', '.join(TARGETS)}; there is {found}")
+        if self.low_V is not None and self.high_V is not None and self.low_V >= self.high_V:
+            raise ValueError(f"low_V = {self.low_V} V is not below high_V = {self.high_V} V")
+        led = self.to_um is not None or self.by_um is not None
+        if self.position_tolerance_um is not None and not led:
+            raise ValueError(
+                "position_tolerance_um is compared with the reference of the law, and a "
+                "target voltage has none: give to_um or by_um"
+            )
+        if self.force_tolerance_mN is not None:
+            raise ValueError("force_tolerance_mN: a move has no force reference; leave it out")
+        cycled = self.conditioning_cycles or self.warm_up_s
+        for name in ("low_V", "high_V", "rate_V_per_s"):
+            if getattr(self, name) is not None and not cycled:
+                raise ValueError(
+                    f"{name} belongs to the cycles: ask for conditioning_cycles or warm_up_s too"
+                )
+        return self
+
+
+MOVE = JobKind(
+    name="move",
+    label="Move the free arm",
+    summary="Move the free arm to a position or a voltage, and let it rest there.",
+    request=MoveJobRequest,
+    plan=MotionPlan,
+    result=MotionResult,
+    functions="pincette_supervisor.kinds.motions.functions:MOVE",
+    form=(
+        fields.ZERO_CONFIRMED,
+        FieldSpec(
+            name="target",
+            label="Target",
+            widget="choice",
+            choices=choices(
+                ("to_um", "to a position"),
+                ("by_um", "by a distance"),
+                ("to_V", "to a voltage"),
+                ("by_V", "by a voltage"),
+            ),
+            names=True,
+        ),
+        FieldSpec(name="value", label="Value", widget="number", required=True, named_by="target"),
+        FieldSpec(name="speed_um_per_s", label="Peak speed"),
+        FieldSpec(
+            name="position_tolerance_um",
+            label="Position within",
+            when={"target": ("to_um", "by_um")},
+            advanced=True,
+        ),
+        fields.SETTLING.model_copy(update={"when": {"target": ("to_um", "by_um")}}),
+        FieldSpec(name="conditioning_cycles", label="Conditioning cycles", placeholder="none"),
+        FieldSpec(name="warm_up_s", label="Warm up for", placeholder="not"),
+        FieldSpec(name="low_V", label="Cycles from", advanced=True),
+        FieldSpec(name="high_V", label="Cycles to", advanced=True),
+        FieldSpec(name="rate_V_per_s", label="Cycles at", advanced=True),
+    ),
+    figures=fields.MOTION,
+    from_present=True,
+    predicted=True,
+    goal_phase="rest",
+    relative=("by_um", "by_V"),
+    jogs=True,
+    place=30,
+)
+
+
+class HoldJobRequest(PolicyRequest, frozen=True):
+    """Keep what is in the gripper, and let it go at the end.
+
+    For a part that is held when the job begins: in or after another job, or after a trip and a
+    reset. Without ``force_mN`` the voltage stays as it is applied: no law and no zero is needed,
+    and the limits of position are watched. With it the law loads or unloads the part to that force.
+    """
+
+    model_config = example(kind="hold", autostart=True, until_released=True)
+
+    kind: Literal["hold"]
+    force_mN: Positive | None = None
+    """Force to load or unload the held part to. None: the voltage stays as it is."""
+    load_s: Duration | None = None
+    """Time of the way to ``force_mN``; left out, as long as a grip loads."""
+    hold_s: Duration | None = None
+    """Left out: until the action ``release``."""
+    until_released: bool = False
+    """Whether to hold without an end, as without ``hold_s``, which it excludes."""
+    release_s: Duration | None = None
+    """How long the way to the safe voltage takes; left out, as in a release."""
+
+    @model_validator(mode="after")
+    def _way_to_a_force(self) -> "HoldJobRequest":
+        if self.load_s is not None and self.force_mN is None:
+            raise ValueError(f"load_s = {self.load_s} s is the way to force_mN, which is not given")
+        return self
+
+    @model_validator(mode="after")
+    def _one_hold(self) -> "HoldJobRequest":
+        check_one_hold(self.hold_s, until_released=self.until_released)
+        return self
+
+
+class HoldResult(MotionResult):
+    """Figures of a hold; those of the force are null where the request has none."""
+
+    model_config = example(
+        outcome="released",
+        phases=[{"phase": "hold", "start_s": 2.0, "duration_s": 4.0}],
+        **COMMON,
+        begins_at={"x_um": 34.1, "voltage_V": 1.92},
+        ends_at={"x_um": 0.1, "voltage_V": 0.0},
+        teach=None,
+        target_um=None,
+        target_error_um=None,
+        drift_um=0.05,
+        held_at_end=False,
+        force_target_mN=15.0,
+        force_held_mN=15.01,
+        force_error_mN=0.01,
+    )
+
+    force_target_mN: float | None = None
+    force_held_mN: float | None = None
+    """Mean of the estimate over the hold, its first half second left out."""
+    force_error_mN: float | None = None
+    """Mean of the estimate less F_r over the same time."""
+
+
+HOLD = JobKind(
+    name="hold",
+    label="Hold a part",
+    summary="Go on holding what is in the gripper, as it is or with a new force.",
+    request=HoldJobRequest,
+    plan=MotionPlan,
+    pair_plan=PairPlan,
+    result=HoldResult,
+    pair_result=PairResult,
+    functions="pincette_supervisor.kinds.motions.hold:FUNCTIONS",
+    form=(
+        FieldSpec(name="force_mN", label="Force", limit="force_max", placeholder="as it is"),
+        FieldSpec(name="load_s", label="Load over", advanced=True),
+        FieldSpec(name="hold_s", label="Hold", placeholder="until released"),
+        fields.RELEASE,
+        *fields.POLICIES,
+    ),
+    figures=(
+        *fields.for_arms(
+            1,
+            *fields.MOTION,
+            number(
+                "force_held_mN",
+                "force held",
+                uncertainty="force_uncertainty_mN",
+                assumed="force_assumed",
+                optional=True,
+            ),
+            number("force_target_mN", "force asked for", optional=True),
+            number("force_error_mN", "force error", optional=True),
+            number("peak_force_mN", "peak force", optional=True),
+        ),
+        *fields.for_arms(2, *fields.PAIR_FIGURES),
+    ),
+    begins_held=True,
+    from_present=True,
+    arms=(1, 2),
+    place=40,
+)
+
+
+class ReleaseJobRequest(JobRequest, frozen=True):
+    """Let go what is in the gripper: a smooth way from the voltage applied to the safe voltage.
+
+    Until its end the part counts as held: a fault on the way freezes the voltage first.
+    """
+
+    model_config = example(kind="release", autostart=True, release_s=2.0)
+
+    kind: Literal["release"]
+    release_s: Duration | None = None
+    """Left out, as long as a grip takes to unload, or as the slew limit asks for."""
+
+
+RELEASE = JobKind(
+    name="release",
+    label="Release a part",
+    summary="Let go of what is in the gripper.",
+    request=ReleaseJobRequest,
+    plan=MotionPlan,
+    result=MotionResult,
+    functions="pincette_supervisor.kinds.motions.functions:RELEASE",
+    form=(fields.RELEASE,),
+    figures=fields.MOTION,
+    begins_held=True,
+    from_present=True,
+    arms=(1, 2),
+    place=50,
+)
+
+
+class CarryJobRequest(PairJobRequest, frozen=True):
+    """Move a held part along, and keep holding it: for a job that has ended with the part held.
+
+    The force is not known without a zero; the law keeps it as it is.
+    """
+
+    model_config = example(kind="carry", autostart=True, by_um=5.0)
+
+    kind: Literal["carry"]
+    by_um: float | None = None
+    """How far, towards the second arm where positive."""
+    to_um: float | None = None
+    """The place q = (x_1 - x_2)/2 to go to, from where both tips stand as the job is planned."""
+
+    @model_validator(mode="after")
+    def _one_target(self) -> "CarryJobRequest":
+        if (self.by_um is None) == (self.to_um is None):
+            raise ValueError("a carry needs exactly one of by_um, to_um")
+        return self
+
+
+CARRY = JobKind(
+    name="carry",
+    label="Move a held part",
+    summary="Move a part that both arms hold, and keep holding it.",
+    request=CarryJobRequest,
+    plan=PairPlan,
+    result=PairResult,
+    figures_in_prediction=True,
+    functions="pincette_supervisor.kinds.pairs:CARRY",
+    form=(
+        FieldSpec(name="by_um", label="By"),
+        FieldSpec(name="to_um", label="To the place", placeholder="by a distance"),
+        *fields.PAIR_LAW,
+        *fields.POLICIES,
+    ),
+    figures=fields.PAIR_FIGURES,
+    begins_held=True,
+    from_present=True,
+    relative=("by_um",),
+    arms=(2,),
+    place=35,
+)

@@ -1,1 +1,0 @@
-"""The model in use, its versions, and what calibrations propose."""

@@ -1,1 +1,0 @@
-"""Tells people and programs elsewhere of ends of jobs and of alarms."""

@@ -1,0 +1,289 @@
+"""Connections of the HTTP server: turns of those that have work, and TLS handshakes.
+
+An event loop runs all callbacks that are ready before it looks at its sockets again. Without a
+queue of the connections that have work, data of many connections that arrive together would delay a
+stop by the sum of their work. Each turn of the event loop does a part of it.
+
+asyncio would begin a handshake with each client at once, and wait a minute for it. Here a handshake
+begins when its first message has arrived, and each turn of the event loop begins a few, so that a
+flood of handshakes does not stop the loop. A client has three seconds for its first message, and
+three for the rest. At most 600 handshakes are pending.
+"""
+
+import asyncio
+import select
+import selectors
+import ssl
+from abc import abstractmethod
+from asyncio.sslproto import SSLProtocol
+from collections.abc import Callable
+from functools import partial
+from time import monotonic
+from typing import Any, Protocol
+
+from pincette.security.identity import Credentials
+
+TURN_S = 0.002
+"""Time of one turn of the event loop after which the rest of the queue waits for the next turn."""
+TASKS = 2
+"""Tasks that are started in one turn. A request takes some 2 ms of the next turn."""
+BREAK_S = 0.003
+"""Time between two turns of the queue. A stop takes about ten turns of the event loop, most of
+which are short then."""
+FRESH = 128
+"""Newest silent connections that are not ended to make room: their data may be on the way."""
+LOOKED_AT = 32
+"""Number of silent connections among which one without data is looked for."""
+
+
+class Peer(Protocol):
+    """A connection."""
+
+    @abstractmethod
+    def has_unread_data(self) -> bool:
+        """Return whether data have arrived that must be read before the connection may be ended."""
+
+    @abstractmethod
+    def work(self) -> bool:
+        """Do a small piece of work; returns whether it has started a task, which has its own."""
+
+    @abstractmethod
+    def abort(self) -> None:
+        """End the connection."""
+
+
+class WorkQueue:
+    """The connections of one server that wait: for data of their clients, or for their turn."""
+
+    def __init__(self, break_s: float = BREAK_S, *, alternates: bool = False) -> None:
+        """``alternates``: the newest has its turn, then the oldest, and so on."""
+        self._break_s, self._alternates, self._newest = break_s, alternates, alternates
+        self._silent: dict[Peer, None] = {}
+        """Connections that wait for the data of their first request; the longest silent first."""
+        self._kept: dict[Peer, None] = {}
+        """Connections that wait for data and have been of use; the longest silent first."""
+        self._ready: dict[Peer, None] = {}
+        """Connections that wait for their turn; the first one has it next."""
+        self._turn: asyncio.Handle | None = None
+        self._next_s = 0.0
+        """Time before which the queue takes no turn."""
+
+    def __len__(self) -> int:
+        return len(self._silent) + len(self._kept) + len(self._ready)
+
+    def add(self, peer: Peer) -> None:
+        """Enqueue the work of a connection."""
+        self._silent.pop(peer, None)
+        self._kept.pop(peer, None)
+        self._ready[peer] = None
+        self._schedule()
+
+    def add_silent(self, peer: Peer, *, kept: bool = False) -> None:
+        """Note that a connection waits for data, unless it waits for its turn.
+
+        ``kept``: it has had an answer that was no refusal, and is ended after those that have not.
+        """
+        if peer not in self._ready:
+            self.discard(peer)
+            (self._kept if kept else self._silent)[peer] = None
+
+    def discard(self, peer: Peer) -> None:
+        """Forget a connection."""
+        self._silent.pop(peer, None)
+        self._kept.pop(peer, None)
+        self._ready.pop(peer, None)
+
+    def pop_silent(self) -> Peer | None:
+        """Remove and return the connection to end to make room; None if all are fresh.
+
+        The one that has been silent longest, of those without an answer first.
+        """
+        for waiting in (self._silent, self._kept):
+            for _ in range(min(LOOKED_AT, len(waiting) - FRESH)):
+                peer = next(iter(waiting))
+                del waiting[peer]
+                if not peer.has_unread_data():
+                    return peer
+                waiting[peer] = None
+        return None
+
+    def pop_last(self) -> Peer | None:
+        """Remove and return the last one of the queue; those before it are served sooner."""
+        return self._ready.popitem()[0] if self._ready else None
+
+    def _schedule(self) -> None:
+        if self._ready and self._turn is None:
+            loop, wait_s = asyncio.get_running_loop(), self._next_s - monotonic()
+            later = wait_s > 0.0
+            self._turn = loop.call_later(wait_s, self._run) if later else loop.call_soon(self._run)
+
+    def _pop_next(self) -> Peer:
+        peer = next(reversed(self._ready) if self._newest else iter(self._ready))
+        del self._ready[peer]
+        self._newest = self._alternates and not self._newest
+        return peer
+
+    def _run(self) -> None:
+        self._turn = None
+        until_s, tasks = monotonic() + TURN_S, 0
+        try:
+            while self._ready and tasks < TASKS and monotonic() < until_s:
+                tasks += self._pop_next().work()
+        finally:  # an error in one connection does not stop the others
+            self._next_s = monotonic() + self._break_s
+            self._schedule()
+
+
+def has_data(transport: asyncio.BaseTransport) -> bool:
+    """Return whether data, or the end of the connection, have arrived and wait to be read."""
+    opened = transport.get_extra_info("socket")
+    if opened is None or opened.fileno() < 0:
+        return False
+    poll = select.poll()
+    poll.register(opened.fileno(), select.POLLIN)
+    return bool(poll.poll(0))
+
+
+# Event loop whose turns have a bounded number of socket events.
+#
+# asyncio handles all sockets that are ready before it does anything else. When a client closes 500
+# connections at once, that is one turn of a tenth of a second; a stop takes about ten turns.
+
+EVENTS = 24
+"""Socket events of one turn; the others are handled in the next ones."""
+
+
+class BoundedSelector(selectors.DefaultSelector):
+    """Selector that returns at most ``EVENTS`` events, of all ready sockets in rotation."""
+
+    _place = 0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Wait for events; the sockets that are left out are still ready the next time."""
+        ready = super().select(timeout)
+        if len(ready) <= EVENTS:
+            return ready
+        begin = self._place % len(ready)
+        self._place = begin + EVENTS
+        return (ready[begin:] + ready[:begin])[:EVENTS]
+
+
+def new_loop() -> asyncio.AbstractEventLoop:
+    """Build the event loop of the REST server."""
+    return asyncio.SelectorEventLoop(BoundedSelector())
+
+
+HANDSHAKE_S = 3
+"""Time limits of the first message of a handshake, and of all that follows."""
+MOST_PENDING = 600
+"""Largest number of connections whose handshake is not complete."""
+HANDSHAKE = b"\x16\x03"
+"""First bytes of TLS: a record of that type, of version 3."""
+HEAD_BYTES = 5
+"""Size of a record's head; its last two bytes are the length of what follows."""
+PLAIN = b"this supervisor speaks TLS: ask for https://\n"
+BAD_REQUEST = b"HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\n\r\n"
+
+
+def server_context(credentials: Credentials) -> ssl.SSLContext:
+    """TLS 1.2 or later with the supervisor's certificate; callers prove themselves by keys."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(credentials.certificate, credentials.private_key)
+    return context
+
+
+class Doorway(asyncio.Protocol):
+    """A connection before and during its handshake; afterwards it has the protocol ``connection``.
+
+    ``queue`` is shared by all handshakes of a server.
+    """
+
+    transport: asyncio.Transport
+    _until: asyncio.TimerHandle
+
+    def __init__(
+        self,
+        context: ssl.SSLContext,
+        queue: WorkQueue,
+        connection: Callable[..., asyncio.Protocol],
+        **given: Any,
+    ) -> None:
+        self._context, self._queue = context, queue
+        self._connection = partial(connection, **given)
+        self._first = b""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]  as asyncio calls it
+        """Wait for a handshake, at the cost of another one where there are too many."""
+        self.transport = transport
+        if len(self._queue) >= MOST_PENDING:
+            other = self._queue.pop_silent() or self._queue.pop_last()
+            if other is not None:
+                other.abort()
+        self._queue.add_silent(self)
+        self._until = asyncio.get_running_loop().call_later(HANDSHAKE_S, self.abort)
+
+    def data_received(self, data: bytes) -> None:
+        """Enqueue the handshake once its first message is whole; refuse plain HTTP."""
+        self._first += data
+        if self._first[:2] != HANDSHAKE[: len(self._first)]:
+            self.transport.write(BAD_REQUEST + PLAIN)
+            self.transport.close()
+            return
+        size = HEAD_BYTES + int.from_bytes(self._first[3:HEAD_BYTES], "big")
+        if len(self._first) >= max(size, HEAD_BYTES + 1):
+            self._until.cancel()
+            self.transport.pause_reading()
+            self._queue.add(self)
+
+    def work(self) -> bool:
+        """Begin the handshake; most of its cost is in this call."""
+        loop = asyncio.get_running_loop()
+        done: asyncio.Future[None] = loop.create_future()
+        done.add_done_callback(self._shaken)
+        # As loop.start_tls does, without its tasks, which take several turns of the loop.
+        tls = SSLProtocol(
+            loop,
+            self._connection(),
+            self._context,
+            done,
+            server_side=True,
+            ssl_handshake_timeout=HANDSHAKE_S,
+        )
+        self._queue.add_silent(self)
+        self.transport.set_protocol(tls)
+        tls.connection_made(self.transport)
+        _feed(tls, self._first)
+        self.transport.resume_reading()
+        return False
+
+    def _shaken(self, done: "asyncio.Future[None]") -> None:
+        self._forget()
+        if not done.cancelled():
+            done.exception()  # of the client's making; the connection is ended
+
+    def has_unread_data(self) -> bool:
+        """Return whether the first message of the handshake is there."""
+        return has_data(self.transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  asyncio's name
+        """Forget it."""
+        self._forget()
+
+    def abort(self) -> None:
+        """End it."""
+        self._forget()
+        self.transport.abort()
+
+    def _forget(self) -> None:
+        self._until.cancel()
+        self._queue.discard(self)
+
+
+def _feed(protocol: asyncio.BufferedProtocol, data: bytes) -> None:
+    """Hand bytes to a protocol as its transport does."""
+    while data:
+        buffer = memoryview(protocol.get_buffer(len(data)))
+        size = min(len(buffer), len(data))
+        buffer[:size] = data[:size]
+        protocol.buffer_updated(size)
+        data = data[size:]

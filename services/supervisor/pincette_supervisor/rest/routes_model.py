@@ -1,0 +1,252 @@
+"""Calibrations, learned corrections and recipes over REST: values that later jobs use."""
+
+from dataclasses import asdict
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi.exceptions import RequestValidationError
+
+from pincette.api.calibrations import CalibrationPlan, Proposal, ProposalAction, ProposalList
+from pincette.api.jobs import Job
+from pincette.api.learning import Erased, LearnedList, LearnedProgram
+from pincette.api.problems import responses
+from pincette.api.requests import Recipe, RecipeHistory, RecipeList, RecipeRequest
+from pincette_supervisor import problems
+from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.jobs.refusals import require_job
+from pincette_supervisor.journal.library import (
+    LearnedRepository,
+    LearnedRow,
+    RecipeLimitError,
+    RecipeRepository,
+    RecipeRow,
+)
+from pincette_supervisor.kinds.bodies import CalibrationBody
+from pincette_supervisor.planning.job_plans import FaultyValuesError, checked_values
+from pincette_supervisor.problems import ProblemError
+from pincette_supervisor.rest.dependencies import (
+    ADMIN,
+    OBSERVE,
+    OPERATE,
+    AllRigs,
+    Asking,
+    IdempotencyKey,
+    Journal,
+    Manager,
+    Note,
+)
+from pincette_supervisor.rest.limits import LARGE
+from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
+from pincette_supervisor.rest.routes_jobs import CREATED, DryRunQuery, Predict
+from pincette_supervisor.rest.routes_jobs import create as create_job
+from pincette_supervisor.rest.strict_route import StrictRoute
+
+calibration_router = APIRouter(
+    prefix="/calibrations", tags=["calibrations"], route_class=StrictRoute
+)
+
+
+@calibration_router.post(
+    "",
+    openapi_extra=LARGE,
+    status_code=201,
+    response_model=Job | CalibrationPlan,
+    responses=CREATED,
+    dependencies=[OPERATE],
+)
+async def calibrate(
+    body: CalibrationBody,
+    rigs: AllRigs,
+    response: Response,
+    asker: Asking,
+    dry_run: DryRunQuery = False,
+    predict: Predict = True,
+    idempotency_key: IdempotencyKey = None,
+) -> object:
+    """Take a calibration: the same as a job of the kind ``calibrate``."""
+    return await create_job(body, rigs, response, asker, dry_run, predict, idempotency_key)
+
+
+@calibration_router.get("", responses=responses(404), dependencies=[OBSERVE])
+def proposals(
+    rigs: AllRigs,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    before: Annotated[
+        str | None, Query(description="calibrations made before this one", max_length=NAME_LENGTH)
+    ] = None,
+) -> ProposalList:
+    """What calibrations that succeeded propose, of every rig or of one, the newest first."""
+    asked = rigs.all() if rig is None else [rigs.get(rig)]
+    number = None if before is None else require_job(rigs.store, before).number
+    found = [pair for one in asked for pair in one.calibrations.newest(limit + 1, number)]
+    found.sort(key=lambda pair: pair[0], reverse=True)
+    listed = [proposal for _, proposal in found[:limit]]
+    more = len(found) > limit
+    return ProposalList(calibrations=listed, next=listed[-1].id if more else None)
+
+
+@calibration_router.get("/{calibration}", responses=responses(404), dependencies=[OBSERVE])
+def proposal(calibration: str, rigs: AllRigs) -> Proposal:
+    """One proposal beside what is in use; its name is that of its job."""
+    return rigs.of_job(calibration).calibrations.one(calibration)
+
+
+@calibration_router.post(
+    "/{calibration}/actions",
+    responses=responses(404, 409),
+    dependencies=[ADMIN],
+)
+def act(calibration: str, body: ProposalAction, rigs: AllRigs, asker: Asking) -> Proposal:
+    """Accept a proposal, which makes a version of the model and uses it, or discard it."""
+    asker.note(body.type)
+    manager = rigs.of_job(calibration)
+    manager.claims.require(asker.claim)
+    with manager.free():
+        return manager.calibrations.act(calibration, body.type)
+
+
+PROGRAM = "^[0-9a-f]{16}$"
+"""Form of a program's digest."""
+
+learning_router = APIRouter(
+    prefix="/rigs/{rig}/learning", tags=["learning"], route_class=StrictRoute
+)
+
+
+def _learned_repository(manager: JobManager) -> LearnedRepository:
+    return LearnedRepository(manager.context.store, manager.name)
+
+
+@learning_router.get("", responses=responses(404), dependencies=[OBSERVE])
+def learned(
+    manager: Manager,
+    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    before: Annotated[
+        str | None, Query(description="programs after this one", pattern=PROGRAM)
+    ] = None,
+) -> LearnedList:
+    """What the programs of a rig have learned, with the error over their cycles."""
+    rows = _learned_repository(manager).all()
+    if before is not None:
+        programs = [row.program for row in rows]
+        if before not in programs:
+            raise problems.not_found("program that has learned", before)
+        rows = rows[programs.index(before) + 1 :]
+    return LearnedList(
+        rig=manager.name,
+        programs=[_learned_view(row) for row in rows[:limit]],
+        next=rows[limit - 1].program if len(rows) > limit else None,
+    )
+
+
+@learning_router.delete("", responses=responses(404, 409), dependencies=[OPERATE])
+def erase_all(manager: Manager, note: Note) -> Erased:
+    """Forget what every program has learned; a job that runs keeps what it began with."""
+    note("all")
+    return Erased(rig=manager.name, erased=_learned_repository(manager).erase())
+
+
+@learning_router.delete("/{program}", responses=responses(404, 409), dependencies=[OPERATE])
+def erase(program: Annotated[str, Path(pattern=PROGRAM)], manager: Manager, note: Note) -> Erased:
+    """Forget what one program has learned."""
+    note(program)
+    erased = _learned_repository(manager).erase(program)
+    if not erased:
+        raise problems.not_found("program that has learned", program)
+    return Erased(rig=manager.name, erased=erased)
+
+
+def _learned_view(row: LearnedRow) -> LearnedProgram:
+    known = row.corrections
+    return LearnedProgram(
+        program=row.program,
+        job=row.job,
+        learned_at=row.learned_at,
+        motion=row.motion,
+        cycles=len(known.errors_um),
+        over=known.over,
+        values_um=list(known.values_um),
+        errors_um=list(known.errors_um),
+    )
+
+
+recipe_router = APIRouter(prefix="/recipes", tags=["recipes"], route_class=StrictRoute)
+
+
+async def _recipe_repository(store: Journal) -> RecipeRepository:
+    return RecipeRepository(store)
+
+
+Repository = Annotated[RecipeRepository, Depends(_recipe_repository)]
+
+
+@recipe_router.post(
+    "",
+    openapi_extra=LARGE,
+    status_code=201,
+    dependencies=[OPERATE],
+    responses={
+        200: {"model": Recipe, "description": "the newest version has the same values"},
+        201: {"model": Recipe, "description": "stored; Location names the version"},
+        **responses(409),
+    },
+)
+def save_recipe(
+    body: RecipeRequest, repository: Repository, response: Response, note: Note
+) -> Recipe:
+    """Keep values under a name: version 1, or the next one."""
+    note(body.name)
+    try:
+        values = checked_values(body.values)
+        row, anew = repository.add(body.name, values, body.note)
+    except FaultyValuesError as error:
+        places = [{**item, "loc": ("body", "values", *item["loc"])} for item in error.errors]
+        raise RequestValidationError(places) from error
+    except RecipeLimitError as error:
+        title = "There are too many recipes"
+        raise ProblemError(409, "recipe-limit", title, str(error)) from error
+    response.headers["Location"] = f"recipes/{row.name}/{row.version}"
+    if not anew:
+        response.status_code = 200
+    return _recipe_view(row)
+
+
+@recipe_router.get("", dependencies=[OBSERVE])
+def recipes(
+    repository: Repository,
+    limit: Annotated[int, Query(ge=1, le=500)] = 500,
+    before: Annotated[
+        str | None, Query(description="recipes after this name", max_length=NAME_LENGTH)
+    ] = None,
+) -> RecipeList:
+    """The newest version of every recipe, by name."""
+    found = repository.newest(limit + 1, before)
+    return RecipeList(
+        recipes=[_recipe_view(row) for row in found[:limit]],
+        next=found[limit - 1].name if len(found) > limit else None,
+    )
+
+
+@recipe_router.get("/{name}", responses=responses(404), dependencies=[OBSERVE])
+def recipe(name: str, repository: Repository) -> RecipeHistory:
+    """The newest version of a recipe, and all there are."""
+    versions = [_recipe_view(row) for row in repository.versions(name)]
+    if not versions:
+        raise problems.not_found("recipe", name)
+    return RecipeHistory(newest=versions[0], versions=versions)
+
+
+@recipe_router.get("/{name}/{version}", responses=responses(404), dependencies=[OBSERVE])
+def version_of(
+    name: str, version: Annotated[int, Path(ge=1, le=999_999)], repository: Repository
+) -> Recipe:
+    """One version of a recipe."""
+    row = repository.version(name, version)
+    if row is None:
+        raise problems.not_found("recipe", f"{name}@{version}")
+    return _recipe_view(row)
+
+
+def _recipe_view(row: RecipeRow) -> Recipe:
+    return Recipe(**asdict(row), digest=row.digest)

@@ -1,0 +1,500 @@
+"""Checks of a rig and of the supervisor, and the alarms that follow from them.
+
+Each check is computed from known values alone. A thread watches each rig, with a job or without.
+"""
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+from pincette.api.checks import Check
+from pincette.core.faults import AT_REST, Cause, Fault, FaultCode
+from pincette.core.messages import Applied, Estimate, Lease, Position, Telemetry
+from pincette.core.topics import LOOP
+from pincette.core.wording import fault_text, status_text
+from pincette.engine.threads import RepeatedAction
+from pincette_supervisor.journal.events import Severity
+from pincette_supervisor.journal.store import Store, StoreError
+from pincette_supervisor.rigs.health import PROGRAMS, SIMULATION
+from pincette_supervisor.rigs.rig_context import RigContext
+from pincette_supervisor.rigs.standing import is_playing
+
+SAMPLES = {"estimator": Estimate, "controller": Telemetry}
+"""Programs whose samples come while a program plays."""
+TOKENS = (*LOOP, "recorder", "rig")
+"""Programs whose liveliness token is watched."""
+CLOCK = "clock"
+"""Cause of the alarm of a step of the time of day; to acknowledge it is to agree to the step."""
+FRESH_S = 1.0
+"""An older estimate says nothing of the sensor any more."""
+MB = 1e6
+
+
+class LeaseRenewal(Protocol):
+    """The thread that renews the lease of a job's program."""
+
+    @property
+    def lease(self) -> Lease:
+        """The lease that it renews."""
+        ...
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last renewal, in s."""
+        ...
+
+
+class ActiveJob(Protocol):
+    """The job that has the rig, as far as checks and alarms need it."""
+
+    @property
+    def id(self) -> str:
+        """Identifier of the job."""
+        ...
+
+    @property
+    def epoch(self) -> int | None:
+        """Epoch of its arming; None before it."""
+        ...
+
+    @property
+    def renewal(self) -> LeaseRenewal | None:
+        """Renews the lease of its program; None where there is no lease."""
+        ...
+
+
+def of_supervisor(store: Store) -> list[Check]:
+    """Return what every rig needs of the supervisor itself."""
+    words = store.trouble or "the journal can be written"
+    value = "failed" if store.trouble else "written"
+    return [
+        _check("store", not store.trouble, words, value=value, limit="written"),
+        *(
+            _check(cause, False, trouble, needed=False, value="failed", limit="well")
+            for cause, trouble in sorted(store.troubles.items())
+        ),
+    ]
+
+
+def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
+    """Return all checks of a rig, in the order of a tick."""
+    return [
+        *_answers(context),
+        *_ages(context),
+        _latch(context),
+        _disk(context),
+        _recorder(context),
+        _refused(context),
+        _memory(context),
+        _stroke(context),
+        *_forces(context),
+        _lease(context, active),
+        *_model(context),
+    ]
+
+
+def words_of(checks: list[Check]) -> list[str]:
+    """Return what is needed and missing."""
+    return [check.words for check in checks if check.needed and not check.ok]
+
+
+def _check(name: str, ok: bool, words: str, *, needed: bool = True, **known: object) -> Check:
+    base = {"value": None, "limit": None, "unit": "", "age_s": 0.0}
+    return Check.model_validate(
+        {"name": name, "ok": ok, "needed": needed, "words": words, **base, **known}
+    )
+
+
+def _answers(context: RigContext) -> Iterator[Check]:
+    """Yield whether each program answers, and works with the same rig file."""
+    health = context.health
+    troubles = health.troubles()
+    for program in PROGRAMS:
+        answer = health.status(program)
+        trouble = troubles.get(program, "")
+        if program == "sensor" and answer is not None and trouble == _sensor(context):
+            trouble = ""  # of its samples, not of its answer
+        if answer is not None and not trouble:
+            words = f"{program} answers, version {answer.version}"
+        else:
+            words = f"{program}: {trouble or 'was not asked yet'}"
+        yield _check(
+            f"{program}.answer",
+            answer is not None and not trouble,
+            words,
+            value=None if answer is None else answer.digest,
+            limit=context.digest,
+            age_s=health.asked_age_s,
+        )
+
+
+def _ages(context: RigContext) -> Iterator[Check]:
+    """In real time, how old the newest samples are; the sensor's always, others' in a program."""
+    if context.rig.lockstep:
+        return
+    limit_s = context.health.sensor_limit_s()
+    age_s = context.observer.silent_s(Position)
+    trouble = _sensor(context)
+    words = f"sensor: {trouble}" if trouble else "the sensor's samples come"
+    yield _check("sensor.age", not trouble, words, value=age_s, limit=limit_s, unit="s")
+    for program, kind in SAMPLES.items() if is_playing(context) else ():
+        age_s = context.observer.silent_s(kind)
+        ok = age_s is not None and age_s <= limit_s
+        words = f"the {program}'s samples come"
+        if age_s is None:
+            words = f"{program}: no sample has come yet"
+        elif not ok:
+            words = f"{program}: silent for {1e3 * age_s:.0f} ms, limit {1e3 * limit_s:.0f} ms"
+        yield _check(
+            f"{program}.age", ok, words, needed=False, value=age_s, limit=limit_s, unit="s"
+        )
+
+
+def _sensor(context: RigContext) -> str:
+    return "" if context.rig.lockstep else context.health.sensor_trouble()
+
+
+def _latch(context: RigContext) -> Check:
+    """Return a latched actuator is well, and waits for a person."""
+    latched = context.health.latched()
+    state = context.health.state
+    words = "no latch to clear"
+    if latched is not None:
+        words = f"actuator latched ({context.trip_words(latched)})"
+    elif state == "switched_on":
+        words = "actuator at its safe voltage since it was switched on; the first job clears this"
+    return _check(
+        "actuator.latch",
+        latched is None,
+        words,
+        needed=False,
+        value=state if latched is None else context.health.latch().shown,
+        limit="clear",
+    )
+
+
+def _disk(context: RigContext) -> Check:
+    free_MB, limit_MB = free_space_MB(context.records), context.rig.recorder.min_free_MB
+    ok = free_MB is None or free_MB >= limit_MB
+    shown = "room is not known" if free_MB is None else f"{free_MB:.0f} MB free"
+    words = f"disk of {context.records}: {shown}, limit {limit_MB:g} MB"
+    return _check("disk", ok, words, needed=False, value=free_MB, limit=limit_MB, unit="MB")
+
+
+def _recorder(context: RigContext) -> Check:
+    answer = context.health.status("recorder")
+    lost = None if answer is None else answer.missed
+    words = "recorder does not answer"
+    if answer is not None:
+        # The status states how many messages were lost, unless there were none.
+        none = "" if lost else "; no message was lost"
+        words = f"recorder: {status_text(answer) or 'idle'}{none}"
+    return _check(
+        "recorder.lost", lost == 0, words, needed=False, value=lost, limit=0, unit="messages"
+    )
+
+
+def _refused(context: RigContext) -> Check:
+    """Whether a program, this supervisor included, has refused messages in the last minute."""
+    found = [
+        (program, one)
+        for program in (*PROGRAMS, SIMULATION)
+        for one in context.health.findings(program, FaultCode.MESSAGES_REFUSED)
+    ]
+    if (own := context.bus.refused.finding()) is not None:
+        found.append(("supervisor", own))
+    words = "; ".join(f"{program}: {fault_text(one)}" for program, one in found)
+    return _check(
+        "bus.refused",
+        not found,
+        words or "no message was refused in the last minute",
+        needed=False,
+        value=len(found),
+        limit=0,
+        unit="programs",
+    )
+
+
+def _memory(context: RigContext) -> Check:
+    """Return whether the estimator has followed all that the arm remembers."""
+    answer = context.health.status("estimator")
+    unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
+    words = "the arm's memory is known" if answer is not None else "estimator does not answer"
+    return _check(
+        "estimator.memory",
+        answer is not None and not unknown,
+        "; ".join(map(fault_text, unknown)) or words,
+        needed=False,
+        value="unknown" if unknown or answer is None else "known",
+        limit="known",
+    )
+
+
+def _stroke(context: RigContext) -> Check:
+    """Return the check that the stroke of the arm is that of its calibration."""
+    found = context.health.findings("estimator", FaultCode.MODEL_MISMATCH)
+    words = "no change of the arm's stroke was found"
+    return _finding("estimator.stroke", found, words, "change_percent", "limit_percent", "%")
+
+
+def _forces(context: RigContext) -> Iterator[Check]:
+    """Of two arms, whether both forces on a held part agree."""
+    if context.rig.second is not None:
+        found = context.health.findings("estimator", FaultCode.FORCES_DISAGREE)
+        words = "the forces of both arms agree"
+        yield _finding("estimator.forces", found, words, "difference_mN", "uncertainty_mN", "mN")
+
+
+def _finding(
+    name: str, found: Sequence[Fault], words: str, value: str, limit: str, unit: str
+) -> Check:
+    """Return a check that fails by a finding, with two of the finding's values."""
+    told = {one.name: one.value for one in found[0].values} if found else {}
+    return _check(
+        name,
+        not found,
+        fault_text(found[0]) if found else words,
+        needed=False,
+        value=told.get(value),
+        limit=told.get(limit),
+        unit=unit,
+    )
+
+
+def _lease(context: RigContext, active: ActiveJob | None) -> Check:
+    renewal = None if active is None else active.renewal
+    if renewal is None:
+        limit_s = context.rig.safety.lease_s if not context.rig.lockstep else 0.0
+        return _check("lease", True, "no program plays under a lease", limit=limit_s, unit="s")
+    age_s, limit_s = renewal.age_s, renewal.lease.length_s
+    words = f"lease renewed {age_s:.1f} s ago, limit {limit_s:g} s"
+    return _check("lease", age_s <= limit_s, words, value=age_s, limit=limit_s, unit="s")
+
+
+def _model(context: RigContext) -> Iterator[Check]:
+    warnings = context.model.warnings(datetime.now(UTC))
+    words = "; ".join(warnings) or "no calibration is due"
+    yield _check("model.due", not warnings, words, needed=False, value=len(warnings), limit=0)
+    if context.model.trouble:
+        yield _check("model", False, context.model.trouble)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition that raises an alarm for as long as it lasts."""
+
+    cause: str
+    words: str
+    severity: Severity = "alarm"
+
+
+def conditions(context: RigContext) -> Iterator[Condition]:
+    """Yield all present conditions of a rig that raise an alarm."""
+    gone = context.observer.gone(TOKENS)
+    for program in gone:
+        yield Condition(f"program.{program}", f"{program} has gone: killed, hung or cut off")
+    if "sensor" not in gone:
+        yield from _sensor_conditions(context)
+    disk = _disk(context)
+    if not disk.ok:
+        yield Condition(disk.name, disk.words, "warning")
+    for check in of_supervisor(context.store):
+        if not check.ok:
+            yield Condition(check.name, check.words)
+    for stepped in context.health.findings("recorder", FaultCode.CLOCK_STEPPED):
+        yield Condition(CLOCK, fault_text(stepped))
+
+
+def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
+    observer = context.observer
+    estimate = observer.newest(Estimate)
+    age_s = observer.age_s(Estimate)
+    fresh = age_s is not None and age_s < FRESH_S
+    fault = estimate.fault if estimate is not None and fresh else None
+    if fault is not None and fault.code is FaultCode.SENSOR_STUCK:
+        yield Condition("sensor.stuck", fault_text(fault))
+    elif not context.rig.lockstep and observer.age_s(Position) is not None:
+        trouble = context.health.sensor_trouble()
+        if trouble:
+            yield Condition("sensor", f"sensor {trouble}")
+
+
+def free_space_MB(folder: Path) -> float | None:
+    """Room in MB on the disk of a folder, which may not be there yet; None where nobody knows."""
+    for place in (folder, *folder.parents):
+        if place.exists():
+            try:
+                return shutil.disk_usage(place).free / MB
+            except OSError:
+                return None
+    return None
+
+
+LOOK_S, ASK_S = 0.25, 2.0
+"""Between two looks, and between two questions to the programs of a rig in real time."""
+IDLE_S = 10.0
+"""Time without a job at rest after which the sensor is asked to sample seldom."""
+JOIN_S = 2.0
+REFUSED, REFUSED_S = 5, 1.0
+"""Number of refused commands, and the time, beyond which they are no accident of an arming."""
+MISSED_SHARE, MISSED_S = 0.01, 10.0
+"""Share of the ticks that may be missed within a while."""
+FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
+"""Refusals that say that the command was another controller's."""
+AFTER_A_LOSS = (
+    "the job's result is complete, its record is not, and record_detail states what is missing: "
+    "see what else uses disk and processors, and repeat the job where the record is needed"
+)
+
+
+@dataclass(slots=True)
+class GrowthDetector:
+    """Detects growth of a counter beyond a limit; a smaller value is a restart."""
+
+    limit: int
+    """Growth within ``window_s`` at which it is reported."""
+    window_s: float
+    _last: int | None = None
+    _since_s: float = 0.0
+    _grown: int = 0
+
+    def update(self, value: int, now_s: float) -> int:
+        """Take a value; returns the growth once it has reached the limit, else 0."""
+        last, self._last = self._last, value
+        if last is None or value < last:
+            self._since_s, self._grown = now_s, 0
+            return 0
+        if now_s - self._since_s > self.window_s:
+            self._since_s, self._grown = now_s, 0
+        self._grown += value - last
+        if self._grown < self.limit:
+            return 0
+        grown, self._grown, self._since_s = self._grown, 0, now_s
+        return grown
+
+
+class AlarmMonitor:
+    """Raises and clears alarms by what is known; asks the programs only rarely."""
+
+    def __init__(self, context: RigContext, active: Callable[[], ActiveJob | None]) -> None:
+        self._context, self._active = context, active
+        self._conditions: dict[str, Condition] = {}
+        self._known = False
+        """Whether what an earlier supervisor has left standing was looked up."""
+        self._tripped = False
+        self._asked_s = self._busy_s = float("-inf")
+        missed = max(1, round(MISSED_SHARE * MISSED_S / context.rig.rig.period_s))
+        self._refused = GrowthDetector(REFUSED, REFUSED_S)
+        self._missed = GrowthDetector(missed, MISSED_S)
+        self._lost = GrowthDetector(1, REFUSED_S)
+        self._repeated = RepeatedAction(f"alarms-{context.rig.rig.name}", LOOK_S, self.poll)
+
+    def start(self) -> None:
+        """Poll in a thread from here on."""
+        self._repeated.start()
+
+    def close(self) -> None:
+        """Stop polling."""
+        self._repeated.close(JOIN_S)
+
+    def poll(self) -> None:
+        """Compare what is with what was, once."""
+        context = self._context
+        if context.write_queue.flush() and context.store.trouble:
+            context.store.probe()
+        self._poll_trip()
+        self._poll_conditions()
+        self._poll_refusals()
+        if not context.rig.lockstep:  # where programs may take as long as they like
+            self._ask()
+
+    def _poll_trip(self) -> None:
+        context = self._context
+        trip = context.observer.trips.newest
+        if trip is None or trip.reason.cause == Cause.BOOT:
+            if self._tripped:
+                self._tripped = False
+                context.alarms.reset()
+            return
+        self._tripped = True
+        live = self._active()
+        job = live.id if live is not None and live.epoch == trip.epoch else None
+        context.alarms.raise_trip(trip.reason, context.trip_words(trip.reason), job)
+
+    def _poll_conditions(self) -> None:
+        alarms = self._context.alarms
+        found = {one.cause: one for one in conditions(self._context)}
+        for cause, one in found.items():
+            if cause not in self._conditions:
+                alarms.raise_alarm(cause, one.words, severity=one.severity, job=self._job())
+        for cause, one in self._previous_conditions().items():
+            if cause not in found:
+                alarms.clear(cause, f"over: {one.words}")
+        self._conditions = found
+
+    def _previous_conditions(self) -> dict[str, Condition]:
+        """Return what stood at the last look; at the first, what an earlier supervisor has left."""
+        if self._known:
+            return self._conditions
+        try:
+            rows = self._context.alarms.open_conditions()
+        except StoreError:
+            return self._conditions
+        self._known = True
+        left = {row.cause: Condition(row.cause, row.words) for row in rows}
+        return {**left, **self._conditions}
+
+    def _poll_refusals(self) -> None:
+        applied = self._context.observer.newest(Applied)
+        if applied is None:
+            return
+        count = self._refused.update(applied.refused, self._context.clock())
+        if not count:
+            return
+        self._context.health.refresh(force=True)
+        status = self._context.health.status("actuator")
+        foreign = status is not None and any(one.code in FOREIGN for one in status.findings)
+        cause = "controller.second" if foreign else "actuator.refused"
+        detail = "" if status is None else status_text(status)
+        words = f"actuator refused {count} commands, limit {REFUSED} in {REFUSED_S:g} s; {detail}"
+        self._raise_transient(cause, words)
+
+    def _ask(self) -> None:
+        """Ask the programs for what they have counted."""
+        context = self._context
+        now_s = context.clock()
+        if now_s - self._asked_s < ASK_S:
+            return
+        self._asked_s = now_s
+        context.health.refresh()
+        self._let_idle(now_s)
+        sensor, recorder = context.health.status("sensor"), context.health.status("recorder")
+        if sensor is not None and (missed := self._missed.update(sensor.missed, now_s)):
+            limit = f"{100.0 * MISSED_SHARE:g} % of the ticks in {MISSED_S:g} s"
+            self._raise_transient("ticks.missed", f"sensor missed {missed} ticks, limit {limit}")
+        if recorder is not None and (lost := self._lost.update(recorder.missed, now_s)):
+            self._raise_transient(
+                "recorder.lost",
+                f"recorder lost {lost} messages: {status_text(recorder)}; {AFTER_A_LOSS}",
+            )
+
+    def _let_idle(self, now_s: float) -> None:
+        """Let the sensor sample seldom once the rig has had no job for a while."""
+        actuator = self._context.health.status("actuator")
+        at_rest = actuator is not None and actuator.mode in AT_REST
+        if not at_rest or self._active() is not None or self._busy_s == float("-inf"):
+            self._busy_s = now_s
+        elif now_s - self._busy_s >= IDLE_S:
+            self._context.health.let_sample_seldom()
+
+    def _raise_transient(self, cause: str, words: str) -> None:
+        self._context.alarms.raise_alarm(
+            cause, words, severity="warning", clears="acknowledge", job=self._job()
+        )
+
+    def _job(self) -> str | None:
+        live = self._active()
+        return None if live is None else live.id

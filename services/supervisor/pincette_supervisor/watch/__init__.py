@@ -1,1 +1,0 @@
-"""Watches a rig: its checks, and the alarms that follow from them."""
