@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 from pincette.engine import log_files
 from pincette.records import mcap_file
 from pincette_recorder import intake, retention
-from pincette_supervisor import metrics, problems
-from pincette_supervisor.journal import access_rows, alarm_rows, events, library, store
+from pincette_supervisor import metrics, model, plugin, problems
+from pincette_supervisor.journal import access, events, library, store
 from pincette_supervisor.kinds import track
-from pincette_supervisor.model import rig_model
 from pincette_supervisor.planning import dry_run, recorded_jobs
-from pincette_supervisor.plugin import model_in_use, planned
+from pincette_supervisor.plugin import model_in_use
 from pincette_supervisor.rest import api, limits, middleware, routes_events, server, strict_route
 from pincette_supervisor.results import history, job_table, run_samples
 from pincette_supervisor.rigs import live, observer
@@ -137,9 +136,9 @@ def _requests() -> Rows:
 def _kept() -> Rows:
     return (
         ("events", f"at least {store.EVENTS_KEPT}", "the oldest go; `oldest` names the first left"),
-        ("alarms", f"at least {alarm_rows.KEPT}", "the oldest go"),
-        ("audit entries", f"at least {access_rows.AUDIT_KEPT}", "the oldest go"),
-        ("signed-in pages", str(access_rows.SESSIONS_MAX), "the one used longest ago signs out"),
+        ("alarms", f"at least {events.ALARMS_KEPT}", "the oldest go"),
+        ("audit entries", f"at least {access.AUDIT_KEPT}", "the oldest go"),
+        ("signed-in pages", str(access.SESSIONS_MAX), "the one used longest ago signs out"),
         (
             "recipes, and versions of one",
             f"{library.RECIPES_MAX}, {library.VERSIONS_MAX}",
@@ -148,7 +147,7 @@ def _kept() -> Rows:
         ("trajectories", str(library.TRAJECTORIES_MAX), "the oldest go, and their digest is 404"),
         ("programs that have learned, of a rig", str(library.LEARNED_MAX), "the oldest go"),
         ("residual tables of a model", str(model_in_use.MOST_TABLES), "the oldest go"),
-        ("changes of instruments", str(rig_model.KEPT_CHANGES), "the oldest go"),
+        ("changes of instruments", str(model.KEPT_CHANGES), "the oldest go"),
         (
             "log file of a program",
             f"{log_files.FULL_BYTES / 1e6:g} MB, and {log_files.KEPT} older files",
@@ -179,14 +178,14 @@ def _records() -> Rows:
             f"{dry_run.LONGEST_S:g} s, {dry_run.LONGEST_SAMPLES} samples",
             "`cut` states why the rest was not played",
         ),
-        ("points of a plan's curve", str(planned.CURVE_POINTS), "evenly spaced"),
+        ("points of a plan's curve", str(plugin.CURVE_POINTS), "evenly spaced"),
         (
             "samples of a job for `residual`",
             str(recorded_jobs.MOST_SAMPLES),
             "422: name a job with a shorter hold",
         ),
         (
-            "different words of a column of `job export --numbers`",
+            "different words of a column of `job list --out FILE --numbers`",
             str(job_table.MOST_WORDS),
             "the column is left out, and the metadata names it",
         ),

@@ -1,4 +1,4 @@
-"""``pincette job list``, ``export``, ``describe``: jobs found again, and what is said of them."""
+"""``pincette job list`` and ``describe``: jobs found again, and what is said of them."""
 
 import json
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typer import Argument, BadParameter, Option, Typer
 from pincette.api.states import STATES
 from pincette.cli import CliError, Exit
 from pincette.cli.access import Target
-from pincette.cli.options import DATA, MOMENTS, Limit, moment, text_option
+from pincette.cli.options import DATA, MOMENTS, moment, text_option
 from pincette.cli.output_file import (
     NOT_BOTH,
     ForSpreadsheet,
@@ -18,7 +18,7 @@ from pincette.cli.output_file import (
     for_spreadsheet,
     write_output,
 )
-from pincette.cli.readers import choice
+from pincette.cli.readers import choice, integer
 from pincette.cli.results import outcome
 from pincette.cli.terminal import STATE_COLOURS, clock, command, named, patience, table
 from pincette.core.files import make_folder
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 
 FORMATS: Mapping[str, Literal["csv", "parquet"]] = {".csv": "csv", ".parquet": "parquet"}
+SHOWN = 20
+"""Number of jobs that are listed by default."""
 
 
 def label(text: str) -> tuple[str, str]:
@@ -84,12 +86,44 @@ def filters_of(target: Target, given: Mapping[str, Any]) -> dict[str, str]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def list_jobs(target: Target, limit: Limit = 20, **given: Any) -> None:
-    """List jobs, the newest first."""
+def list_jobs(
+    target: Target,
+    limit: Annotated[
+        int | None,
+        Option(
+            "--limit",
+            metavar="N",
+            parser=integer,
+            help=f"at most so many; {SHOWN} if not given, and all with --out",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Option(
+            "--out",
+            metavar="FILE",
+            help="write them as one table, with what was said and asked, and every figure: "
+            f"a name that ends in {' or '.join(FORMATS)}",
+        ),
+    ] = None,
+    spreadsheet: ForSpreadsheet = None,
+    numbers: NumbersAlone = False,
+    **given: Any,
+) -> None:
+    """List jobs, the newest first, or write them as one table."""
     from rich.markup import escape
 
     filters = filters_of(target, given)
-    jobs = [handle.job for handle in target.supervisor().jobs(limit, **filters)]
+    if out is not None:
+        most = {} if limit is None else {"limit": limit}
+        _export(target, out, spreadsheet, {**filters, **most}, numbers=numbers)
+        return
+    if numbers or spreadsheet is not None:
+        raise CliError("--numbers and --spreadsheet write a file: give --out FILE", Exit.USAGE)
+    jobs = [
+        handle.job
+        for handle in target.supervisor().jobs(SHOWN if limit is None else limit, **filters)
+    ]
     rig = ["rig"] if len({job.rig for job in jobs}) > 1 else []
     said = ["said"] if any(map(_said, jobs)) else []
     record = ["record"] if any(job.record for job in jobs) else []
@@ -112,16 +146,15 @@ def _said(job: "Job") -> str:
     return " ".join(part for part in parts if part)
 
 
-def export(
+def _export(
     target: Target,
-    out: Annotated[
-        Path, Option("--out", metavar="FILE", help="a name that ends in .csv or .parquet")
-    ] = DATA / "jobs.csv",
-    spreadsheet: ForSpreadsheet = None,
-    numbers: NumbersAlone = False,
-    **given: Any,
+    out: Path,
+    spreadsheet: str | None,
+    filters: Mapping[str, str | int],
+    *,
+    numbers: bool,
 ) -> None:
-    """Write many jobs as one table: what was said and asked, and every figure."""
+    """Write jobs as one table."""
     form = FORMATS.get(out.suffix)
     if form is None:
         raise CliError(f"{out}: give a name that ends in {' or '.join(FORMATS)}", Exit.USAGE)
@@ -129,7 +162,7 @@ def export(
         raise CliError(f"--spreadsheet writes CSV: give a name that ends in .csv, not {out}")
     if numbers and (spreadsheet is not None or form != "csv"):
         raise CliError(f"{NOT_BOTH}, with a name that ends in .csv", Exit.USAGE)
-    supervisor, filters = target.supervisor(), filters_of(target, given)
+    supervisor = target.supervisor()
     with patience("exporting"):
         content = supervisor.export("numbers.csv" if numbers else form, **filters)
         if numbers:
@@ -169,5 +202,4 @@ def describe(
 def add_to(app: Typer) -> None:
     """Add the commands below ``job``."""
     command(app, "list", FILTERS)(list_jobs)
-    command(app, "export", FILTERS)(export)
     command(app, "describe", SAID)(describe)

@@ -245,12 +245,14 @@ def test_a_record_is_brought_here(
 def test_jobs_are_exported_as_numbers(at: At, tmp_path: Path) -> None:
     out = tmp_path / "wafer.csv"
     at(httpx.Response(200, content=b"id\n1\n"), httpx.Response(200, json={"url": "export.csv"}))
-    assert main(["job", "export", "--numbers", "--out", str(out)]) == Exit.DONE
+    assert main(["job", "list", "--numbers", "--out", str(out)]) == Exit.DONE
     assert out.read_bytes() == b"id\n1\n"
     assert json.loads((tmp_path / "wafer.csv-metadata.json").read_bytes()) == {"url": "wafer.csv"}
     words = ["--numbers", "--spreadsheet", "tab"]
-    assert main(["job", "export", "--out", str(out), *words]) == Exit.USAGE
-    assert main(["job", "export", "--out", str(tmp_path / "a.parquet"), "--numbers"]) == Exit.USAGE
+    assert main(["job", "list", "--out", str(out), *words]) == Exit.USAGE
+    assert main(["job", "list", "--out", str(tmp_path / "a.parquet"), "--numbers"]) == Exit.USAGE
+    at()
+    assert main(["job", "list", "--numbers"]) == Exit.USAGE
 
 
 def test_a_recipe_is_kept(at: At, capsys: pytest.CaptureFixture[str]) -> None:
