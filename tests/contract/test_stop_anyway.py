@@ -18,6 +18,7 @@ import pytest
 from pincette.bus.endpoints import service_endpoint
 from pincette.bus.zenoh_bus import ZenohBus
 from pincette.cli import Exit
+from pincette.cli import estop as estop_command
 from pincette.cli.main import main
 from pincette.config import RigFile
 from pincette.core import rest_stop
@@ -311,6 +312,21 @@ def test_a_supervisor_that_hangs_does_not_delay_the_direct_way(
     assert done.returncode == Exit.DONE, done.stderr
     assert len(asked) == 1
     assert json.loads(done.stdout)["elapsed_ms"] < 1e3 * (monotonic() - begun_s)
+
+
+def test_a_confirmation_that_comes_late_counts(
+    actuator: tuple[RigFile, Path, list[Message]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As on a machine under heavy load, where even the rig file is read only after the limit."""
+    _, path, asked = actuator
+    monkeypatch.setattr(estop_command, "LIMIT_S", 0.01)
+    assert main(["estop", "--rig", str(path), "--json"]) == Exit.DONE
+    said = capsys.readouterr()
+    assert "not confirmed within 0.01 s: demo" in said.err
+    assert json.loads(said.out)["stopped"] == {"demo": "at the actuator"}
+    assert len(asked) >= 1
 
 
 def _with_supervisor_at(path: Path, port: int) -> None:

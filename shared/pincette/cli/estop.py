@@ -44,7 +44,9 @@ MARGIN_S, LOOK_S = 0.3, 0.02
 """Time before ``LIMIT_S`` at which a confirmation over plain HTTP is judged without the actuator's,
 and time between two looks for that."""
 ENDED_S = 4.0
-"""Limit of the wait for threads that are inside the bus; the result has been printed by then."""
+"""Limit of the further wait for ways that have not ended after ``LIMIT_S``, such as on a machine
+under heavy load, and of the wait for threads that are inside the bus once the result is printed."""
+POWER = "take the amplifier's power away unless you know that the rig is not up"
 URL = "PINCETTE_URL"
 ACTUATOR = "actuator"
 SUPERVISOR, STRAIGHT = "through the supervisor", "at the actuator"
@@ -85,6 +87,7 @@ def main(arguments: Sequence[str]) -> int:
     stop.start_past_supervisor(lambda: chosen(rig))
     try:
         stop.attempts.wait(LIMIT_S, stop.is_complete)
+        stop.wait_for_late_confirmations()
         return stop.report(as_json=given.json)
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
@@ -112,6 +115,8 @@ class EmergencyStop:
         """Whether the supervisor has stopped all rigs that it serves."""
         self.nobody_there = False
         """Whether no program listens at the actuator's port."""
+        self._limit_s = LIMIT_S
+        """Time for which the ways have been waited for."""
         self._until_s = monotonic() + LIMIT_S
         self._file_read, self._direct_ended, self._routed_ended = Event(), Event(), Event()
 
@@ -313,12 +318,26 @@ class EmergencyStop:
 
     # The result.
 
+    def wait_for_late_confirmations(self) -> None:
+        """Say at once that a rig has not confirmed, and wait for the ways that are still tried."""
+
+        def is_confirmed() -> bool:
+            return bool(self.attempts.confirmed) and not self.missing()
+
+        if is_confirmed() or not self.attempts.running:
+            return
+        who = ", ".join(self.missing()) or "any rig"
+        text = f"pincette: not confirmed within {LIMIT_S:g} s: {who}: {POWER}; still trying\n"
+        written(sys.stderr, lambda: sys.stderr.write(text))
+        self._limit_s += ENDED_S
+        self.attempts.wait(ENDED_S, is_confirmed)
+
     def report(self, *, as_json: bool) -> int:
         """Print the result, where there is a place for it, and return the exit status."""
         ways, missing = dict(self.attempts.confirmed), self.missing()
         elapsed_ms = 1e3 * since_start_s()
         failed = [f"{way}: {error}" for way, error in self.attempts.failed]
-        failed += [f"{way}: no reply within {LIMIT_S:g} s" for way in self.attempts.running]
+        failed += [f"{way}: no reply within {self._limit_s:g} s" for way in self.attempts.running]
         status = Exit.DONE if not missing and ways else Exit.FAILED if ways else Exit.NO_ANSWER
         if as_json:
             answer = {
@@ -338,8 +357,7 @@ class EmergencyStop:
             written(sys.stdout, lambda: print("\n".join(lines)) if lines else None)
         if status != Exit.DONE:
             words = [
-                f"not stopped from here: {', '.join(missing) or 'any rig'}: take the amplifier's "
-                "power away unless you know that the rig is not up"
+                f"not stopped from here: {', '.join(missing) or 'any rig'}: {POWER}"
                 + (f"; stopped: {', '.join(ways)}" if ways else ""),
                 *(f"  {one}" for one in (*failed, *self.notes)),
             ]
