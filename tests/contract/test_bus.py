@@ -26,8 +26,6 @@ from pincette_supervisor.rigs.latch import OtherRigs
 from tests.support.arms import with_arm
 from tests.support.rigs import demo_rig, free_ports
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 WAIT_S = 5.0
 ANSWER_S = 0.9
 """Below the time after which a question is given up."""

@@ -24,8 +24,6 @@ from tests.contract.test_late_answers import sensor_settings
 from tests.support.device_servers import ser2net, socat
 from tests.support.rigs import demo_rig
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 X_UM = 12.34
 
 
@@ -142,6 +140,7 @@ def test_an_answer_to_an_earlier_client_is_no_answer(laser: Wire) -> None:
             peer.close()
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("banner", "at_once", "timeout_s"), [(b"\r\n", False, 1.0), (b"login: ", True, 0.2)]
 )
@@ -203,6 +202,7 @@ MOST_MORE_S = 1.5e-3
 """Longest time that a device server may add to a reading, in s."""
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("server", ["ser2net", "socat"])
 def test_a_reading_behind_a_server_costs_little_more(server: str, tmp_path: Path) -> None:
     """At 9600 baud the bytes come one by one; the same terminal directly is measured in turns."""

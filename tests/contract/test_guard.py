@@ -37,8 +37,6 @@ from tests.support.certificates import folder_for
 from tests.support.doors import OPENS_S, ROUTER, TOOL, Door, joining
 from tests.support.rigs import free_ports
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 MANY = 400
 FAILED, FAILED_S = 20, 0.1
 """Failed handshakes, and the time for which Zenoh sleeps after each."""
@@ -59,6 +57,7 @@ def door(request: pytest.FixtureRequest, folder: Folder) -> Generator[Door]:
     made.router.close()
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("words", "stay"),
     [
@@ -110,6 +109,7 @@ def test_links_that_are_up_continue_and_are_ended_with_their_own_end(door: Door)
         sleep(0.01)
 
 
+@pytest.mark.usefixtures("stalls")
 def test_a_newcomer_needs_no_room_on_any_disk(
     folder: Folder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -240,6 +240,7 @@ def test_a_port_that_is_in_use_is_reported_with_the_remedy(door: Door) -> None:
         open_session(door.listens, "second router")
 
 
+@pytest.mark.usefixtures("stalls")
 def test_zenoh_alone_does_not_bear_failed_handshakes(folder: Folder) -> None:
     """The reason for the guard with TLS (zenoh issue 2685); remove the guard once this fails."""
     port = free_ports(1)

@@ -18,8 +18,6 @@ from pincette.security.identity import Credentials, program
 from tests.support.certificates import NOW, folder_for
 from tests.support.rigs import free_ports
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 ROUTER = program("router", "")
 TOOL = program("supervisor", "")
 

@@ -20,8 +20,6 @@ from tests.contract.test_late_answers import sensor_settings
 from tests.contract.test_measured_exchanges import bench
 from tests.support.device_servers import DeviceServer, ser2net, socat
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 READINGS = 40
 Start = Callable[..., AbstractContextManager[DeviceServer]]
 LENGTHS = ((3, 9), (6, 15))
@@ -114,6 +112,7 @@ def is_default(held_s: float) -> bool:
     return DEFAULT_HELD_S <= held_s < NEXT_HELD_S
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("baud", [9600, 115200])
 def test_the_default_of_ser2net_is_recognised_at_any_rate(baud: int, tmp_path: Path) -> None:
     hop = measured(tmp_path, "ser2net", "", baud, baud)
@@ -123,6 +122,7 @@ def test_the_default_of_ser2net_is_recognised_at_any_rate(baud: int, tmp_path: P
     assert "chardelay: false" in found.remedy
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("options", "held_s", "baud"),
     [
@@ -138,6 +138,7 @@ def test_another_delay_of_ser2net_is_measured(
     assert hop.line_baud == 0
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("server", "options", "thinks_s", "baud"),
     [("ser2net", "chardelay: false", 0.003, 9600), ("socat", "", 0.0, 38400)],
@@ -148,11 +149,13 @@ def test_a_server_that_forwards_at_once_is_not_mistaken_for_one_that_waits(
     assert measured(tmp_path, server, options, baud, baud, thinks_s) == Hop()
 
 
+@pytest.mark.usefixtures("stalls")
 def test_a_line_that_is_slower_than_the_rig_file_states_is_named(tmp_path: Path) -> None:
     hop = measured(tmp_path, "ser2net", "chardelay: false", 115200, 9600)
     assert hop == Hop(line_baud=9600)
 
 
+@pytest.mark.usefixtures("stalls")
 def test_a_slow_line_behind_a_server_that_waits_is_no_default(tmp_path: Path) -> None:
     hop = measured(tmp_path, "ser2net", "", 115200, 9600)
     assert hop.held_s > 0.015
@@ -160,6 +163,7 @@ def test_a_slow_line_behind_a_server_that_waits_is_no_default(tmp_path: Path) ->
     assert "options.baud" in found.remedy
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("options", ["", "chardelay: false"])
 def test_doctor_names_the_server_that_holds_answers_back(options: str, tmp_path: Path) -> None:
     with ExitStack() as running:

@@ -21,8 +21,6 @@ from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import serve
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 Script = Callable[[list[bytes | None]], str]
 
 
@@ -31,7 +29,7 @@ def _solicited(line: bytes) -> bool:
 
 
 @contextmanager
-def opened(url: str, timeout_s: float = 0.2, **more: Any) -> Generator[Link]:
+def opened(url: str, timeout_s: float = 0.5, **more: Any) -> Generator[Link]:
     link = open_link(url, baud=115200, timeout_s=timeout_s, accept=_solicited, **more)
     try:
         yield link
@@ -59,7 +57,7 @@ def test_what_follows_the_answer_is_not_mistaken_for_the_next(script: Script) ->
 def test_a_partial_answer_is_an_error_and_the_next_exchange_is_clean(script: Script) -> None:
     url = script([b"MS,01,+00", b"ER,R0,01\r", b"MS,01,+0002.00\r"])
     with opened(url, answers=answers, probes=(b"R0",)) as link:
-        with pytest.raises(InstrumentError, match=r"only b'MS,01,\+00' within 0\.2 s") as caught:
+        with pytest.raises(InstrumentError, match=r"only b'MS,01,\+00' within 0\.5 s") as caught:
             link.exchange(b"MS,01")
         assert str(caught.value).startswith(url)
         assert caught.value.code == "garbled"

@@ -21,8 +21,6 @@ from tests.support.doors import OPENS_S, Door
 from tests.support.rigs import free_ports
 from tests.support.router_process import router_process
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 WITHIN_S = 5.0
 ROUND = 1000
 MOST_FILES, SETTLED_S = 600, 5.0
@@ -88,6 +86,7 @@ def said(words: str, first_message: bytes) -> bytes:
     }[words]
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("words", "stay"),
     [("silent", True), ("garbage", False), ("half", True), ("whole", False)],
@@ -121,6 +120,7 @@ def test_a_flood_of_strangers_delays_no_link(
     until(lambda: descriptors(process) <= before + 5, 30.0)
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize(
     ("stopped_s", "stay"),
     [
@@ -172,6 +172,7 @@ def test_an_accepted_connection_has_no_linger_time() -> None:
         until(lambda: lingers() == [False], SILENT_S)
 
 
+@pytest.mark.usefixtures("stalls")
 def test_links_are_left_alone_however_many_strangers_come(first_message: bytes) -> None:
     """Established links are older than all strangers, and not silent."""
     door = Door(None)
@@ -184,6 +185,7 @@ def test_links_are_left_alone_however_many_strangers_come(first_message: bytes) 
             assert all(len(one.info.links()) == 1 for one in links)
 
 
+@pytest.mark.usefixtures("stalls")
 def test_a_crowd_of_one_address_costs_only_that_address() -> None:
     """The newest of the crowd and the single connection of another address stay."""
     port = free_ports(1)

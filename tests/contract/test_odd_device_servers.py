@@ -32,10 +32,8 @@ from pincette.sim.instruments.keyence import SimulatedKeyence
 from pincette.sim.wires.wire import Wire, serve
 from tests.contract.test_device_servers import X_UM, laser, open_sensor, refusal
 from tests.contract.test_late_answers import output_settings
-from tests.support.device_servers import free_port, program, ser2net
-from tests.support.rigs import demo_rig
-
-pytestmark = pytest.mark.usefixtures("stalls")
+from tests.support.device_servers import program, ser2net
+from tests.support.rigs import demo_rig, free_ports
 
 __all__ = ["laser"]
 
@@ -67,7 +65,9 @@ def connect(port: int) -> socket.socket:
 
 def finding(url: str) -> Finding:
     """Return what doctor reports about a sensor that does not open."""
-    found = opened_device(loop_services()["sensor"], demo_rig({"sensor": {"url": url}}))
+    found = opened_device(
+        loop_services()["sensor"], demo_rig({"sensor": {"url": url, "timeout_s": 1.0}})
+    )
     assert isinstance(found, Finding)
     return found
 
@@ -124,7 +124,7 @@ def test_doctor_does_not_suspect_the_cable_of_a_port_that_is_taken(
 
 
 def test_doctor_does_not_suspect_the_cable_of_a_host_name_or_a_port_without_a_server() -> None:
-    for url in ("socket://laser.invalid:4001", f"socket://127.0.0.1:{free_port()}"):
+    for url in ("socket://laser.invalid:4001", f"socket://127.0.0.1:{free_ports(1)}"):
         assert "cable" not in finding(url).remedy
 
 
@@ -140,7 +140,7 @@ def test_doctor_suspects_the_baud_rate_of_a_server_behind_which_nothing_answers(
 
 def test_doctor_names_the_laser_at_the_address_of_the_output() -> None:
     with serve("socket://127.0.0.1:0", SimulatedKeyence(lambda: X_UM)) as wire:
-        changes = {"output": {"url": wire.url, "timeout_s": 0.2}}
+        changes = {"output": {"url": wire.url, "timeout_s": 0.5}}
         found = opened_device(loop_services()["actuator"], demo_rig(changes))
     assert isinstance(found, Finding)
     assert "Keyence laser answers" in found.remedy
@@ -269,6 +269,7 @@ def test_an_idle_timeout_of_the_server_costs_no_arming(tmp_path: Path) -> None:
         assert counts.reopened == 1
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("watchdog_s", [0.0, 0.5])
 def test_an_output_whose_client_is_replaced_works_on(watchdog_s: float, tmp_path: Path) -> None:
     """The second client goes at once, as a look with a terminal program does."""
@@ -333,6 +334,7 @@ def second_client(port: int) -> Generator[None]:
         thread.join()
 
 
+@pytest.mark.usefixtures("stalls")
 def test_readings_beside_a_second_client_are_new_ones_and_doctor_suspects_it(
     tmp_path: Path,
 ) -> None:

@@ -13,8 +13,6 @@ import pytest
 from pincette.bus.own_sockets import StallWatch, limit_buffer
 from pincette.bus.relay import MOST_WAITING, Relay
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 MEGABYTES = 4
 LEASE_S = 0.5
 SLACK_S = 5.0

@@ -32,8 +32,6 @@ from tests.support.doors import Door
 from tests.support.rigs import free_ports
 from tests.support.stalled_reader import KEY
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 ROOT = Path(__file__).parents[2]
 LEASE_S = 0.5
 SLACK_S = 5.0

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import socket
 import subprocess
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -11,6 +10,8 @@ from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
+
+from tests.support.rigs import free_ports
 
 START_S = 20.0
 LISTENING = ("0A", "07")
@@ -58,7 +59,7 @@ def ser2net(
     port: int = 0,
 ) -> Generator[DeviceServer]:
     """Start ser2net; ``options`` and ``more`` are lines of its connection's YAML."""
-    port = port or free_port()
+    port = port or free_ports(1)
     lines = "".join(f"    {line}\n" for line in options.splitlines())
     (folder / "ser2net.yaml").write_text(
         "%YAML 1.1\n---\nconnection: &instrument\n"
@@ -80,18 +81,11 @@ def socat(device: str, folder: Path, *, options: str = "") -> Generator[DeviceSe
     ``-t0``, since it would otherwise read on for half a second after its client has hung up, and
     take the answers to the next one.
     """
-    port = free_port()
+    port = free_ports(1)
     listen = f"TCP-LISTEN:{port},bind=127.0.0.1,reuseaddr,fork,max-children=1{options}"
     command = [program("socat"), "-t0", listen, f"FILE:{device},raw,echo=0"]
     with _running(command, folder, port) as server:
         yield server
-
-
-def free_port() -> int:
-    """Return a TCP port that nobody listens at."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @contextmanager

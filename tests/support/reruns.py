@@ -1,11 +1,11 @@
 """A test of real time that overlaps a stall of the machine is run once more, and the run says so.
 
-A test goes by this where it, or its module, asks for the fixture ``stalls``. Its failure is made
+A test goes by this where it asks for the fixture ``stalls``. Its failure is made
 good by a second run where the machine stood still, for as long as trips a rig, within the window in
 which the failed assertion measured: what is open of ``with measured():``, or was closed last, or
 else the whole phase. There are at most ``LIMIT`` of these in a session, whatever the number of its
 processes, and one for each test. What uses a browser or the commands of README.md is never rerun.
-All tests of a file in which one may be rerun have the mark ``real_time``: they run by themselves.
+Tests that may be rerun have the mark ``real_time``: they run by themselves.
 """
 
 import fcntl
@@ -70,10 +70,9 @@ def keeps_time(item: pytest.Item) -> TypeGuard[pytest.Function]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark all tests of a file in which one goes by the clock, so that they run by themselves."""
-    timed = {item.path for item in items if keeps_time(item)}
+    """Mark the tests that go by the clock, so that they run by themselves."""
     for item in items:
-        if item.path in timed:
+        if keeps_time(item):
             item.add_marker("real_time")
 
 

@@ -33,8 +33,6 @@ from tests.support.running import running_rig
 from tests.support.served import connected, served
 from tests.unit.supervisor.harness import Harness
 
-pytestmark = pytest.mark.usefixtures("stalls")
-
 ROOT = Path(__file__).resolve().parents[2]
 ESTOP_S = 0.5
 STRANGERS = 400
@@ -96,6 +94,7 @@ def test_keys_hold_and_who_has_no_part_of_the_authority_is_reported(
         assert (told.status_code, "https://" in told.text) == (400, True)
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("secure", [True], ids=["tls"])
 def test_the_health_of_a_container_is_asked_for_either_way(
     desk: Harness, context: ssl.SSLContext, secure: bool
@@ -133,6 +132,7 @@ def test_a_session_over_tls_has_a_cookie_that_goes_over_tls_alone(
         assert client.get("/").is_success
 
 
+@pytest.mark.usefixtures("stalls")
 @pytest.mark.parametrize("words", [TLS_HELLO_BEGUN, b"GET / HTTP/1.1\r\n\r\n"])
 def test_strangers_without_a_handshake_keep_nobody_out(
     desk: Harness,
