@@ -3,6 +3,8 @@
 import gc
 import os
 from collections.abc import Generator
+from pathlib import Path
+from time import monotonic, sleep
 
 import pytest
 from hypothesis import settings
@@ -10,21 +12,36 @@ from hypothesis import settings
 pytest_plugins = ["tests.support.selection", "tests.support.reruns"]
 
 # A busy machine may need any time for one example; what needs more examples says so itself.
-settings.register_profile("few", deadline=None, max_examples=40)
+settings.register_profile("few", deadline=None, max_examples=25)
 settings.load_profile("few")
 
 # There is a worker for each core: a further thread of OpenBLAS would only wait for its turn.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+COMPILES_S = 180.0
+"""Longest time that workers wait for the first one."""
+
+
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None, object, object]:
-    """Import the tests without collections of garbage, which took a quarter of that time."""
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
+    """Import the tests without collections of garbage, which took a quarter of that time.
+
+    The first worker of xdist does so before the others, which read what Python has compiled for it.
+    In a fresh checkout, each would compile every module otherwise.
+    """
+    worker: str = getattr(session.config, "workerinput", {}).get("workerid", "")
+    collected = Path(session.config.option.basetemp or "").parent / "collected"
+    until_s = monotonic() + COMPILES_S
+    while worker not in ("", "gw0") and not collected.exists() and monotonic() < until_s:
+        sleep(0.05)
     gc.disable()
     try:
         return (yield)
     finally:
         gc.enable()
+        if worker == "gw0":
+            collected.touch()
 
 
 def pytest_collection_finish() -> None:

@@ -1,4 +1,8 @@
-"""What the tests of real processes share: a rig that is up, a witness, and a place for figures."""
+"""What the tests of real processes share: a rig that is up, a witness, and a place for figures.
+
+pytest reads this file before it starts its workers, so the supervisor and the browser's driver are
+imported by the fixtures that need them.
+"""
 
 import gc
 import os
@@ -6,18 +10,21 @@ import signal
 import sys
 from collections.abc import Generator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ViewportSize
 
 from pincette.config.reading import laid_over
 from pincette.engine.realtime.gc_tuning import disable_gc
-from tests.support.browser import DESK, open_browser
 from tests.support.grips import SHORT
 from tests.support.rigs import demo_rig, paced_rig
 from tests.support.running import RunningRig, running_rig
 from tests.support.witness import Witness, witness
-from tests.unit.supervisor.harness import Harness
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, BrowserContext
+
+    from tests.unit.supervisor.harness import Harness
 
 SHARED = laid_over(SHORT, {"grip": {"hold_s": 2.0}})
 FIGURES = pytest.StashKey[list[str]]()
@@ -30,8 +37,10 @@ def figures(pytestconfig: pytest.Config) -> list[str]:
 
 
 @pytest.fixture
-def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
+def desk(browser: "Browser", tmp_path: Path) -> "Generator[Harness]":
     """A supervisor of a canned rig; it comes after the browser, without which it is not needed."""
+    from tests.unit.supervisor.harness import Harness
+
     assert browser.is_connected()
     desk = Harness(demo_rig(time="lockstep"), tmp_path)
     yield desk
@@ -39,7 +48,11 @@ def desk(browser: Browser, tmp_path: Path) -> Generator[Harness]:
 
 
 @pytest.fixture
-def context(browser: Browser) -> Generator[BrowserContext]:
+def context(browser: "Browser") -> "Generator[BrowserContext]":
+    from playwright.sync_api import ViewportSize
+
+    from tests.support.browser import DESK
+
     opened = browser.new_context(viewport=ViewportSize(**DESK), color_scheme="light")
     yield opened
     opened.close()
@@ -106,6 +119,8 @@ def seen(rig: RunningRig) -> Generator[Witness]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Generator[Browser]:
+def browser() -> "Generator[Browser]":
+    from tests.support.browser import open_browser
+
     with open_browser() as opened:
         yield opened
