@@ -57,7 +57,6 @@ TRUE = Command(
 )
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/secure/subscribe.py"
 ESTIMATED = EXAMPLES["estimator"]
-CANNOT_COMMAND = ("viewer", "operator", "demo/sensor", "right/controller", "supervisor")
 PUTS = ("{rig}/command", "{rig}/*", "*/command", "**", "{rig}/**")
 REQUESTS: tuple[tuple[Request, Message], ...] = (
     (TRIP, Trip(Cause.ESTOP)),

@@ -6,7 +6,6 @@ time is virtual.
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from math import inf
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -16,8 +15,8 @@ from pydantic import TypeAdapter
 from pincette.api.jobs import Job
 from pincette.api.requests import JobRequest
 from pincette.config import RigFile
-from pincette.core.messages import Estimate, GroundTruth, Message, Telemetry
-from pincette.core.topics import ESTIMATE, TELEMETRY, Topic
+from pincette.core.messages import GroundTruth, Message, Telemetry
+from pincette.core.topics import TELEMETRY, Topic
 from pincette.engine import composed
 from pincette.engine.runner import Runner
 from pincette.sim.bench import open_bench
@@ -30,8 +29,6 @@ LONGEST_TICKS = 6000
 COMPUTES_S = 300.0
 """Longest wall-clock time that a job's thread computes on a loaded machine."""
 SETTLE_TICKS = 50
-INSTANCES = 100
-"""Numbers of instances between two starts, for programs that are replaced alone."""
 
 
 class LastingRig:
@@ -40,11 +37,7 @@ class LastingRig:
     def __init__(self, rig: RigFile, data: Path) -> None:
         self.data = data
         self.truth: GroundTruth | None = None
-        self.estimate: Estimate | None = None
-        """Newest estimate, until its tick has ended."""
         self.view: Telemetry | None = None
-        self.compared: list[tuple[Estimate, GroundTruth]] = []
-        """Estimates since the newest job began, each with what was true at its sample."""
         self.peak_mN = 0.0
         """Largest true force since the newest job began."""
         self.bench = open_bench(rig, lambda: 0.0, self._tell)
@@ -55,11 +48,9 @@ class LastingRig:
         """Start all programs, with a rig file."""
         self.rig = rig
         self._starts += 1
-        self._runners: dict[str, tuple[Runner, tuple[Any, ...], dict[str, Any]]] = {}
         with patch.object(composed, "Runner", self._runner):
             self.virtual = VirtualRig(rig, self.data, self.bench)
-        for topic in (ESTIMATE, TELEMETRY):
-            self.virtual.bus.subscribe(topic, self._hear)
+        self.virtual.bus.subscribe(TELEMETRY, self._hear)
         self.office = Office(self.virtual, self.data)
         self.office.steps.guard_s = COMPUTES_S
         self.office.health.reset()
@@ -74,35 +65,21 @@ class LastingRig:
         self.end()
         self.start(rig or self.rig)
 
-    def restart_program(self, name: str) -> None:
-        """Replace one program by a new one, as after its end."""
-        runner, args, named = self._runners[name]
-        runner.__init__(*args, **{**named, "instance": runner.instance + 1})  # type: ignore[misc]
-
     def _runner(self, *args: Any, **named: Any) -> Runner:
-        named = {"instance": self._starts * INSTANCES, **named}
-        runner = Runner(*args, **named)
-        self._runners[runner.service.name] = runner, args, named
-        return runner
+        return Runner(*args, **{"instance": self._starts, **named})
 
     def _tell(self, truth: GroundTruth) -> None:
         self.truth = truth
         self.peak_mN = max(self.peak_mN, truth.arms[0].force_mN)
-        if self.estimate is not None:
-            self.compared.append((self.estimate, self.truth))
-            self.estimate = None
 
     def _hear(self, _topic: Topic, message: Message) -> None:
-        if isinstance(message, Estimate):
-            self.estimate = message
-        elif isinstance(message, Telemetry):
+        if isinstance(message, Telemetry):
             self.view = message
 
     def create(self, **body: Any) -> str:
         """Create a job that starts at once; raises ProblemError where it is refused."""
         request = REQUEST.validate_python({"autostart": True, **body})
         self.peak_mN = 0.0
-        self.compared.clear()
         self.view = None
         return self.office.manager.create(request, predict=False)[0].id
 
@@ -144,18 +121,6 @@ class LastingRig:
     def settle(self, ticks: int = SETTLE_TICKS) -> None:
         """Let some time pass."""
         self.office.steps.pass_(ticks)
-
-    def beyond_mN(self) -> float:
-        """Return by how much a stated force was off beyond its uncertainty, at the most.
-
-        Forces are stated where they have a zero. It is negative where all were within U.
-        """
-        found = [
-            abs(said.arms[0].force_mN - truth.arms[0].force_mN) - said.arms[0].force_uncertainty_mN
-            for said, truth in self.compared
-            if said.valid and said.arms[0].zero_age_s is not None
-        ]
-        return max(found, default=-inf)
 
     @property
     def true_mN(self) -> float:

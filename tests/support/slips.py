@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from msgspec.structs import replace
 from pydantic import TypeAdapter
 
 from pincette.config import RigFile
@@ -68,9 +67,3 @@ def played(simulation: Tree | None = None, changes: Tree | None = None, **wishes
     program = planned.program
     messages = ComposedLoop(rig).play(program)
     return Played(planned, rig, messages)
-
-
-def retrying(played_: Played, times: int) -> Played:
-    """The same job, loading again after so many slips."""
-    program = replace(played_.planned.program, slip_retries=times)
-    return Played(played_.planned, played_.rig, ComposedLoop(played_.rig).play(program))
