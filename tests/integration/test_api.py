@@ -152,12 +152,10 @@ def sent(
         pytest.skip("nothing in this request can be wrong")
 
 
-@pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)
 @pytest.mark.parametrize(("method", "path"), OPERATIONS)
-def test_every_answer_is_documented(
-    described: Any, known: Known, method: str, path: str, mode: GenerationMode
-) -> None:
-    sent(described, known, method, path, mode, EXAMPLES)
+def test_every_refusal_is_documented(described: Any, known: Known, method: str, path: str) -> None:
+    """Answers to sound requests are checked below, where keys are required."""
+    sent(described, known, method, path, GenerationMode.NEGATIVE, EXAMPLES)
 
 
 @pytest.mark.parametrize("mode", GenerationMode, ids=lambda mode: mode.value)

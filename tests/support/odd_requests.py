@@ -67,6 +67,8 @@ PLACES = (
     "/api/v1/jobs?before={}",
     "/api/v1/jobs?rig={}", "/api/v1/jobs/{job}?since={}", "/api/v1/jobs?limit={}",
 )  # fmt: skip
+FILES = ("/api/v1/jobs/{job}/artifacts/{}", "/api/v1/trajectories/{}/plot", "/page/{}", "/{}")
+"""Places that a file is read from."""
 RECIPES: dict[str, str] = {
     "depth": '{"force_mN": ' + "[" * 500 + "]" * 500 + "}",
     "not finite": '{"force_mN": 1e309}',

@@ -136,7 +136,7 @@ def voltages(seqs: Sequence[int]) -> list[float]:
     return tape.put_V
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
 def test_the_estimator_makes_of_it_what_it_makes_of_the_part_in_order(
     orders: list[tuple[int, int]],
@@ -145,7 +145,7 @@ def test_the_estimator_makes_of_it_what_it_makes_of_the_part_in_order(
     assert estimates(seqs) == estimates(in_order(seqs))
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
 def test_the_controller_makes_of_it_what_it_makes_of_the_part_in_order(
     orders: list[tuple[int, int]],
@@ -154,7 +154,7 @@ def test_the_controller_makes_of_it_what_it_makes_of_the_part_in_order(
     assert commands(seqs) == commands(in_order(seqs))
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(Orders)
 def test_the_actuator_puts_out_what_it_puts_out_of_the_part_in_order(
     orders: list[tuple[int, int]],

@@ -14,7 +14,6 @@ from pincette.core.units import unit_of
 from tests.support.bounds import largest, whole_range
 from tests.support.frames import BY_NAME, sound
 
-EVERY = pytest.mark.parametrize("name", BY_NAME)
 PROMISES = {
     "list": b"\xdd\xff\xff\xff\xff",
     "map": b"\xdf\xff\xff\xff\xff",
@@ -58,39 +57,39 @@ def leaves(node: inspect.Type, name: str = "") -> Iterator[tuple[str, inspect.Ty
             yield name, node, ""
 
 
-@EVERY
-def test_every_field_states_its_unit_and_its_limit(name: str) -> None:
-    for field, node, unit in leaves(inspect.type_info(BY_NAME[name])):
-        if isinstance(node, inspect.FloatType):
-            assert (unit, node.ge, node.le) == (unit_of(field), -largest(field), largest(field))
-        elif isinstance(node, inspect.IntType):
-            assert (node.ge, node.le) == whole_range(field), field
-        elif isinstance(node, inspect.StrType):
-            assert node.max_length is not None, f"{field}: a text without a limit"
+def test_every_field_states_its_unit_and_its_limit() -> None:
+    for kind in BY_NAME.values():
+        for field, node, unit in leaves(inspect.type_info(kind)):
+            if isinstance(node, inspect.FloatType):
+                assert (unit, node.ge, node.le) == (unit_of(field), -largest(field), largest(field))
+            elif isinstance(node, inspect.IntType):
+                assert (node.ge, node.le) == whole_range(field), field
+            elif isinstance(node, inspect.StrType):
+                assert node.max_length is not None, f"{field}: a text without a limit"
 
 
-@EVERY
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, b"x", [[]], {"a": 1}, 1 << 60])
-def test_no_field_takes_what_fits_nowhere(name: str, value: Any) -> None:
-    tree = tree_of(name)
-    for field in tree:
-        with pytest.raises(CodecError, match=rf"^{name}\b.*"):
-            decode(BY_NAME[name], msgpack.packb(tree | {field: value}))
+def test_no_field_takes_what_fits_nowhere(value: Any) -> None:
+    for name, kind in BY_NAME.items():
+        tree = tree_of(name)
+        for field in tree:
+            with pytest.raises(CodecError, match=rf"^{name}\b.*"):
+                decode(kind, msgpack.packb(tree | {field: value}))
 
 
-@EVERY
-def test_an_unknown_field_is_named(name: str) -> None:
-    with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: colour$"):
-        decode(BY_NAME[name], msgpack.packb(tree_of(name) | {"colour": 1}))
+def test_an_unknown_field_is_named() -> None:
+    for name, kind in BY_NAME.items():
+        with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: colour$"):
+            decode(kind, msgpack.packb(tree_of(name) | {"colour": 1}))
 
 
-@EVERY
-def test_a_missing_field_is_named_though_it_has_a_default(name: str) -> None:
-    tree = tree_of(name)
-    for field in tree:
-        fewer = {key: value for key, value in tree.items() if key != field}
-        with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: {field}$"):
-            decode(BY_NAME[name], msgpack.packb(fewer))
+def test_a_missing_field_is_named_though_it_has_a_default() -> None:
+    for name, kind in BY_NAME.items():
+        tree = tree_of(name)
+        for field in tree:
+            fewer = {key: value for key, value in tree.items() if key != field}
+            with pytest.raises(CodecError, match=f"^{name}: fields missing or unknown: {field}$"):
+                decode(kind, msgpack.packb(fewer))
 
 
 @pytest.mark.parametrize("name", [name for name in BY_NAME if "arms" in fields_of(name)])
@@ -104,40 +103,41 @@ def test_a_message_is_for_one_arm_or_for_two(name: str) -> None:
             decode(BY_NAME[name], msgpack.packb(tree | {"arms": [arm] * count}))
 
 
-@EVERY
-def test_a_field_twice_is_named_also_where_another_lacks(name: str) -> None:
-    pairs = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
-    for place, (field, _) in enumerate(pairs):
-        for left in (pairs, pairs[: place - 1] + pairs[place:] if place else pairs[:-1]):
-            twice = [*left, pairs[place]]
-            if [key for key, _ in twice].count(field) < 2:
-                continue
-            with pytest.raises(CodecError, match=f"^{name}: fields twice: {field}$"):
-                decode(BY_NAME[name], packed(twice))
+def test_a_field_twice_is_named_also_where_another_lacks() -> None:
+    for name, kind in BY_NAME.items():
+        pairs = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
+        for place, (field, _) in enumerate(pairs):
+            for left in (pairs, pairs[: place - 1] + pairs[place:] if place else pairs[:-1]):
+                twice = [*left, pairs[place]]
+                if [key for key, _ in twice].count(field) < 2:
+                    continue
+                with pytest.raises(CodecError, match=f"^{name}: fields twice: {field}$"):
+                    decode(kind, packed(twice))
 
 
-@EVERY
 @pytest.mark.parametrize("promise", PROMISES)
-def test_a_header_that_asks_for_gigabytes_is_refused(name: str, promise: str) -> None:
-    fields = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
-    payloads = [PROMISES[promise]]
-    payloads += [
-        packed([*fields[:place], (key, PROMISES[promise])]) for place, (key, _) in enumerate(fields)
-    ]
-    for payload in payloads:
-        with pytest.raises(CodecError, match=f"^{name}: "):
-            decode(BY_NAME[name], payload)
+def test_a_header_that_asks_for_gigabytes_is_refused(promise: str) -> None:
+    for name, kind in BY_NAME.items():
+        fields = [(key, msgpack.packb(value)) for key, value in tree_of(name).items()]
+        payloads = [PROMISES[promise]]
+        payloads += [
+            packed([*fields[:place], (key, PROMISES[promise])])
+            for place, (key, _) in enumerate(fields)
+        ]
+        for payload in payloads:
+            with pytest.raises(CodecError, match=f"^{name}: "):
+                decode(kind, payload)
 
 
-@EVERY
-def test_the_order_of_fields_and_the_form_of_numbers_are_free(name: str) -> None:
-    tree = tree_of(name)
-    backwards = dict(reversed(list(tree.items())))
-    whole = {
-        key: int(value) if isinstance(value, float) and value.is_integer() else value
-        for key, value in backwards.items()
-    }
-    assert decode(BY_NAME[name], msgpack.packb(whole)) == decode(BY_NAME[name], msgpack.packb(tree))
+def test_the_order_of_fields_and_the_form_of_numbers_are_free() -> None:
+    for name, kind in BY_NAME.items():
+        tree = tree_of(name)
+        backwards = dict(reversed(list(tree.items())))
+        whole = {
+            key: int(value) if isinstance(value, float) and value.is_integer() else value
+            for key, value in backwards.items()
+        }
+        assert decode(kind, msgpack.packb(whole)) == decode(kind, msgpack.packb(tree))
 
 
 def test_every_message_is_a_frozen_structure() -> None:

@@ -41,17 +41,17 @@ def refused(kind: type[Message], payload: bytes) -> tuple[str, int]:
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
-@pytest.mark.parametrize("name", BY_NAME)
-def test_a_bomb_is_refused_by_little_work_in_little_memory(name: str, bomb: str) -> None:
-    for payload in (BOMBS[bomb], b"\x81\xa3seq" + BOMBS[bomb]):
-        tracemalloc.start()
-        said, calls = refused(BY_NAME[name], payload)
-        _, peak = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        assert len(said) < LONGEST_TEXT
-        assert said.startswith(name)
-        assert calls < CALLS + CALLS_PER_BYTE * len(payload)
-        assert peak < MEMORY_BYTES
+def test_a_bomb_is_refused_by_little_work_in_little_memory(bomb: str) -> None:
+    for name, kind in BY_NAME.items():
+        for payload in (BOMBS[bomb], b"\x81\xa3seq" + BOMBS[bomb]):
+            tracemalloc.start()
+            said, calls = refused(kind, payload)
+            _, peak = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+            assert len(said) < LONGEST_TEXT
+            assert said.startswith(name)
+            assert calls < CALLS + CALLS_PER_BYTE * len(payload)
+            assert peak < MEMORY_BYTES
 
 
 def test_a_refusal_costs_work_in_proportion_to_the_items_read() -> None:

@@ -184,14 +184,14 @@ PLAIN = {"grip": whole(Arm()), "track": whole(Arm(program=TRACK))}
 PAUSES = st.lists(st.tuples(st.integers(0, 250), st.integers(1, 60)), max_size=5).map(tuple)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(PAUSES)
 def test_pauses_never_change_the_references_of_a_grip(at: tuple[tuple[int, int], ...]) -> None:
     """Compared by segment and time within it, bit for bit, the fitted contact line included."""
     assert whole(Arm(), at) == PLAIN["grip"]
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(PAUSES)
 def test_pauses_never_change_the_references_of_a_track(at: tuple[tuple[int, int], ...]) -> None:
     assert whole(Arm(program=TRACK), at) == PLAIN["track"]

@@ -33,7 +33,7 @@ def _thrown(p: PlantParameters, voltage_V: float, x_um: float, speed: float) -> 
     return replace(state, x_um=min(x_um, p.contact_um - 0.01), speed_um_per_s=speed)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None, derandomize=True)
 @given(
     st.floats(0.8, 2.4),
     st.floats(0.0, 31.0),

@@ -43,7 +43,7 @@ LINE = HysteresisModel((0.0,), (D_P,))
 LEAST_SLOPE = 12.0
 """µm/V, below that of ``MODEL`` at any voltage and after any turn."""
 PER_CASE = pytest.mark.parametrize("case", CASES, ids=str)
-SOME = settings(deadline=None, max_examples=60, derandomize=True)
+SOME = settings(deadline=None, max_examples=30, derandomize=True)
 
 
 def identified(case: Case) -> Law:

@@ -128,7 +128,7 @@ def play(case: Case, start_um: float, errors_mN: list[float]) -> list[LawOutput]
 
 start_um = st.floats(-5.0, 5.0)
 shares = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=40)
-SOME = settings(deadline=None, max_examples=80, derandomize=True)
+SOME = settings(deadline=None, max_examples=30, derandomize=True)
 
 
 @SOME

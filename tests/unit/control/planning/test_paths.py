@@ -132,7 +132,7 @@ def test_waypoints_are_met_in_passing() -> None:
     assert POINTS.point(2.0).rate == 0.0
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=30, derandomize=True)
 @given(
     st.lists(st.tuples(st.floats(0.05, 3.0), st.floats(0.0, 30.0)), min_size=2, max_size=8),
     st.floats(0.0, 30.0),

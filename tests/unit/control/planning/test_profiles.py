@@ -24,7 +24,7 @@ def test_move_from_rest_to_rest_is_the_quintic() -> None:
 speeds = st.floats(-20.0, 20.0)
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
+@settings(deadline=None, max_examples=25, derandomize=True)
 @given(st.floats(-50.0, 50.0), speeds, st.floats(-50.0, 50.0), speeds, st.floats(0.1, 5.0))
 def test_move_meets_its_boundary_conditions(
     x_0: float, v_0: float, x_1: float, v_1: float, duration_s: float

@@ -23,7 +23,7 @@ PERIOD_S, UM_PER_V = 0.02, 19.0
 TAUGHT = demo_rig().model.free_response
 assert TAUGHT is not None
 TAUGHT_MODEL = TAUGHT.hysteresis()
-SOME = settings(deadline=None, max_examples=150, derandomize=True)
+SOME = settings(deadline=None, max_examples=50, derandomize=True)
 
 
 @st.composite
