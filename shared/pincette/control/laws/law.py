@@ -66,20 +66,20 @@ class Law:
     state_type: type
     """Type of ``LawState.law``."""
     free: FreeResponseInput | None = None
-    """The free response in the place of d·u; None: the line."""
+    """Free response that takes the place of d·u; None: the straight line d·u."""
 
 
 class LawState(FrozenRecord, frozen=True):
     """State of a law between ticks."""
 
     law: Any
-    """The scheme's own state."""
+    """State of the scheme."""
     x_d_um: float
-    """x_{d,k-1}."""
+    """Desired position x_{d,k-1}, in µm."""
     force_r_mN: float
-    """F_{r,k-1}."""
+    """Reference force F_{r,k-1}, in mN."""
     force_error_mN: float
-    """F - F_r, low-passed."""
+    """Low-passed force error F - F_r, in mN."""
 
 
 def model_of(
@@ -88,7 +88,7 @@ def model_of(
     period_s: float,
     output: OutputTiming = PROMPT,
 ) -> DifferenceEquation:
-    """Return the arm model of a law; ``arm`` is the rig's, the printed set has its own."""
+    """Return the arm model of a law: that of the rig, or for the printed set its own."""
     return discretize(printed_arm() if parameter_set == "printed" else arm, period_s, output)
 
 
@@ -100,7 +100,7 @@ def build(
     response: HysteresisModel | None = None,
     output: OutputTiming = PROMPT,
 ) -> Law:
-    """Make a law of its settings.
+    """Build a law from its settings.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def start(
     applied_V: float,
     memory: HysteresisState | None = None,
 ) -> LawState:
-    """Return the state of a resting arm, for which F_r = F; ``memory`` is as in ``step``."""
+    """Return the state of a resting arm with F_r = F; for ``memory`` see ``step``."""
     seen_V = _seen_V(law, applied_V, memory)
     history = rest(x_um=x_um, force_mN=force_mN, applied_V=seen_V)
     return _start(law, history, x_um, x_r_um, force_mN, force_mN)
@@ -168,7 +168,7 @@ def rebase(
     force_r_mN: float,
     seen_V: float | None = None,
 ) -> LawState:
-    """Begin another segment, or another law, without a bump, before the step with ``x_um``.
+    """Begin another segment or law without a bump, before the step with ``x_um``.
 
     What was measured and applied stays; F_k - F_{k-1} counts from ``force_mN``, so that a force
     which the law was not given before does not act as a step. The step that follows keeps the
@@ -269,12 +269,12 @@ def step(
 def other_view(
     law: Law, before: Law, applied_V: float, memory: HysteresisState | None
 ) -> float | None:
-    """Return the voltage as ``law`` sees it in V; None where the law before saw it alike."""
+    """Return the voltage as ``law`` sees it in V, or None where both laws see the same."""
     return None if law.free == before.free else _seen_V(law, applied_V, memory)
 
 
 def _seen_V(law: Law, applied_V: float, memory: HysteresisState | None) -> float:
-    """Return v of the present free response; without one, the applied voltage."""
+    """Return the voltage v of the present free response, or the applied voltage without one."""
     if law.free is None:
         return applied_V
     if memory is None:

@@ -1,4 +1,4 @@
-"""The gains of a law as data: what they are called, what they mean, and those that a job chooses.
+"""Gains of a law as data: names, meanings, and the values that a job chooses.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -13,26 +13,26 @@ from pincette.control.vocabulary import ForceAge, ParameterSet
 
 @dataclass(frozen=True, slots=True)
 class LawParameter:
-    """A gain that a law takes; a finite number of at least 0."""
+    """A gain of a law: a finite number of at least 0."""
 
     name: str
     unit: str
     meaning: str
     default: float
     positive: bool = False
-    """Whether 0 is refused as well."""
+    """True if 0 is refused."""
     printed: float | None = None
-    """The paper's value, used with the printed set; None: the default."""
+    """Value of the paper, used with the printed set; None: the default."""
     identified: float | None = None
     """Value with the identified set, whose law includes hysteresis and creep; None: the default."""
 
     def value(self, parameter_set: ParameterSet) -> float:
-        """Return the value of a set where none is given."""
+        """Return the default value of the gain in a parameter set."""
         of_set = {"printed": self.printed, "identified": self.identified}.get(parameter_set)
         return self.default if of_set is None else of_set
 
     def check(self, value: float) -> float:
-        """Return ``value``; raises ValueError where the law cannot take it."""
+        """Return ``value``; raise ValueError where the law does not accept it."""
         require = require_positive if self.positive else require_not_negative
         return require(self.name, value, self.unit)
 
@@ -45,7 +45,7 @@ class Gain(FrozenRecord, frozen=True):
 
 
 class LawSpec(FrozenRecord, frozen=True):
-    """A law as a program names it; the controller looks the scheme up and builds it."""
+    """A law as a motion program names it; the controller looks up the scheme and builds it."""
 
     scheme: Text
     """Name under which the law is registered."""

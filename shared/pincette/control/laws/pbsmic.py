@@ -28,13 +28,13 @@ class PbsmicState(FrozenRecord, frozen=True):
 
     history: History
     x_d_um: float
-    """x_{d,k-1}."""
+    """Desired position x_{d,k-1}, in µm."""
     deviation_1_um: float
-    """x_{d,k-1} - x_{r,k-1}."""
+    """Deviation x_{d,k-1} - x_{r,k-1}, in µm."""
     deviation_2_um: float
-    """x_{d,k-2} - x_{r,k-2}."""
+    """Deviation x_{d,k-2} - x_{r,k-2}, in µm."""
     integral_um: float
-    """ε_{k-2}."""
+    """Integral ε_{k-2}, in µm."""
 
 
 def start(
@@ -45,7 +45,7 @@ def start(
     x_r_um: float,
     force_error_mN: float,  # noqa: ARG001  as every law; the impedance takes the error up
 ) -> PbsmicState:
-    """Begin a segment without a bump, just before the step that gets the same ``x_um``.
+    """Begin a segment without a bump, just before the step with the same ``x_um``.
 
     x_d starts from ``x_um`` and ε = 0. The step that follows keeps the voltage of a resting arm
     where x_{r,k} = x and F_k = F_{r,k} = F_{k-1}; a distance x_r - x or a force error left at this

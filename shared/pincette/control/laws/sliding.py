@@ -26,7 +26,7 @@ SWITCHING = "K_S"
 
 @dataclass(frozen=True, slots=True)
 class SlidingParameters:
-    """A law's model of the arm, its target impedance and its gains (in DSMIFC K̃_P, K̃_I, K̃_S, δ̃)."""
+    """Model of the arm, target impedance and gains of a law (in DSMIFC K̃_P, K̃_I, K̃_S, δ̃)."""
 
     plant: DifferenceEquation
     impedance: DiscreteImpedance
@@ -58,7 +58,7 @@ def build(
 def sliding_parameters(
     delta_unit: str, *, delta: float, K_P: float, K_S: float
 ) -> tuple[LawParameter, ...]:
-    """Return the gains of a sliding mode law.
+    """Return the gains that a sliding mode law takes.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def sliding_parameters(
 
 
 def remedies(gains: Mapping[str, float]) -> Sequence[tuple[str, Sequence[float]]]:
-    """Return gains that may make a loop stable, the gentlest change first."""
+    """Return gains that may make a loop stable, the smallest change first."""
     K_P, K_f = gains["K_P"] or gains["K_I"], gains["K_f"]
     return (
         ("K_P", [K_P * factor for factor in (2.0, 0.5, 5.0, 0.2)]),
@@ -114,7 +114,7 @@ class LawOutput(FrozenRecord, frozen=True):
 
 
 def saturation(s: float, delta: float) -> float:
-    """Saturation that takes the place of sgn(s) in (25) and (42).
+    """Return the saturation that takes the place of sgn(s) in (25) and (42).
 
         sat(s) = sgn(s) where |s| > δ,  s/δ where |s| ≤ δ                                (32)
 
@@ -128,7 +128,7 @@ def saturation(s: float, delta: float) -> float:
 
 
 def sliding_band(per_mN: float, K_S_mN: float, perturbation_error_mN: float) -> float:
-    """Half width of the band outside which a step of the law does not let |s| grow.
+    """Return the half width of the band outside which a step of the law does not let |s| grow.
 
     With a the factor of p̃ in (28) or (45), s_k = s_{k-1} - a(K_S sgn(s_{k-1}) + p̃_k), so that
 

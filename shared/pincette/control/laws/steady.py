@@ -1,4 +1,4 @@
-"""Where the impedance rests in contact: most of the remaining error is planning error.
+"""Steady errors of the impedance in contact, which come mostly from planning errors.
 
 Equation numbers are those of Q. Xu, IEEE T-ASE 10(3), 2013.
 """
@@ -17,7 +17,7 @@ def steady_state_errors(
     K: float,
     K_f: float,
 ) -> tuple[float, float]:
-    """Steady errors E_x = x - x_r in µm and E_f = F - F_r in mN, on F = K_e·(x - x_e).
+    """Return the errors E_x = x - x_r in µm and E_f = F - F_r in mN, on F = K_e·(x - x_e).
 
         E_x = [F_r + K_e (x_e - x_r)] / (K_e + K/K_f)                                    (51)
         E_f = -(K/K_f) E_x                                                               (52)
@@ -50,7 +50,7 @@ def steady_error_ranges(
     K: float,
     K_f: float,
 ) -> SteadyErrors:
-    """Ranges of (51) and (52) where the rig differs from the plan within tolerances.
+    """Return the ranges of (51) and (52) where the rig differs from the plan within tolerances.
 
     The plan is consistent for its own contact, x_r = x_e + F_r/K_e. The errors are linear in F_r
     and in the true x_e and monotone in the true stiffness, so that their extremes lie where all

@@ -1,4 +1,4 @@
-"""The law of two arms as it is registered under ``pincette.laws``: its name and its gains."""
+"""Law of two arms as registered under ``pincette.laws``: its name and its gains."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from pincette.control.laws.two_arms import PARAMETERS, default_gains
 
 @dataclass(frozen=True, slots=True)
 class TwoArmLaw:
-    """A law of rigs with ``[second]``; there is one, as its step is ``two_arms``'."""
+    """Law of rigs with ``[second]``. There is only one, since its step is that of ``two_arms``."""
 
     name: str
     title: str
@@ -17,12 +17,12 @@ class TwoArmLaw:
     parameters: tuple[LawParameter, ...]
     arms: int = 2
     search: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    """No gains are tuned for it."""
+    """Empty: no gains of this law are searched."""
 
     def gains(
         self, spec: LawSpec, arms: tuple[ArmParameters, ArmParameters], period_s: float
     ) -> dict[str, float]:
-        """Return all gains of a program's law; raises ValueError for an unknown one."""
+        """Return all gains of a motion program's law; raises ValueError for an unknown one."""
         if spec.scheme != self.name:
             raise ValueError(f"law {spec.scheme!r} drives one arm, this rig has two: {self.name}")
         first, _ = arms
@@ -37,7 +37,7 @@ class TwoArmLaw:
         return values
 
     def spec(self, gains: dict[str, float]) -> LawSpec:
-        """Return the law as a program carries it."""
+        """Return the law as a motion program carries it."""
         named = tuple(Gain(name, value) for name, value in gains.items())
         return LawSpec(self.name, gains=named)
 

@@ -1,4 +1,4 @@
-"""Two driven arms on one part: its place and the force on it, each by itself.
+"""Law of two driven arms on one part, for its place and the force on it, separately.
 
 Both arms count towards the part. With the displacements X_i that the arms would have if they were
 free, what they are free of is decoupled in the place q of the part's middle and the force F:
@@ -40,95 +40,96 @@ from pincette.control.laws.parameters import LawParameter
 from pincette.control.record import FrozenRecord
 
 Pair = tuple[float, float]
-"""Values of the first and the second arm."""
+"""Values of the first and of the second arm."""
 
 PARAMETERS = (
     LawParameter("n", "", "poles of both filters, 1 to 4", 3.0, True),
     LawParameter("f_q", "Hz", "corner frequency of each pole of the place's filter", 60.0, True),
     LawParameter("f_F", "Hz", "corner frequency of each pole of the force's filter", 10.0, True),
 )
-"""Gains, with defaults for periods that are short against the mode; see ``default_gains``."""
+"""Gains, with defaults for periods that are short compared with the mode; see ``default_gains``."""
 LONG = {"n": 1.0, "f_q": 5.5, "f_F": 3.0}
-"""Defaults at long periods: at 20 ms, 0.5 and 0.31 of an error are corrected in each sample."""
+"""Defaults at long periods: at 20 ms, a sample corrects 0.5 and 0.31 of the errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class TwoArmParameters:
-    """Both arms, the part and the filters."""
+    """Parameters of both arms, the part and the filters."""
 
     compliances_um_per_mN: Pair
-    """s_i."""
+    """Compliances s_i of the arms."""
     leads_s: Pair
-    """2ζ_i/ω_i, and"""
+    """Coefficients 2ζ_i/ω_i of the leads, in s."""
     leads_s2: Pair
-    """1/ω_i²."""
+    """Coefficients 1/ω_i² of the leads, in s²."""
     joint_um_per_mN: float
-    """S."""
+    """Compliance S of arms and part together."""
     older: float
-    """φ."""
+    """Share φ of the older free displacement."""
     ahead_s: float
-    """φT, from the coming sample to the instant that the voltages are chosen for."""
+    """Time φT from the next sample to the instant for which the voltages are chosen, in s."""
     lag_kept: float
-    """κ = e^(-T/τ) of a lag between output and arm; 0 without one."""
+    """Share κ = e^(-T/τ) that a lag between output and arm keeps over a period; 0 without a lag."""
     lag_ahead_s: float
-    """T·κ/(1 - κ), by which x̄ behind the lag stays behind a steady motion."""
+    """Time T·κ/(1 - κ) by which x̄ lags behind a steady motion, in s."""
     place_poles: Cascade
     force_poles: Cascade
 
 
 class TwoArmReferences(FrozenRecord, frozen=True):
-    """References of part and arms at the coming sample, and their course from there."""
+    """References of part and arms at the next sample, with their derivatives."""
 
     place_um: float
-    """q_r."""
+    """Reference q_r of the place, in µm."""
     force_mN: float = 0.0
-    """F_r, of a part that both arms press."""
+    """Reference F_r of the force on a part that both arms press, in mN."""
     opening_um: float = 0.0
-    """d_r = x_1 + x_2, of arms that do not press it."""
+    """Reference d_r = x_1 + x_2 of the opening of arms that do not press, in µm."""
     pressed: bool = True
     place_speed_um_per_s: float = 0.0
     place_acceleration_um_per_s2: float = 0.0
     force_rate_mN_per_s: float = 0.0
     opening_speed_um_per_s: float = 0.0
     seeks: bool = False
-    """Whether free arms look for the part: what they then miss is its force, not made good."""
+    """True while free arms search for the part; a position error then is its force, and is not
+    corrected."""
 
 
 class TwoArmState(FrozenRecord, frozen=True):
     """State of the law before the tick that computes both voltages."""
 
     fresh: bool
-    """Before the first step, which takes what is missed as it finds it."""
+    """True before the first step, which takes the perturbation without filtering it."""
     pressed: bool
     older_um: Pair
-    """H_i of the sample before."""
+    """Free displacements H_i of the sample before, in µm."""
     lagging_um: Pair
-    """x̄_i of the sample before, behind the lag."""
+    """Free displacements x̄_i of the sample before, behind the lag, in µm."""
     leads_um: Pair
-    """l_i of the newest sample."""
+    """Leads l_i of the newest sample, in µm."""
     force_r_mN: float
-    """F_r of the newest sample; 0 of arms that do not press."""
+    """Reference F_r of the newest sample, in mN; 0 for arms that do not press."""
     place_um: Cascade
-    """Stages of F_q; the last is Ŵ_q."""
+    """Stages of the filter F_q; the last one is Ŵ_q."""
     sum_um: Cascade
-    """Stages of F_b; the last is Ŵ_b."""
+    """Stages of the filter F_b; the last one is Ŵ_b."""
 
 
 class TwoArmOutput(FrozenRecord, frozen=True):
-    """Voltages of the law, and how well its last target was met."""
+    """Voltages of the law, and the errors of its last target."""
 
     free_um: Pair
-    """X_i, a period ahead: u_i = H_i⁻¹[X_i]."""
+    """Free displacements X_i one period ahead, in µm: u_i = H_i⁻¹[X_i]."""
     place_um: float
-    """q of the newest sample."""
+    """Place q of the newest sample, in µm."""
     force_mN: float
-    """F̂ of the newest sample, without what the plan explains."""
+    """Force F̂ of the newest sample, in mN, without the part that the plan explains."""
     disagreement_mN: float
-    """F̂_1 - F̂_2; 0 for a part that nothing else holds."""
+    """Difference F̂_1 - F̂_2, in mN; 0 for a part that nothing else holds."""
     place_missed_um: float
-    """W_q - Ŵ_q before this sample."""
+    """Error W_q - Ŵ_q before this sample, in µm."""
     sum_missed_um: float
-    """W_b - Ŵ_b before this sample."""
+    """Error W_b - Ŵ_b before this sample, in µm."""
 
 
 def default_gains(omega_n_rad_per_s: float, period_s: float) -> dict[str, float]:
@@ -145,7 +146,7 @@ def build(
     part_um_per_mN: float = 0.0,
     output: OutputTiming = PROMPT,
 ) -> TwoArmParameters:
-    """Make the filters.
+    """Build the filters of the law.
 
     Parameters
     ----------
@@ -194,7 +195,7 @@ def build(
 
 
 def start() -> TwoArmState:
-    """Begin without a bump: the step that follows keeps the voltages where references are met."""
+    """Begin without a bump: the next step keeps the voltages where the references are met."""
     nothing = Cascade(0.0, 0.0, 0.0, 0.0)
     return TwoArmState(
         fresh=True,
@@ -217,7 +218,7 @@ def step(
     forces_mN: Pair,
     references: TwoArmReferences,
 ) -> tuple[TwoArmState, TwoArmOutput]:
-    """Compute X_1 and X_2 of tick k.
+    """Compute the free displacements X_1 and X_2 of tick k.
 
     Parameters
     ----------
@@ -279,7 +280,7 @@ def step(
 
 
 def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
-    """Return x̄_i at the age of the sample."""
+    """Return the free displacements x̄_i at the age of the sample."""
     if state.fresh:
         return free_um
     older = k.older
@@ -291,7 +292,7 @@ def aged(k: TwoArmParameters, state: TwoArmState, free_um: Pair) -> Pair:
 
 
 def _leads(k: TwoArmParameters, speed: float, acceleration: float) -> Pair:
-    """Return l_1 and l_2 of a motion of the place."""
+    """Return the leads l_1 and l_2 for a motion of the place."""
     one, two = (
         of_speed * speed + of_acceleration * acceleration
         for of_speed, of_acceleration in zip(k.leads_s, k.leads_s2, strict=True)

@@ -1,1 +1,1 @@
-"""Planning: references of position and force together, and the programs that carry them."""
+"""Planning of references of position and force, and of the motion programs that carry them."""

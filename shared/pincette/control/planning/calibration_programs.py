@@ -1,4 +1,4 @@
-"""Open-loop motions by which a rig is calibrated: noise, compliance, frequency response.
+"""Open-loop motions that calibrate a rig: noise, compliance, frequency response, timing.
 
 Those of the free response and of the contact stand in ``free_response_program`` and
 ``contact_stiffness_program``. A motion that a limit of the rig forbids is refused as it is made:
@@ -19,21 +19,22 @@ from pincette.control.planning.sweep import Sweep
 
 NOISE_S = 8.0
 SETTLE_S, MEASURE_S = 1.5, 1.0
-"""Times at a weight: until its swing and the hand's influence are gone, and of the reading."""
+"""Times at a weight, in s: to settle after it was hung up, and to measure."""
 SWEEP_FROM_HZ, SWEEP_TO_HZ, SWEEP_S = 5.0, 800.0, 25.0
 SWEEP_REST_S = 1.0
-"""Before and after a sweep, so that the record begins and ends at rest."""
+"""Rest before and after a sweep, in s, so that the record begins and ends at rest."""
 LEAST_CAPTURE_HZ = 10_000.0
 
 FEEL_SWINGS, FEEL_UM_PER_S = 2.0, 20.0
-"""Range of the slow motion before a sweep, in swings at resonance by nominal values (as for half
-the damping), and its speed."""
+"""Range of the slow motion before a sweep, in nominal swings at resonance (for half the damping),
+and its speed."""
 
 BURSTS, BURST_S, RINGS_OUT_S = 8, 0.4, 0.05
-"""Number of bursts for delay and lag, their duration, and the time of observation after each."""
+"""Number of bursts for delay and lag, their duration, and the time of observation after each, in s.
+"""
 BURST_REST_S = 0.3
 TAPS = (14, 15)
-"""Taps of the shift register that gives a burst's signs, which repeat after 2¹⁵ - 1 ticks."""
+"""Taps of the shift register for the signs of a burst, which repeat after 2¹⁵ - 1 ticks."""
 
 FREE = Guards(
     contact_force_mN=1.0,
@@ -45,11 +46,11 @@ FREE = Guards(
     stiffness_max_mN_per_um=1.0,
     zero_wait_s=1.0,
 )
-"""Guards without a touch; the planner of a rig adds the forces that end the program."""
+"""Guards without a touch; the planner of a rig adds the forces that end the motion program."""
 
 
 def noise_program(duration_s: float = NOISE_S) -> Program:
-    """Hold the voltage and read; phase ``noise``."""
+    """Return a program that holds the voltage and measures the noise; phase ``noise``."""
     require_positive("duration of the noise", duration_s, "s")
     return free_program(Drive("noise", duration_s))
 
@@ -73,7 +74,7 @@ def there_and_back(weight_mN: Sequence[float]) -> tuple[float, ...]:
 
 
 def compliance_program(rig: PlannedRig, weight_mN: Sequence[float]) -> Program:
-    """Wait for each weight, let it settle, measure it: ``there_and_back``.
+    """Return a program that waits for each weight, lets it settle and measures it.
 
     Step n, from 1, has phases ``hang n``, which waits for ``continue``, ``settle n``,
     ``measure n``.
@@ -159,7 +160,7 @@ def _require_swing(
 
 
 def _feel(rig: PlannedRig, swing_um: float, rest_V: float) -> Path:
-    """Move slowly through the range in which the arm may swing later, and back."""
+    """Return segments that move slowly through the later range of the arm, and back."""
     limits = rig.limits
     most_V = (limits.position_max_um - rig.x_start_um) / rig.piezo_um_per_V
     feel_V = min(FEEL_SWINGS * swing_um / rig.piezo_um_per_V, most_V, limits.voltage_max_V - rest_V)
@@ -171,7 +172,7 @@ def _feel(rig: PlannedRig, swing_um: float, rest_V: float) -> Path:
 def output_timing_program(
     rig: PlannedRig, *, amplitude_V: float, damping_ratio: float, rest_V: float = 0.0
 ) -> Program:
-    """Bursts of voltages that jump at random each tick, phases ``burst 1``, ``burst 2``, …
+    """Return bursts of random voltage steps at each tick, phases ``burst 1``, ``burst 2``, …
 
     Each voltage is an amplitude above the resting one or below it. Such a burst rings the mode, and
     shows when a voltage acts. As before a sweep, the arm first feels its way.
@@ -253,7 +254,7 @@ def require_voltage(rig: PlannedRig, what: str, voltage_V: float) -> float:
 
 
 def require_within(quantity: str, value: float, unit: str, low: float, high: float) -> float:
-    """Return ``value``; raises ValueError beyond the limits, not for rounding."""
+    """Return ``value``; raise ValueError beyond the limits, with a tolerance for rounding."""
     slack = 1e-9 * (1.0 + abs(value))
     if not low - slack <= value <= high + slack:
         raise ValueError(

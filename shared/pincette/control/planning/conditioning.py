@@ -1,4 +1,4 @@
-"""Conditioning strokes: they bring the hysteresis of an arm to a known state before it grips.
+"""Conditioning strokes, which bring the hysteresis of an arm to a known state before a grip.
 
 A voltage stroke to a low end wipes out the turning points of an unknown past, as far as they lie
 above that end. Arms of the Bouc-Wen class have no wiping-out and forget with the length of the way
@@ -16,20 +16,20 @@ from pincette.control.planning.segments import Drive, Follow, Ramp, Stay
 from pincette.control.response.conditioned_branch import STROKES
 
 REST_S = 2.0
-"""Rest after the strokes, in which the creep that they cause decays."""
+"""Rest after the strokes, in s, in which the creep that they cause decays."""
 BOTTOM_S = 0.4
-"""Rest at the bottom of the last stroke, where the way to the place of the zero begins."""
+"""Rest at the bottom of the last stroke, in s, before the way to the place of the zero."""
 WATCH_S = 0.1
-"""Time for which the resting arm is observed before the strokes."""
+"""Time for which the resting arm is observed before the strokes, in s."""
 RATE_SHARE = 0.9
-"""Peak rate of a stroke, as a share of the slew limit."""
+"""Peak rate of a stroke as a share of the slew limit."""
 LEAST_DEPTH = 0.05
 """Depth below 0 V that strokes need, as a share of the highest voltage identified."""
 PHASE = "condition"
 
 
 def stroke_depth_V(taught_V: tuple[float, float] | None, voltage_min_V: float) -> float | None:
-    """Return the lowest voltage of the strokes; None where the arm cannot be conditioned.
+    """Return the lowest voltage of the strokes, or None where the arm cannot be conditioned.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The contact line F = K_e·(x - x_e), identified while the arm is pressed on.
+"""Contact line F = K_e·(x - x_e), identified while the force on a part increases.
 
 The estimated force is worked out from the measured position, so that noise enters both at once:
 least squares of F on x then errs in K_e by noise²/spread², times 1 + 1/(s_p·K_e). The planned

@@ -26,7 +26,7 @@ LEAST_STIFFNESS, MOST_STIFFNESS = 0.3, 3.0
 LINE_S = 0.02
 """Time constant with which the references follow the line, in s."""
 STANDARD_ERRORS = 2.0
-"""Standard errors of the fitted stiffness by which the references keep on the hard side."""
+"""Number of standard errors by which the references stay on the stiff side of the fitted line."""
 LEAST_SPREAD_UM = 0.02
 """Standard deviation of the position below which no stiffness is fitted, in µm."""
 STRAIGHT_SIGMAS, STRAIGHT_UM = 1.4, 0.05
@@ -50,12 +50,12 @@ def stiffness_bounds(planned_mN_per_um: float, guards: Guards) -> tuple[float, f
 
 
 def line_share(period_s: float) -> float:
-    """Return the share of its distance that the line of the references goes in a period."""
+    """Return the share of its distance by which the references' line moves in a period."""
     return 1.0 - exp(-period_s / LINE_S)
 
 
 def is_straight(fit: ContactFit, noise_um: float, compliance_um_per_mN: float) -> bool:
-    """Return whether the samples scatter about a line by no more than one straight line does.
+    """Return whether the samples scatter about a line by no more than a straight line allows.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def is_straight(fit: ContactFit, noise_um: float, compliance_um_per_mN: float) -
 def stiffness_error(
     line: ContactLine, fit: ContactFit, noise_um: float, compliance_um_per_mN: float
 ) -> float:
-    """Return the standard error of a fitted stiffness as a share of it.
+    """Return the relative standard error of a fitted stiffness.
 
     It is the larger one of what the noise makes and what the scatter shows: a few samples may show
     too little.
@@ -83,7 +83,7 @@ def stiffness_error(
 def stiffest_line(
     line: ContactLine, hardest_mN_per_um: float, noise_um: float, compliance_um_per_mN: float
 ) -> LoadLine:
-    """Return the stiffest line that the samples of a load admit, through their mean.
+    """Return the stiffest line through the mean that the samples of a load allow.
 
     Parameters
     ----------

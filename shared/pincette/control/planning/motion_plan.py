@@ -1,4 +1,4 @@
-"""Motions that meet no part, and those that keep or let go one that is held already.
+"""Motions without a part, and those that hold or release a part.
 
 A move may begin with cycles of voltage: to warm the arm up, and then to bring its hysteresis into
 a known state, at the lowest voltage, from which it is approached upwards. A position is then gone
@@ -42,9 +42,9 @@ from pincette.control.planning.segments import (
 from pincette.control.voltage_range import VoltageRange, around
 
 REST_S = 0.5
-"""After a move, until the arm has settled."""
+"""Rest after a move, in s, in which the arm settles."""
 OPEN_V = 0.1
-"""Voltage beyond those of a motion without a law: a voltage that was measured where it begins."""
+"""Margin of voltage for a motion without a law, since it begins at a measured voltage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +57,12 @@ class Stand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycles:
-    """Cycles of voltage before a move; raises ValueError where the numbers make none."""
+    """Cycles of voltage before a move; raises ValueError for impossible numbers."""
 
     low_V: float
     high_V: float
     rate_V_per_s: float
-    """Peak rate."""
+    """Peak rate of the voltage."""
     count: int = 0
     """Number of cycles from the lowest to the highest voltage and back."""
     warm_up_s: float = 0.0
@@ -76,7 +76,7 @@ class Cycles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MoveRequest:
-    """Request for a motion of the free arm: to a position by the law, to a voltage, or by one.
+    """Request for a motion of the free arm: to a position by the law, or to or by a voltage.
 
     Raises
     ------
@@ -85,13 +85,13 @@ class MoveRequest:
     """
 
     speed_um_per_s: float
-    """Peak speed; of a voltage, by the nominal gain."""
+    """Peak speed, in µm/s; for a voltage by the nominal gain."""
     contact_force_mN: float
     to_um: float | None = None
     to_V: float | None = None
     by_V: float | None = None
     zero_s: float | None = None
-    """Rest on which the force is zeroed, before cycles and before the move; None: it is not."""
+    """Rest before cycles and move on which the force is zeroed, in s; None: no zero."""
     cycles: Cycles | None = None
     rest_s: float = REST_S
     """Rest after the move."""
@@ -149,7 +149,7 @@ def plan_hold(
     safe_V: float,
     pointers: Mapping[str, str],
 ) -> MotionPlan:
-    """Plan to keep what is held, without end (None), and let it go; phases ``hold``, ``unload``.
+    """Plan to hold a part, without end for None, and to release it; phases ``hold``, ``unload``.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def plan_hold(
 def plan_release(
     release_s: float, rig: PlannedRig, stand: Stand, safe_V: float, pointers: Mapping[str, str]
 ) -> MotionPlan:
-    """Plan to let go what is held; phase ``unload``. Raises as ``plan_hold`` does."""
+    """Plan the release of a held part; phase ``unload``. Raises as ``plan_hold`` does."""
     segments = [_unload(release_s, safe_V)]
     return _plan(segments, _free_guards(rig), rig, stand, pointers, held_to_V=safe_V)
 
@@ -176,7 +176,7 @@ def _unload(release_s: float, safe_V: float) -> Drive:
 
 
 def _after(segments: Sequence[Segment], rig: PlannedRig, stand: Stand) -> Stand:
-    """Return where the arm stands after segments, by the nominal gain."""
+    """Return the position of the arm after segments, by the nominal gain."""
     if not segments:
         return stand
     follow = partial(nominal, rig.piezo_um_per_V)
@@ -189,7 +189,7 @@ def _entry(stand: Stand, rig: PlannedRig) -> Entry:
 
 
 def _led(request: MoveRequest, at: Stand, to_um: float) -> list[Segment]:
-    """Return the segments that lead to a position by the law."""
+    """Return the segments of a move to a position by the law."""
     move_s = move_duration(to_um - at.x_um, request.speed_um_per_s)
     return [
         Move(phase, duration_s, guarded=True, to_um=(to_um,))
@@ -198,7 +198,7 @@ def _led(request: MoveRequest, at: Stand, to_um: float) -> list[Segment]:
 
 
 def _driven(request: MoveRequest, d_p: float, stand: Stand, at: Stand) -> list[Segment]:
-    """Return the segments that lead to a voltage, or change it; the plan begins at ``stand``."""
+    """Return the segments of a move to or by a voltage; the plan begins at ``stand``."""
     by_V, to_V = request.by_V, request.to_V
     end_V = to_V if to_V is not None else stand.voltage_V + (by_V or 0.0)
     rate = request.speed_um_per_s / d_p
@@ -301,12 +301,12 @@ def _plan(
 def _voltages(
     segments: Sequence[Segment], voltages_V: Sequence[float], rig: PlannedRig
 ) -> VoltageRange:
-    """Return the voltages of a motion: as they are planned, but for a position that a law seeks."""
+    """Return the voltages of a motion: as planned, or as predicted for a position."""
     if all(segment.open_loop for segment in segments):
         return around(voltages_V, 0.0, OPEN_V)
     return voltage_range(voltages_V, rig)
 
 
 def named_pointer(found: Excursion, pointers: Mapping[str, str]) -> str:
-    """Return the member of the request to blame, by ``phase quantity`` or ``phase``."""
+    """Return the member of the request behind a violation, by ``phase quantity`` or ``phase``."""
     return pointers.get(f"{found.phase} {found.quantity}", pointers.get(found.phase, ""))

@@ -1,4 +1,4 @@
-"""Motions of two arms that meet a part: grip, track, centre; and those that carry a held one.
+"""Motions of two arms that meet a part (grip, track, centre) or carry a held one.
 
 Both arms close about the place where the part lies, each from a stand-off of its own at which both
 forces are zeroed. ``centre`` first looks for the part with one arm after the other, and closes
@@ -27,16 +27,16 @@ from pincette.control.planning.segments import (
 )
 
 BACK_UM = 3.0
-"""Distance of an arm from its place of touch after it has stepped back."""
+"""Distance from its touch to which an arm steps back, in µm."""
 SETTLE_S = 0.8
-"""Time from the end of the load until a path begins."""
+"""Time from the end of the load to the begin of a path, in s."""
 CARRIED = "rest"
-"""Phase with which a program of a held part that is pressed ends, the part held."""
+"""Phase in which a motion program of a pressed part ends with the part held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairRequest:
-    """How a part is met by both arms, loaded and left.
+    """Request in which both arms meet, load and leave a part.
 
     Raises
     ------
@@ -55,14 +55,14 @@ class PairRequest:
     """Force of each arm at which its touch is detected."""
     zero_s: float
     contacts_um: Pair
-    """Tips of both arms at first touch, where the part lies as it is expected to."""
+    """Tips of both arms at the first touch, for the expected place of the part."""
     contact_tolerance_um: float
     stiffness_mN_per_um: float
-    """1/c, of part and faces together."""
+    """Stiffness 1/c of part and faces together."""
     centred: bool = False
-    """Whether the part is looked for from both sides first."""
+    """True if each arm first searches for the part from its side."""
     compliances_um_per_mN: Pair = (0.0, 0.0)
-    """s_i, by which a touch keeps an arm behind its free way."""
+    """Compliances s_i, by which a touch keeps an arm behind its free motion."""
 
     def __post_init__(self) -> None:
         for name in (
@@ -99,19 +99,19 @@ class PairRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairHold:
-    """A force that is held, and where."""
+    """A force to hold, and the place where it is held."""
 
     hold_s: float | None
-    """None: until an action ends it."""
+    """Duration of the hold; None: until an action ends it."""
     place_to_um: float | None = None
-    """Place to which the part is carried before; None: where it was met."""
+    """Place to which the part is carried first; None: where it was met."""
     carry_um_per_s: float = 20.0
     """Peak speed of the place on the way there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairPaths:
-    """Paths of force and of place, of which each may be None: then it rests."""
+    """Paths of force and place; a quantity without a path stays constant."""
 
     force: Path | None
     place: Path | None
@@ -136,7 +136,7 @@ def grip_program(
     most_mN: float,
     homes_um: Pair | None = None,
 ) -> Program:
-    """Grip, carry and hold a part, then let it go; raises ValueError for an impossible speed.
+    """Return a program that grips, carries, holds and releases a part.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def track_program(
     most_mN: float,
     homes_um: Pair | None = None,
 ) -> Program:
-    """Grip a part, let place and force each follow a path, and let it go; raises ValueError."""
+    """Return a program that grips a part, follows paths of place and force, and releases it."""
     force, place = paths.force, paths.place
     begin_mN = request.force_mN if force is None else force.start
     begin_um = request.place_um if place is None else place.start
@@ -187,7 +187,7 @@ def track_program(
 def carry_program(
     by_um: float, speed_um_per_s: float, guards: Guards, *, release_s: float, safe_V: float
 ) -> Program:
-    """Carry a part that is held, at the force it is held with; it stays held at the end.
+    """Return a program that carries a held part at its present force, and keeps it held.
 
     Without a zero that force is not known: the arms keep it as it is. The unload after the end is
     for an action, or a guard, that lets the part go.
@@ -224,7 +224,7 @@ def _program(
     most_mN: float,
     homes_um: Pair,
 ) -> Program:
-    """Zero, approach, zero, contact, what is done while pressed, and the way back."""
+    """Return zero, approach, zero, contact, the pressed part, and the way back."""
     first_um, second_um = request.stand_offs_um
     back_um = max(at - start for at, start in zip(request.furthest_um, starts_um, strict=True))
     approach_s = move_duration(
@@ -266,7 +266,7 @@ def _closing(request: PairRequest) -> Seek:
 
 
 def _looked_for(request: PairRequest) -> Sequence[Segment]:
-    """Find the part by the first arm, then by the second, and step back after each."""
+    """Return segments that search for the part with each arm in turn, and step back after each."""
     stand, furthest = request.stand_offs_um, request.furthest_um
     step_s = move_duration(BACK_UM, request.approach_um_per_s)
 
@@ -283,5 +283,5 @@ def _looked_for(request: PairRequest) -> Sequence[Segment]:
 
 
 def _of(arm: int, goal_um: float) -> tuple[float | None, float | None]:
-    """Return the goals of both tips where one arm moves and the other one rests."""
+    """Return the goals of both tips where one arm moves and the other rests."""
     return (goal_um, None) if arm == 0 else (None, goal_um)

@@ -1,4 +1,4 @@
-"""The predicted course of two arms: tips, force and both voltages in time, and limits broken.
+"""Predicted course of two arms: tips, force and both voltages in time, and broken limits.
 
 With c the compliance of part and faces, and g the sum of both tips at first touch,
 
@@ -48,7 +48,7 @@ class PairStrokes(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """Time that the strokes take."""
+        """Return the duration of the strokes, in s."""
         return self.phases[-1].end_s
 
 
@@ -85,7 +85,7 @@ class PlannedPair:
         return ref._replace(opening_um=opening_um)
 
     def touch(self, seek: Seek, entry: Entry) -> tuple[float, Entry]:
-        """Return when the last side that is looked for has touched, and the state then."""
+        """Return when the last side that is searched has touched, and the state then."""
         duration_s = SHORTEST_MOVE_S if seek.duration_s is None else seek.duration_s
         begin_um, end_um = tips(entry.ref), tips(seek.reference(duration_s, entry))
         until_s, found_um = 0.0, list(entry.found_um)
@@ -104,7 +104,7 @@ class PlannedPair:
 
 
 def tips(ref: Reference) -> Pair:
-    """Return both tips of references: x_1 = d/2 + q, x_2 = d/2 - q."""
+    """Return both tips for references of place and opening: x_1 = d/2 + q, x_2 = d/2 - q."""
     half_um = 0.5 * ref.opening_um
     return half_um + ref.x_um, half_um - ref.x_um
 
@@ -115,12 +115,12 @@ class HeldPair:
 
     tips_um: Pair
     force_mN: float = 0.0
-    """Force that acts on the part; 0 where it is not known."""
+    """Force on the part; 0 where it is unknown."""
     voltages_V: Pair | None = None
-    """Voltages applied; None: those of the free responses."""
+    """Applied voltages; None: those of the free responses."""
 
     def touch_um(self, joint_um_per_mN: float) -> Pair:
-        """Return both tips at first touch, by the compliance of part and faces."""
+        """Return both tips at the first touch, from the compliance of part and faces."""
         half_um = 0.5 * joint_um_per_mN * self.force_mN
         return self.tips_um[0] - half_um, self.tips_um[1] - half_um
 
@@ -199,7 +199,7 @@ def after_strokes(course: PairCourse, strokes: PairStrokes) -> PairCourse:
 
 
 def _joined(before: Course, after: Course, begin_s: float) -> Course:
-    """Return both courses; the last sample of the first is the first one of the other."""
+    """Return both courses joined; the last sample of the first is the first one of the second."""
     return Course(
         before.t_s[:-1] + [begin_s + t_s for t_s in after.t_s],
         before.phase[:-1] + after.phase,
@@ -229,7 +229,7 @@ def _course(
 
 
 def pair_conditioning(rigs: tuple[PlannedRig, PlannedRig]) -> PairStrokes | None:
-    """Return the strokes of both arms; None where neither rig has a ``condition_V``.
+    """Return the strokes of both arms, or None where neither rig has a ``condition_V``.
 
     The nominal gain tells the voltages at which the arms stand.
     """

@@ -12,13 +12,13 @@ from pincette.control.quantities import MAX_ITEMS
 KNOTS_MAX = MAX_ITEMS
 """Largest number of knots that fit into one message."""
 CLOSEST_S = 1e-6
-"""Shortest time between two points of a path."""
+"""Shortest time between two points of a path, in s."""
 CORNER_SHARE = 0.75
-"""Share of its acceleration that a triangle uses at its corners."""
+"""Share of its permitted acceleration that a triangle uses at its corners."""
 PIECE_POINTS, CYCLE_POINTS = 64, 512
-"""Points at which a piece and a cycle are sampled for their peaks."""
+"""Number of points at which a piece and a cycle are sampled for their peaks."""
 PATH_POINTS = 16_384
-"""Points at which a path of many pieces is sampled, shared among its pieces."""
+"""Number of points at which a path of many pieces is sampled, shared among its pieces."""
 
 
 @dataclass(frozen=True, slots=True)

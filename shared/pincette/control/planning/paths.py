@@ -1,4 +1,4 @@
-"""Paths of one reference in time, from rest to rest; the unit is that of the quantity.
+"""Paths of one reference in time, from rest to rest, in the unit of its quantity.
 
 A sinusoid and a triangle swing about a mean, and blend in and out over whole cycles:
 
@@ -56,12 +56,12 @@ class Path(FrozenRecord, frozen=True):
     cycles: Whole = 0
     """Number of cycles at full amplitude."""
     blend_cycles: Whole = 1
-    """Number of cycles in which the amplitude grows, and of those in which it fades."""
+    """Number of cycles in which the amplitude grows, and in which it fades."""
     corner: Number = 0.0
-    """Half the time that a triangle takes to turn, as a share of its cycle, up to 1/4."""
+    """Half the duration of a triangle's corner as a share of its cycle, up to 1/4."""
     knots: Items[Knot] = ()
     relative: bool = False
-    """For a voltage: whether it is relative to the voltage at the beginning of the path."""
+    """True for a voltage that is relative to the one at the begin of the path."""
 
     def __post_init__(self) -> None:
         if self.knots or self.shape in ("step", "waypoints"):
@@ -86,12 +86,12 @@ class Path(FrozenRecord, frozen=True):
 
     @property
     def full_from_s(self) -> float:
-        """Begin of the part at full amplitude: whole cycles, or the whole path between knots."""
+        """Return the begin of the part at full amplitude; between knots that of the path."""
         return 0.0 if self.knots else self.blend_cycles * self.cycle_s
 
     @property
     def full_to_s(self) -> float:
-        """End of that part."""
+        """Return the end of the part at full amplitude."""
         return self.duration_s - self.full_from_s
 
     @property

@@ -1,4 +1,4 @@
-"""One arm and the part that it meets, as a plan assumes them.
+"""One arm and the part that it meets, with the assumptions of a plan.
 
 The voltage is that which brings the free displacement x - x_start + s_p·F: by the identified free
 response where there is one, else
@@ -24,12 +24,14 @@ from pincette.control.response.hysteresis import step as state_after
 from pincette.control.response.inverse import free_voltages
 
 HOME_SHARE = 0.5
-"""Share of the voltages below 0 V that the way back may need; the rest is for errors of the model,
-and for drift that no reading has shown."""
+"""Share of the voltages below 0 V that the way back may use; the rest covers errors of the model
+and unseen drift."""
 SWEPT_STEPS, SWEPT_STEP_S = 50, 0.04
-"""Steps, and the time of each, in which a model is moved to a position, or back to a voltage."""
+"""Number of steps, and duration of each in s, in which a model is moved to a position or voltage.
+"""
 SHAKEN_V, SHAKES = 0.02, 25
-"""Small swings, peak to peak, and their number: the law makes them of noise as the arm presses."""
+"""Peak-to-peak voltage and number of small swings that the law makes from noise while the arm
+presses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ class PlannedArm:
     def _way_back_um(
         self, x_um: float, force_mN: float, voltages_V: Sequence[float]
     ) -> list[float]:
-        """Return where the free arm is at voltages that fall, after a position against a force.
+        """Return where the free arm is at falling voltages, after a position against a force.
 
         Remanence keeps an arm with an identified free response above the place where it was before.
         """
@@ -93,7 +95,7 @@ class PlannedArm:
         voltage_min_V: float,
         rest_um: float | None = None,
     ) -> float:
-        """Return the place that the arm goes back to after it has pressed a part.
+        """Return the position to which the arm returns after it has pressed a part.
 
         It is ``x_start_um`` where the arm surely reaches it, else where the arm rests at 0 V.
         Remanence keeps an arm above the place where it rested before, by 7 µm and more where relays
@@ -121,7 +123,7 @@ class PlannedArm:
         return max(self.x_start_um, min(at_rest_um, stand_off_um))
 
     def swing_um(self, x_um: float, force_mN: float, swing_V: float, cycles: int) -> float:
-        """Return how far the free arm comes back in swings of the voltage.
+        """Return how far the free arm moves back during small swings of the voltage.
 
         Before them the law turns the sensor's noise into small reversals of the voltage. An arm
         that forgets by the length of the way comes back further after those.
@@ -152,7 +154,7 @@ class PlannedArm:
     def _moved(
         self, model: HysteresisModel, x_um: float, force_mN: float
     ) -> tuple[HysteresisState, HysteresisState]:
-        """Return the memory as the plan begins, and that at a position against a force."""
+        """Return the memory at the begin of the plan, and at a position against a force."""
         begins = start(model) if self.memory is None else self.memory
         way_um = x_um - self.x_start_um + self.compliance_um_per_mN * force_mN
         ways_um = [way_um * step / SWEPT_STEPS for step in range(1, SWEPT_STEPS + 1)]
@@ -167,7 +169,7 @@ class PlannedArm:
         return Entry(Reference(x_um, voltages_V=(begin_V,)), period_s)
 
     def touched(self, entry: Entry, force_mN: float, rate_mN_per_s: float = 0.0) -> Entry:
-        """Return the state in which a seek ends that has met the part with a force."""
+        """Return the state at the end of a seek that has met the part with a force."""
         ref = entry.ref._replace(
             x_um=self.pressed_um(force_mN), force_mN=force_mN, force_rate_mN_per_s=rate_mN_per_s
         )
@@ -195,7 +197,7 @@ class PlannedArm:
 
 
 def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
-    """Return the memory after small swings of the voltage about where it is."""
+    """Return the memory after small swings of the voltage about its present value."""
     about_V = memory.voltage_V
     for _ in range(SHAKES):
         for off_V in (-0.5 * SHAKEN_V, 0.5 * SHAKEN_V):
@@ -204,7 +206,7 @@ def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:
 
 
 def swept(model: HysteresisModel, memory: HysteresisState, to_V: float) -> list[HysteresisState]:
-    """Return the memories on the way to a voltage."""
+    """Return the memories along the way to a voltage."""
     from_V, states = memory.voltage_V, list[HysteresisState]()
     for step in range(1, SWEPT_STEPS + 1):
         voltage_V = from_V + (to_V - from_V) * step / SWEPT_STEPS

@@ -1,4 +1,4 @@
-"""The predicted course of a plan: the references of its segments in time, and limits broken.
+"""Predicted course of a plan: references of its segments in time, and broken limits.
 
 Where plan and rig agree, the arms are where the references of the segments lead them. Two functions
 state what a plan assumes of the arms: ``Follow`` completes the references of a sample, and
@@ -18,13 +18,13 @@ LONGEST_S = 10_800.0
 """Longest duration of a plan, in s: a hold or a path of one hour, a warm-up, and a reserve."""
 
 Follow = Callable[[Segment, Entry, Reference], Reference]
-"""Complete the references of one sample, by the segment and the state in which it began."""
+"""Function that completes the references of a sample, from the segment and its entry state."""
 Touch = Callable[[Seek, Entry], tuple[float, Entry]]
-"""Return the time until a seek meets the part, in s, and the state in which it then ends."""
+"""Function that returns the time until a seek meets the part, in s, and the state then."""
 
 
 class Piece(NamedTuple):
-    """One segment of a plan as it should go."""
+    """One segment of a plan with its predicted course."""
 
     segment: Segment
     start_s: float
@@ -80,7 +80,7 @@ class Course:
 def predict(
     segments: Sequence[Segment], entry: Entry, follow: Follow, touch: Touch | None = None
 ) -> list[Piece]:
-    """Go through the segments of a plan in time.
+    """Return the pieces of a plan in time.
 
     Parameters
     ----------
@@ -154,13 +154,13 @@ def planned_phases(pieces: Sequence[Piece], ends_V: Sequence[float]) -> tuple[Pl
 
 
 def near_end(pieces: Sequence[Piece], values: Sequence[float], period_s: float) -> list[float]:
-    """Return the value of a course at the sample that is nearest to the end of each piece."""
+    """Return the value of a course at the sample nearest to the end of each piece."""
     last = len(values) - 1
     return [values[min(last, int(piece.end_s / period_s + 0.5))] for piece in pieces]
 
 
 def nominal(um_per_V: float, segment: Segment, entry: Entry, ref: Reference) -> Reference:
-    """Return complete references of an arm by x - x_0 = d_p·(u - u_0) since the segment began.
+    """Return complete references by x - x_0 = d_p·(u - u_0) since the segment began.
 
     Without a law the position follows the voltage, else the voltage follows the position.
     """
@@ -171,7 +171,7 @@ def nominal(um_per_V: float, segment: Segment, entry: Entry, ref: Reference) -> 
 
 
 def require_bounded(phases: Sequence[tuple[str, float]]) -> None:
-    """Refuse phases, each with its duration in s, that take too long together.
+    """Raise ValueError for phases whose total duration is too long.
 
     Raises
     ------

@@ -14,7 +14,7 @@ SHORTEST_MOVE_S = 0.3
 
 
 def quintic(s: float) -> float:
-    """Share of a move done at the share ``s`` of its time: q = 10s³ - 15s⁴ + 6s⁵ on [0, 1].
+    """Return the share of a move done at the share ``s`` of its time: q = 10s³ - 15s⁴ + 6s⁵.
 
     0 before, 1 after; speed and acceleration vanish at both ends.
     """
@@ -54,7 +54,7 @@ class Quintic(FrozenRecord, frozen=True):
         )
 
     def speed(self, t_s: float) -> float:
-        """Return the speed at ``t_s``; the boundary speeds outside the move."""
+        """Return the speed at ``t_s``; outside the move the boundary speeds."""
         if t_s <= 0.0:
             return self.start_speed
         if t_s >= self.duration_s:
@@ -97,7 +97,7 @@ def move(
 
 
 def run_up(distance: float, duration_s: float, up_s: float, t_s: float) -> tuple[float, float]:
-    """Return way and speed at ``t_s`` of a motion that reaches its speed smoothly and keeps it.
+    """Return way and speed at ``t_s`` of a motion that smoothly reaches a constant speed.
 
     With v = distance/(duration - up/2) and s = t/up the speed is v·(3s² - 2s³) until s = 1, so that
     the acceleration vanishes at both ends, and v from there. Without ``up_s`` it is v at once.

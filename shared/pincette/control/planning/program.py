@@ -1,4 +1,4 @@
-"""The program a controller plays: segments of references, and the guards that end them."""
+"""Motion program of a controller: segments of references, and guards that end them."""
 
 from typing import Literal
 
@@ -21,21 +21,21 @@ from pincette.control.record import FrozenRecord
 from pincette.control.voltage_range import VoltageRange
 
 RETREATS = ("unload", "retreat")
-"""Phases of the way back."""
+"""Names of the phases of the way back."""
 
 
 class Guards(FrozenRecord, frozen=True):
-    """Conditions that end a segment early. Forces in mN, compressive ones positive."""
+    """Conditions that end a segment early; compressive forces in mN are positive."""
 
     contact_force_mN: Millinewton
-    """Estimated force above which contact is believed."""
+    """Estimated force above which a contact is detected."""
     contact_samples: Whole
-    """Consecutive samples above it."""
+    """Number of consecutive samples above the contact force."""
     force_max_mN: Millinewton
     """Estimated force that ends the grip as ``overforce``."""
     lost_fraction: Number
-    """Share of F_r below which, in the hold, the part counts as lost; along a path only where F_r
-    is at least twice the contact force."""
+    """Share of F_r below which a held part counts as lost; along a path only where F_r is at least
+    twice the contact force."""
     lost_samples: Whole
     stiffness_min_mN_per_um: MillinewtonPerMicrometre
     stiffness_max_mN_per_um: MillinewtonPerMicrometre
@@ -45,7 +45,7 @@ class Guards(FrozenRecord, frozen=True):
     position_max_um: Micrometre | None = None
     """Measured position beyond which motion without a law ends as ``overtravel``; None: none."""
     zero_needed: bool = True
-    """Whether a zero that is refused ends the program; else it goes on without one."""
+    """True if a refused zero ends the program; else it continues without a zero."""
     contacts_from_um: Items[Micrometre] = ()
     """Least place of contact that the plan admits, one for each arm. A search that finds the part
     before it goes back where the zero of the force is not confirmed; empty: any place is
@@ -73,7 +73,7 @@ class PlannedRange(FrozenRecord, frozen=True):
 
 
 class Program(FrozenRecord, frozen=True):
-    """Segments in order, guards, the contact stiffness K_e the plan assumes, and the laws.
+    """Segments in order, guards, the planned contact stiffness K_e, and the laws.
 
     Raises
     ------
@@ -86,15 +86,16 @@ class Program(FrozenRecord, frozen=True):
     guards: Guards
     contact_stiffness_mN_per_um: MillinewtonPerMicrometre
     laws: Items[LawSpec] = ()
-    """Laws of the program; None: the rig file's."""
+    """Laws of the program; None: that of the rig file."""
     contact_line: Literal["identified", "planned"] = "identified"
-    """K_e and x_e as the load shows them, or K_e as planned and x_e from the first touch."""
+    """Source of K_e and x_e: identified during the load, or K_e as planned and x_e from the first
+    touch."""
     capture_hz: Hertz = 0.0
-    """Rate at which the sensor acquires beside the samples of the loop; 0: not."""
+    """Rate at which the sensor acquires beside the samples of the loop; 0: no capture."""
     begins_held: bool = False
-    """Whether a part is in the gripper when it begins."""
+    """True if a part is held when the program begins."""
     corrections: Corrections | None = None
-    """What is learned along the cycles of its path, to begin with; None: nothing is learned."""
+    """Initial corrections for the cycles of its path; None: no learning."""
     planned_range: PlannedRange | None = None
     """Range that no reference and no voltage may leave; None: the rig's limits."""
     slip_retries: Whole = 0

@@ -1,4 +1,4 @@
-"""Speeds of a quick grip: the load begins at the touch without a stop.
+"""Speeds of a quick grip, whose load begins at the touch without a stop.
 
 The touch is believed after n samples above the contact force. Until then the voltage goes on, and
 the force rises by the stiffness K_e/S of part and arm in series:
@@ -23,12 +23,13 @@ from pincette.control.planning.profiles import minimum_duration, move
 from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, SafeTouch, short_load
 
 SMOOTH, LONGEST = 2.0, 2.5
-"""Duration of a load from the speed v over the way d, in d/v: falling smoothly, and without passing
-its end."""
+"""Durations of a load from the speed v over the way d, in d/v: one that slows down smoothly, and
+the longest without overshoot."""
 EARLY_SHARE = 0.75
-"""Share of the planned force that may be there when a part nearer than planned is touched."""
+"""Share of the planned force that may act when a part nearer than planned is touched."""
 SLEW_SHARE = 0.6
-"""Share of the slew limit that an approach uses if no speed is stated: hysteresis needs more."""
+"""Share of the slew limit that an approach uses if no speed is stated, since hysteresis needs a
+reserve."""
 HALVINGS = 30
 
 
@@ -50,14 +51,14 @@ class UsualSpeeds(NamedTuple):
 
 
 class QuickSpeeds(NamedTuple):
-    """Speeds of a grip, and what the load and the unload take."""
+    """Speeds of a grip, and durations of load and unload."""
 
     approach_um_per_s: float
     seek_um_per_s: float
     load_s: float
     unload_s: float
     violations: tuple[Violation, ...]
-    """Violations by the request itself."""
+    """Violations that the request itself causes."""
 
     def values(self) -> dict[str, float]:
         """Return the members of a ``GripRequest``."""
