@@ -8,6 +8,8 @@ import json
 import logging
 import re
 import socket
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, suppress
@@ -34,12 +36,15 @@ from tests.support.bare_connects import (
     strangers,
 )
 from tests.support.certificates import folder_for
+from tests.support.checkout import ROOT
 from tests.support.doors import OPENS_S, ROUTER, TOOL, Door, joining
+from tests.support.namespaces import alone, objection
 from tests.support.rigs import free_ports
 
 MANY = 400
 FAILED, FAILED_S = 20, 0.1
 """Failed handshakes, and the time for which Zenoh sleeps after each."""
+ENDED_S = 5.0
 BACK_S = 30.0
 SETTLED_S = 5.0
 """Time after which no burst of connections is open any more, while all strangers stay."""
@@ -233,6 +238,15 @@ def test_the_port_behind_opens_to_the_guard_alone(monkeypatch: pytest.MonkeyPatc
             one.close()
         monkeypatch.setattr(private_port, "TCP_MD5SIG_EXT", 0x7FFF)
         assert not behind.close_to_others()
+
+
+def test_the_kernel_answers_for_a_connection_of_the_guard_that_it_has_forgotten() -> None:
+    """Zenoh's one accepting thread waited for 10 s at each, and the port stayed shut for hours."""
+    if why := objection():
+        pytest.skip(why)
+    words = alone([sys.executable, "-m", "tests.support.forgotten_end"])
+    said = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
+    assert float(said.stdout) < ENDED_S
 
 
 def test_a_port_that_is_in_use_is_reported_with_the_remedy(door: Door) -> None:

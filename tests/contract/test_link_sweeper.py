@@ -7,19 +7,30 @@ import socket
 import threading
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
+from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
 
+from pincette.bus.guard import BACKLOG
 from pincette.bus.link_sweeper import MOST_PENDING, SILENT_S, LinkSweeper, reset_connection
 from pincette.bus.own_sockets import own_sockets
 from pincette.bus.session import open_session
 from pincette.bus.topology import client_session
 from pincette.bus.zenoh_bus import ZenohBus
-from tests.support.bare_connects import ZENOH_INIT_BEGUN, descriptors, strangers
-from tests.support.doors import OPENS_S, Door
+from pincette.security.identity import Identity, program
+from tests.support.bare_connects import (
+    TLS_HELLO_BEGUN,
+    ZENOH_INIT_BEGUN,
+    descriptors,
+    strangers,
+)
+from tests.support.certificates import folder_for
+from tests.support.doors import OPENS_S, TOOL, Door, joining
+from tests.support.hogs import hog
 from tests.support.rigs import free_ports
-from tests.support.router_process import router_process
+from tests.support.router_process import RIG, router_process
 
 WITHIN_S = 5.0
 ROUND = 1000
@@ -27,8 +38,9 @@ MOST_FILES, SETTLED_S = 600, 5.0
 """Open files of a program soon after a burst of connections that stay."""
 BACK_S = 5.0
 """Limit of the time until all links are back after an overload."""
-QUEUE = 1100
-"""More connections than a listener of Zenoh lets wait to be accepted."""
+JOINED_S, OVERLOAD_S = 30.0, 60.0
+QUEUE, GUARD_QUEUE = 1100, BACKLOG + 100
+"""More connections than a listener of Zenoh, or a guard, lets wait to be accepted."""
 PARTNERS = ("sensor", "estimator", "controller", "actuator", "supervisor")
 
 
@@ -121,36 +133,54 @@ def test_a_flood_of_strangers_delays_no_link(
 
 
 @pytest.mark.usefixtures("stalls")
+@pytest.mark.real_time
 @pytest.mark.parametrize(
-    ("stopped_s", "stay"),
+    "secure", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["plain", "secure"]
+)
+@pytest.mark.parametrize(
+    ("stopped_s", "busy_s", "stay"),
     [
-        (0.5, True),
-        (3.0, False),
-        pytest.param(10.0, True, marks=pytest.mark.slow),
-        pytest.param(60.0, False, marks=pytest.mark.slow),
+        (0.5, 0.0, True),
+        (3.0, 0.0, False),
+        pytest.param(0.5, OVERLOAD_S, False, marks=pytest.mark.slow),
+        pytest.param(3.0, OVERLOAD_S, True, marks=pytest.mark.slow),
+        pytest.param(10.0, OVERLOAD_S, True, marks=pytest.mark.slow),
+        pytest.param(60.0, OVERLOAD_S, False, marks=pytest.mark.slow),
     ],
 )
 def test_links_are_back_after_a_router_stood_still_with_a_full_accept_queue(
-    router: tuple[int, int],
     first_message: bytes,
+    tmp_path: Path,
     stopped_s: float,
+    busy_s: float,
     stay: bool,
+    secure: bool,
     record_property: Callable[[str, object], None],
 ) -> None:
-    port, process = router
-    ends = client_session("127.0.0.1", port)
+    """Other programs keep every processor busy, for ``busy_s`` before the router goes on."""
+    folder = folder_for(tmp_path / "pki", RIG) if secure else None
+    words, queue = (TLS_HELLO_BEGUN, GUARD_QUEUE) if secure else (first_message, QUEUE)
     with ExitStack() as stack:
+        port = free_ports(1)
+        process = stack.enter_context(router_process(port, folder))
+
+        def bus(name: str, own: Identity, within_s: float) -> ZenohBus:
+            ends = replace(joining(port, folder, own), connect_s=within_s)
+            return stack.enter_context(closing(ZenohBus(ends, RIG, name)))
+
         for name in PARTNERS:
-            bus = stack.enter_context(closing(ZenohBus(ends, "demo", name)))
-            bus.announce(name)
+            bus(name, program(name, RIG), JOINED_S).announce(name)
+        for _ in range(os.cpu_count() or 1):
+            stack.enter_context(hog("cpu"))
+        sleep(max(0.0, busy_s - stopped_s))
         os.kill(process, signal.SIGSTOP)
         try:
-            with strangers([port], QUEUE, words=first_message, stay=stay):
+            with strangers([port], queue, words=words, stay=stay):
                 sleep(stopped_s)
         finally:
             os.kill(process, signal.SIGCONT)
         begun_s = monotonic()
-        watcher = stack.enter_context(closing(ZenohBus(ends, "demo", "tool")))
+        watcher = bus("tool", TOOL, BACK_S)
         until(lambda: watcher.alive() >= set(PARTNERS), BACK_S)
         record_property("back_ms", round(1e3 * (monotonic() - begun_s)))
 

@@ -12,7 +12,7 @@ from pincette.bus.topology import (
 )
 from pincette.security.access import client_access, router_access
 from pincette.security.folder import Folder
-from pincette.security.identity import program
+from pincette.security.identity import Identity, program
 from tests.support.rigs import free_ports
 
 ROUTER, TOOL = program("router", ""), program("supervisor", "")
@@ -20,12 +20,12 @@ OPENS_S = 1.0
 """Limit of the time to join while strangers come; Zenoh with its defaults takes up to 40 s."""
 
 
-def joining(port: int, folder: Folder | None) -> SessionConfig:
-    """Return how a client joins the router at a port."""
+def joining(port: int, folder: Folder | None, own: Identity = TOOL) -> SessionConfig:
+    """Return how a client joins the router at a port, with TLS as ``own``."""
     plain = client_session("127.0.0.1", port)
     if folder is None:
         return plain
-    return secured(plain, TlsIdentity(folder.credentials(TOOL), client_access(ROUTER)))
+    return secured(plain, TlsIdentity(folder.credentials(own), client_access(ROUTER)))
 
 
 class Door:

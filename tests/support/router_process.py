@@ -1,6 +1,6 @@
-"""A plain router of its own process: ``python -m tests.support.router_process PORT``.
+"""A router of its own process: ``python -m tests.support.router_process PORT [FOLDER]``.
 
-It ends with standard input.
+With a folder of certificates it uses TLS. It ends with standard input.
 """
 
 import resource
@@ -11,16 +11,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pincette.bus.session import AskRouter, serve_router
-from pincette.bus.topology import router_session
+from pincette.bus.topology import TlsIdentity, router_session, secured
 from pincette.engine.process import MOST_FILES
+from pincette.security.access import router_access
+from pincette.security.folder import Folder
+from pincette.security.identity import programs_of
+from tests.support.doors import ROUTER, TOOL
 
 ROOT = Path(__file__).parents[2]
+RIG = "demo"
 
 
 @contextmanager
-def router_process(port: int) -> Generator[int]:
+def router_process(port: int, folder: Folder | None = None) -> Generator[int]:
     """Run a router at a port; yields its process number."""
     words = [sys.executable, "-m", "tests.support.router_process", str(port)]
+    words += [] if folder is None else [str(folder.path)]
     pipe = subprocess.PIPE
     program = subprocess.Popen(words, stdin=pipe, stdout=pipe, cwd=ROOT)
     try:
@@ -41,7 +47,11 @@ def main() -> None:
         print("ready", flush=True)
         sys.stdin.read()
 
-    serve_router(router_session("127.0.0.1", int(sys.argv[1])), "demo", wait)
+    session = router_session("127.0.0.1", int(sys.argv[1]))
+    for place in sys.argv[2:]:
+        access = router_access([ROUTER, TOOL, *programs_of(RIG)])
+        session = secured(session, TlsIdentity(Folder(Path(place)).credentials(ROUTER), access))
+    serve_router(session, RIG, wait)
 
 
 if __name__ == "__main__":

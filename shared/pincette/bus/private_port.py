@@ -59,6 +59,10 @@ class PrivatePort:
         line.setblocking(False)
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sign(line)
+        # From the listener's own address: only there does the kernel find the key to sign a reset
+        # with. Without it nothing answers the end of a connection that it has forgotten, and Zenoh
+        # waits for its whole linger time, in the thread that accepts.
+        line.bind((self.host, 0))
         line.connect_ex((self.host, self.port))
         return line
 
