@@ -226,6 +226,7 @@ pins: dev ## pin requirements/*.txt anew; ARGS=--upgrade takes newer versions
 	@$(COMPILE) --no-emit-package pincette-madsci --output-file requirements/madsci.txt contrib/madsci/pyproject.toml
 	@echo hatchling | $(COMPILE) -c requirements/dev.txt --output-file requirements/build.txt -
 	@printf 'editables\nhatchling\nuv\n' | $(COMPILE) -c requirements/dev.txt --output-file requirements/tools.txt -
+	@printf 'cyclonedds\npyzmq\n' | $(COMPILE) -c requirements/dev.txt --output-file requirements/rings.txt -
 	@grep -c == requirements/*.txt
 
 sbom: dev ## write which packages each image holds, as CycloneDX, into data/sbom

@@ -15,10 +15,11 @@ from tests.bench.loop.composed import composed_over_realtime
 from tests.bench.loop.contestant import Contestant
 from tests.bench.loop.figures import cpu_us, own, rate, ratios, tail_ms
 from tests.bench.loop.machine import stolen_s
+from tests.bench.loop.packages import PACKAGES, folder_of_packages
 from tests.bench.loop.plot import draw
 from tests.bench.loop.real import bench_rig, real_loop
 from tests.bench.loop.report import keep
-from tests.bench.loop.rings import socket_ring, zenoh_ring
+from tests.bench.loop.rings import package_ring, socket_ring, zenoh_ring
 from tests.bench.loop.watch import WARM_UP
 from tests.bench.shape import SIZES
 from tests.support.certificates import folder_for
@@ -58,7 +59,9 @@ def main(words: Sequence[str] | None = None) -> None:
         whole = stack.enter_context(zenoh_ring("whole", "whole"))
         coded = stack.enter_context(zenoh_ring("coded", "coded"))
         sockets = stack.enter_context(socket_ring("sockets"))
-        contestants = (loop, simulated, mtls, bare, whole, coded, routed, sockets)
+        packages = folder_of_packages()
+        others = [stack.enter_context(package_ring(name, packages)) for name in PACKAGES]
+        contestants = (loop, simulated, mtls, bare, whole, coded, routed, sockets, *others)
         for block in range(1, given.blocks + 1):
             for contestant in contestants:
                 contestant.measure(given.ticks)
@@ -77,6 +80,9 @@ def main(words: Sequence[str] | None = None) -> None:
         "routed_over_bare": rate(routed.blocks) / rate(bare.blocks),
         "composed_over_realtime": composed_over_realtime(rig),
     }
+    for other in others:
+        summary[f"loop_over_{other.name}"] = rate(loop.blocks) / rate(other.blocks)
+        summary[f"bare_over_{other.name}"] = rate(bare.blocks) / rate(other.blocks)
     for contestant in contestants:
         summary |= own(contestant)
     details = {

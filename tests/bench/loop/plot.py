@@ -6,7 +6,7 @@ from pathlib import Path
 from pincette.plotting import BLUE, GREEN, ORANGE, RED, Axis, label, legend, picture
 from tests.bench.loop.contestant import Contestant
 
-COLOURS = (BLUE, "#17a2b8", ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#b58900")
+COLOURS = (BLUE, "#17a2b8", ORANGE, GREEN, RED, "#6b5b95", "#7a8b3f", "#b58900", "#555", "#000")
 HEIGHT_IN = 4.0
 
 

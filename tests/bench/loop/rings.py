@@ -1,4 +1,4 @@
-"""Rings of do-nothing processes: over Zenoh, direct or by a router, and over bare sockets."""
+"""Rings of do-nothing processes: over Zenoh, direct or by a router, and over what others use."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -9,6 +9,8 @@ import subprocess
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import chain
+from pathlib import Path
 from time import sleep
 from typing import Literal
 
@@ -23,6 +25,21 @@ from tests.support.rigs import free_ports
 
 MATCHED_S = 1.0
 """Until every member of a ring knows the others."""
+DOMAINS = 100
+"""Domains of Cyclone DDS that a ring may have; each has ports of its own."""
+ON_LOOPBACK = """
+<CycloneDDS><Domain Id="any">
+  <General>
+    <Interfaces><NetworkInterface name="lo"/></Interfaces>
+    <AllowMulticast>false</AllowMulticast>
+  </General>
+  <Discovery>
+    <ParticipantIndex>auto</ParticipantIndex>
+    <Peers><Peer Address="localhost"/></Peers>
+  </Discovery>
+</Domain></CycloneDDS>
+"""
+"""Configuration of Cyclone DDS that uses no network but loopback."""
 Process = subprocess.Popen[bytes]
 Kind = Literal["", "routed", "whole", "coded"]
 
@@ -41,7 +58,7 @@ def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
         wires, watch = stack.enter_context(_blank_instruments(port))
         words = [kind] if kind else []
         processes = stack.enter_context(
-            _processes("tests.bench.ring", {role: [str(port), *words] for role in LOOP}, wires)
+            _processes(["tests.bench.ring"], {role: [str(port), *words] for role in LOOP}, wires)
         )
         first = endpoint("127.0.0.1", port, "router" if kind == "routed" else LOOP[0])
         session = stack.enter_context(
@@ -58,18 +75,40 @@ def zenoh_ring(name: str, kind: Kind = "") -> Generator[Contestant]:
 @contextmanager
 def socket_ring(name: str) -> Generator[Contestant]:
     """Four processes that hand on by Unix sockets: what the machine itself takes for a tick."""
-    port = free_ports(8)
     pairs = [socket.socketpair() for _ in LOOP]
     with ExitStack() as stack:
-        for pair in pairs:
-            for one in pair:
-                stack.enter_context(one)
-        wires, watch = stack.enter_context(_blank_instruments(port))
-        places = {
-            role: [str(pairs[place - 1][1].fileno()), str(pairs[place][0].fileno())]
-            for place, role in enumerate(LOOP)
-        }
-        processes = stack.enter_context(_processes("tests.bench.sockets", places, wires))
+        for one in chain.from_iterable(pairs):
+            stack.enter_context(one)
+        into = [str(far.fileno()) for _, far in pairs]
+        out_of = [str(near.fileno()) for near, _ in pairs]
+        yield stack.enter_context(_other_ring(name, "sockets", into, out_of, {}))
+
+
+@contextmanager
+def package_ring(name: str, packages: Path) -> Generator[Contestant]:
+    """Four processes that hand on by ``zeromq`` or ``cyclonedds``, whose package a folder has."""
+    ports = range(first := free_ports(len(LOOP)), first + len(LOOP))
+    if name == "zeromq":
+        places = [str(port) for port in ports]
+    else:
+        places = [f"{first % DOMAINS}:hop{place}" for place in range(len(LOOP))]
+    paths = [str(packages), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    more = {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "CYCLONEDDS_URI": ON_LOOPBACK}
+    with _other_ring(name, name, places, places, more) as ring:
+        sleep(MATCHED_S)
+        yield ring
+
+
+@contextmanager
+def _other_ring(
+    name: str, kind: str, into: Sequence[str], out_of: Sequence[str], more: Mapping[str, str]
+) -> Generator[Contestant]:
+    """Four processes of ``tests.bench.others``, with names of the two ends of each hop."""
+    with ExitStack() as stack:
+        wires, watch = stack.enter_context(_blank_instruments(free_ports(8)))
+        words = {role: [into[place - 1], out_of[place]] for place, role in enumerate(LOOP)}
+        module = ["tests.bench.others", kind]
+        processes = stack.enter_context(_processes(module, words, wires, more))
         begin = processes[LOOP[0]].stdin
         assert begin is not None
 
@@ -105,17 +144,20 @@ def _blank_instruments(port: int) -> Generator[tuple[dict[str, str], Stopwatch]]
 
 @contextmanager
 def _processes(
-    module: str,
+    module: Sequence[str],
     words: Mapping[str, Sequence[str]],
     wires: Mapping[str, str],
+    more: Mapping[str, str] | None = None,
 ) -> Generator[dict[str, Process]]:
     """One process a role, each told its instrument and its own words, once all are ready.
 
-    Words that are numbers of open sockets are handed on with them.
+    Words that are numbers of open sockets are handed on with them. ``more``: variables of the
+    environment.
     """
     started = {
         role: subprocess.Popen(
-            [sys.executable, "-m", module, role, wires.get(role, "-"), *words[role]],
+            [sys.executable, "-m", *module, role, wires.get(role, "-"), *words[role]],
+            env=os.environ | (more or {}),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=[int(word) for word in words[role]] if "sockets" in module else (),
@@ -125,7 +167,7 @@ def _processes(
     try:
         for process in started.values():
             if process.stdout is None or process.stdout.readline() != b"ready\n":
-                raise RuntimeError(f"a process of {module} did not start")
+                raise RuntimeError(f"a process of {' '.join(module)} did not start")
         yield started
     finally:
         for process in started.values():
