@@ -8,15 +8,7 @@ from tests.support.adapters import SLOWLY, adapter_rig
 from tests.support.grips import make_ready
 from tests.support.running import RunningRig
 
-pytest_plugins = ["tests.support.selection", "tests.support.reruns"]
-
-
-@pytest.fixture(scope="session", autouse=True)
-def settings(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
-    """A folder of settings that is not the account's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("settings")))
-        yield
+pytest_plugins = ["tests.support.selection", "tests.support.reruns", "tests.support.settings"]
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Plug-ins of all tests: which tests a session runs, and which failures it reruns."""
+"""Plug-ins of all tests: which ones a session runs and reruns, and the settings they see."""
 
 import gc
 import os
@@ -9,7 +9,7 @@ from time import monotonic, sleep
 import pytest
 from hypothesis import settings
 
-pytest_plugins = ["tests.support.selection", "tests.support.reruns"]
+pytest_plugins = ["tests.support.selection", "tests.support.reruns", "tests.support.settings"]
 
 # A busy machine may need any time for one example; what needs more examples says so itself.
 settings.register_profile("few", deadline=None, max_examples=25)

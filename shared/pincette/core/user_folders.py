@@ -1,4 +1,4 @@
-"""Folders of the account that runs a program; an account may have none."""
+"""Folder of settings of the account that runs a program; an account may have none."""
 
 import os
 from pathlib import Path
@@ -6,12 +6,12 @@ from pathlib import Path
 
 def config_folder() -> Path | None:
     """Return the folder of the account's settings, or None where the account has no home."""
-    return _folder("XDG_CONFIG_HOME", ".config")
-
-
-def cache_folder() -> Path | None:
-    """Return the folder of what can be made again, or None where the account has no home."""
-    return _folder("XDG_CACHE_HOME", ".cache")
+    if given := os.environ.get("XDG_CONFIG_HOME"):
+        return Path(given)
+    try:
+        return Path.home() / ".config"
+    except RuntimeError:  # without HOME, and without an entry in the list of accounts
+        return None
 
 
 def is_readable_file(path: Path) -> bool:
@@ -20,13 +20,3 @@ def is_readable_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
-
-
-def _folder(variable: str, below_home: str) -> Path | None:
-    given = os.environ.get(variable)
-    if given:
-        return Path(given)
-    try:
-        return Path.home() / below_home
-    except RuntimeError:  # without HOME, and without an entry in the list of accounts
-        return None
