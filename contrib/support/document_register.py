@@ -3,6 +3,7 @@
 from tests.support.document_register import DEMO
 from tests.support.documents import Sitting, Typed
 
+OF_BLUESKY = "import bluesky.plan_stubs as bps\nimport bluesky."
 SITTINGS: dict[str, Sitting] = {
     "docs/how-to/sila.md": Sitting(
         (
@@ -21,8 +22,8 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/how-to/bluesky.md": Sitting(
         (
-            Typed("import bluesky.plan_stubs", r"held with 1[45]\.\d\d mN\s+part: none"),
-            Typed("import bluesky.plan_stubs", r"\d+ samples"),
+            Typed(f"{OF_BLUESKY}preprocessors", r"held with 1[45]\.\d\d mN\s+part: none"),
+            Typed(f"{OF_BLUESKY}preprocessors", r"\d+ samples"),
         ),
         up=DEMO,
     ),

@@ -1,8 +1,9 @@
 """The device: its value is the force of the grip in mN, 0 where nothing is held."""
 
 import math
-from collections.abc import AsyncGenerator, AsyncIterator, Mapping
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, AsyncIterator, Generator, Mapping
+from contextlib import aclosing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ from pincette.client import (
     AsyncSupervisor,
     ClientError,
     NothingHeldError,
+    RigHandle,
+    Supervisor,
     WhichRigError,
     left_s,
     require_feasible,
@@ -41,6 +44,7 @@ from pincette_bluesky.readings import (
     setpoint_mN,
     standing,
 )
+from pincette_bluesky.ready import Ready
 from pincette_bluesky.samples import pages
 
 LABEL = "bluesky"
@@ -69,7 +73,10 @@ class Gripper(Device):
         authority: Path | None = None,
         name: str = "",
     ) -> None:
-        self._supervisor = AsyncSupervisor(url, key=key, operator=LABEL, authority=authority)
+        shown: dict[str, Any] = {"key": key, "operator": LABEL, "authority": authority}
+        self._supervisor = AsyncSupervisor(url, **shown)
+        self._blocking_supervisor = partial(Supervisor, url, **shown)
+        self.ready = Ready(lambda: f"{self.name}-ready", self._blocking_rig)
         self._rig_name, self._found = rig, None
         self._arms = 1
         self._prepared: dict[str, Any] | None = None
@@ -89,6 +96,7 @@ class Gripper(Device):
 
     async def close(self) -> None:
         """Close its connections."""
+        self.ready.close()
         await self._supervisor.close()
 
     @property
@@ -96,6 +104,11 @@ class Gripper(Device):
         if self._found is None:
             raise NotConnectedError(f"{self.name or 'the gripper'} is not connected")
         return self._found
+
+    @contextmanager
+    def _blocking_rig(self) -> Generator[RigHandle]:
+        with self._blocking_supervisor() as supervisor:
+            yield supervisor.rig(self._rig.name)
 
     @property
     def hints(self) -> Hints:

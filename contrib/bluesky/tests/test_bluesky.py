@@ -5,11 +5,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from threading import Timer
+from threading import Thread, Timer
 from time import sleep
 from typing import Any, cast
 
 import pytest
+from bluesky.run_engine import WaitForTimeoutError
+from bluesky.suspenders import SuspendBoolLow
 from bluesky.utils import FailedStatus, RunEngineInterrupted
 from ophyd_async.core import NotConnectedError
 
@@ -41,7 +43,7 @@ from pincette.client import (
 from pincette_bluesky import Gripper
 from pincette_bluesky.readings import setpoint_mN
 from tests.support.adapters import FORCE_MN, NEAR_MN, SLOWLY, adapter_rig, until
-from tests.support.grips import make_ready, restart
+from tests.support.grips import make_ready, reset, restart
 from tests.support.running import RunningRig
 
 FLIGHT: dict[str, Any] = {"kind": "grip", "force_mN": FORCE_MN, "hold_s": 0.4}
@@ -335,6 +337,20 @@ def test_a_pause_during_the_request_stops_it_and_a_resume_grips(
     engine(bps.mv(gripper, 0.0))
 
 
+def test_a_plan_that_waits_no_longer_stops_the_motion(
+    engine: Any, gripper: Gripper, rig: RunningRig
+) -> None:
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.abs_set(gripper, FORCE_MN, group="grip")
+        yield from until_moving(rig)
+        yield from bps.wait("grip", timeout=0.1)
+
+    with pytest.raises(WaitForTimeoutError):
+        engine(plan())
+    until(lambda: rig.view()["active_job"] is None, "the motion goes on")
+    assert rig.view()["part"] == "none"
+
+
 def test_an_emergency_stop_and_the_latch_are_reported(
     engine: Any, gripper: Gripper, rig: RunningRig
 ) -> None:
@@ -349,6 +365,43 @@ def test_an_emergency_stop_and_the_latch_are_reported(
     assert "estop" in str(error)
     until(lambda: rig.view()["latch"]["state"] == "latched", "it never came to rest")
     assert isinstance(failure(engine, bps.mv(gripper, FORCE_MN)), RigLatchedError)
+
+
+@pytest.mark.parametrize("before", [True, False], ids=["before", "within"])
+def test_a_suspender_waits_until_the_rig_takes_commands(
+    engine: Any, gripper: Gripper, rig: RunningRig, before: bool
+) -> None:
+    suspender: Any = SuspendBoolLow(gripper.ready)
+    engine.install_suspender(suspender)
+
+    def stop() -> None:
+        rig.post("/rigs/demo/estop").raise_for_status()
+        until(lambda: rig.view()["latch"]["state"] == "latched", "it is not latched")
+        until(lambda: suspender.tripped, "the suspender does not see it")
+
+    def look_and_reset() -> None:
+        if not before:
+            stop()
+        sleep(0.5)
+        reset(rig)
+
+    def plan() -> Generator[Any, Any, None]:
+        yield from bps.checkpoint()
+        if not before:
+            yield from bps.sleep(3.0)  # the suspender interrupts it
+        yield from bps.mv(gripper, FORCE_MN)
+
+    person = Thread(target=look_and_reset)
+    try:
+        if before:
+            stop()
+        person.start()
+        engine(plan())
+    finally:
+        person.join()
+        engine.remove_suspender(suspender)
+    assert rig.view()["part"] == "held"
+    engine(bps.mv(gripper, 0.0))
 
 
 def test_somebody_elses_stop_is_an_error(engine: Any, gripper: Gripper, rig: RunningRig) -> None:

@@ -60,8 +60,8 @@ def tiled(python: Path, folder: Path) -> Generator[str]:
 
 
 def test_a_flight_is_listed_with_its_samples_and_units(rig: RunningRig, tmp_path: Path) -> None:
-    client = f"pincette-client[bluesky] @ {wheel('shared').as_uri()}"
-    python = environment(tmp_path / "venv", client, *WANTED)
+    own = (str(wheel("shared")), str(wheel("contrib/bluesky")))
+    python = environment(tmp_path / "venv", *own, *WANTED)
     with tiled(python, tmp_path) as address:
         line = [str(python), str(DRIVE), rig.rig.supervisor.url, address, KEY, str(FORCE_MN)]
         found = json.loads(ran(line, tmp_path).splitlines()[-1])
