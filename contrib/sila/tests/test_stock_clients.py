@@ -18,7 +18,8 @@ from sila2.framework import (
 )
 
 from contrib.support.sila import refusal, responses, stock_client
-from tests.support.adapters import FORCE_MN, NEAR_MN, until
+from contrib.support.stock_clients import block
+from tests.support.adapters import FORCE_MN, NEAR_MN, WAIT_S, until
 from tests.support.grips import restart
 from tests.support.running import RunningRig
 
@@ -206,6 +207,24 @@ def test_a_killed_server_leaves_the_part_held_and_comes_back_to_the_job(rig: Run
         again = cast("Any", Attached)(second, second.Microgripper.Grip, execution)
         assert responses(again).Job == job
         assert responses(second.Microgripper.Release()).Job == job
+
+
+@pytest.mark.usefixtures("cleared")
+def test_the_wait_of_the_page_ends_although_the_server_was_killed(rig: RunningRig) -> None:
+    found: dict[str, Any] = {}
+    exec(block("docs/how-to/sila.md", "def responses").text, found)
+    with stock_client(rig) as client:
+        grip = client.Microgripper.Grip(FORCE_MN, 0.0, "")
+        until(lambda: rig.view()["active_job"], "no job")
+        rig.fleet.signal("sila", signal.SIGKILL)
+        with ThreadPoolExecutor() as threads:
+            waits = threads.submit(found["responses"], grip)
+            sleep(1.0)
+            assert not waits.done()
+            restart(rig, "sila")
+            held = waits.result(WAIT_S)
+        assert held.Outcome == "held"
+        assert found["responses"](client.Microgripper.Release()).Outcome == "released"
 
 
 def test_a_supervisor_that_is_gone_and_back_is_reported(rig: RunningRig, client: Any) -> None:
