@@ -22,7 +22,7 @@ from contrib.support.reaching import (
 )
 from contrib.support.run_engine import bps, closed, connected, ended, new_engine
 from tests.support.adapters import adapter_rig, until
-from tests.support.grips import make_ready
+from tests.support.commands import pincette
 from tests.support.running import Json, RunningRig
 
 
@@ -53,16 +53,24 @@ class Rest:
     def reach(self, force_mN: float) -> float:
         if (kept_mN := self.kept(force_mN)) is not None:
             return kept_mN
+        return held_by(self.rig, self.started(force_mN))
+
+    def started(self, force_mN: float) -> str:
+        """Start the job; returns its id."""
         answer = self.rig.post(
             "/jobs",
             {"kind": self.kind, "force_mN": force_mN, "until_released": True, "autostart": True},
         )
         assert answer.status_code == 201, answer.text
-        return held_by(self.rig, answer.json()["id"])
+        return answer.json()["id"]
+
+    def let_go(self, job: str) -> None:
+        """Ask a job for the release of its part."""
+        self.rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
 
     def release(self) -> None:
         job = self.rig.view()["active_job"]
-        self.rig.post(f"/jobs/{job}/actions", {"type": "release"}).raise_for_status()
+        self.let_go(job)
 
         def ended() -> bool:
             if self.rig.job(job)["actions"][-1]["type"] == "stop":
@@ -70,6 +78,22 @@ class Rest:
             return self.rig.view()["active_job"] is None
 
         until(ended, "the part is not released")
+
+
+class Typed(Rest):
+    """The command line."""
+
+    def started(self, force_mN: float) -> str:
+        words = ("--force-mN", str(force_mN), "--until-released", "--no-wait")
+        return self.typed(self.kind, *words).strip()
+
+    def let_go(self, job: str) -> None:
+        self.typed("release", job, "--no-wait")
+
+    def typed(self, *words: str) -> str:
+        done = pincette("job", *words, "--url", self.rig.rig.supervisor.url)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
 
 def held_by(rig: RunningRig, job: str) -> float:
@@ -85,7 +109,7 @@ def held_by(rig: RunningRig, job: str) -> float:
 
     until(settled, "the force does not settle")
     if found["state"] != "running":
-        raise NotReachedError(found["state"])
+        raise NotReachedError(f"{found['state']}: {found['cause']}")
     return found["progress"]["force_held_mN"]
 
 
@@ -148,18 +172,18 @@ def rest(rig: RunningRig) -> Generator[Driver]:
     yield Rest(rig)
 
 
-ADAPTERS: tuple[Callable[[RunningRig], AbstractContextManager[Driver]], ...] = (
-    rest,
-    bluesky,
-    agent,
-)
+@contextmanager
+def typed(rig: RunningRig) -> Generator[Driver]:
+    yield Typed(rig)
 
 
-@pytest.mark.parametrize("adapter", ADAPTERS)
+Adapter = Callable[[RunningRig], AbstractContextManager[Driver]]
+ADAPTERS: tuple[Adapter, ...] = (rest, bluesky, agent)
+
+
+@pytest.mark.parametrize("adapter", [*ADAPTERS, typed])
 def test_a_staircase_of_forces_is_climbed_without_letting_go(
-    rig: RunningRig,
-    adapter: Callable[[RunningRig], AbstractContextManager[Driver]],
-    tmp_path: Path,
+    rig: RunningRig, adapter: Adapter, tmp_path: Path
 ) -> None:
     with adapter(rig) as driver:
         climb(rig, driver, tmp_path)
@@ -168,10 +192,7 @@ def test_a_staircase_of_forces_is_climbed_without_letting_go(
 @pytest.mark.parametrize("phase", STOPS)
 @pytest.mark.parametrize("adapter", ADAPTERS)
 def test_a_force_is_reached_after_a_stop_in_each_phase(
-    rig: RunningRig,
-    adapter: Callable[[RunningRig], AbstractContextManager[Driver]],
-    phase: str,
+    rig: RunningRig, adapter: Adapter, phase: str
 ) -> None:
-    make_ready(rig)
     with adapter(rig) as driver:
         stop_and_ask_again(rig, driver, phase)
