@@ -43,37 +43,31 @@ class KeyStore:
                 )
             expires_at = utc_text(now + timedelta(days=days))
         try:
-            row = self._add(name, digest_of(key), scope, expires_at)
+            row = self._file.add(name, digest_of(key), scope, expires_at)
         except KeyNameTakenError as error:
             raise ValueError(
                 f"there is, or was, a key {name!r}: the audit log names it; take another name"
             ) from error
-        return key, self._view(row)
+        return key, self._noted(row)
 
     def add_user(self, name: str, scope: Scope, password: str) -> KeyView:
         """Keep a person who signs in by name and password; raises ValueError as ``add``."""
         try:
             # Of a key that nobody has been told.
-            row = self._add(name, digest_of(new_key()), scope, password=hashed(password))
+            digest = digest_of(new_key())
+            row = self._file.add(name, digest, scope, password=hashed(password))
         except KeyNameTakenError as error:
             raise ValueError(
                 f"there is, or was, a user or a key {name!r}: take another name"
             ) from error
-        return self._view(row)
+        return self._noted(row)
 
-    def _add(
-        self,
-        name: str,
-        digest: str,
-        scope: Scope,
-        expires_at: str | None = None,
-        password: str | None = None,
-    ) -> KeyRow:
-        row = self._file.add(name, digest, scope, expires_at, password)
+    def _noted(self, row: KeyRow) -> KeyView:
+        """Note in the journal that keys are needed from now on; return the key as it is shown."""
         if self._journal is not None:
             with suppress(StoreError):  # the supervisor notes it when it reads the key
                 self._journal.set_note(KEYS_WANTED, "1")
-        return row
+        return self._view(row)
 
     def set_password(self, name: str, password: str) -> bool:
         """Give a user another password and end the user's sessions; false if there is no such user.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import unquote
 
-from fastapi import Depends, Header, Request, Security
+from fastapi import Depends, Header, Query, Request, Security
 from fastapi.security import (
     APIKeyCookie,
     HTTPAuthorizationCredentials,
@@ -33,6 +33,11 @@ from pincette_supervisor.journal.store import Store
 
 LARGEST = 2**63 - 1
 """Largest number that a column of the database holds."""
+NAME_LENGTH = 200
+Named = Annotated[str | None, Query(max_length=NAME_LENGTH)]
+"""Name by which a list is filtered."""
+PageSize = Annotated[int, Query(ge=1, le=500)]
+"""Number of entries of a list in one answer."""
 
 # Contents of responses other than JSON, as the OpenAPI document describes them.
 

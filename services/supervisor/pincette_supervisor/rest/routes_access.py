@@ -27,6 +27,7 @@ from pincette_supervisor.rest.dependencies import (
     AnyCaller,
     Journal,
     Note,
+    PageSize,
     SupervisorId,
     delete_cookies,
     session_cookies,
@@ -136,7 +137,7 @@ def _verdict(error: ProblemError | None) -> Verdict:
 def audit(
     access: AccessState,
     store: Journal,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    limit: PageSize = 50,
     before: Annotated[
         int | None, Query(ge=1, le=LARGEST, description="entries below this number")
     ] = None,

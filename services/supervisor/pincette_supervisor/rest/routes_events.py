@@ -40,6 +40,7 @@ from pincette_supervisor.rest.dependencies import (
     Manager,
     Note,
     Operator,
+    PageSize,
     Permitted,
     authorize,
 )
@@ -318,7 +319,7 @@ def alarms(
     cause: Text = None,
     severity: Literal["alarm", "warning"] | None = None,
     only_open: Annotated[bool, Query(alias="open", description="only those that are open")] = False,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    limit: PageSize = 50,
     before: Annotated[
         int | None, Query(ge=1, le=LARGEST, description="begin below this id")
     ] = None,

@@ -24,20 +24,21 @@ from pincette_supervisor.rest.dependencies import (
     ADMIN,
     BINARY,
     CSV,
+    NAME_LENGTH,
     OBJECT,
     OBSERVE,
     OPERATE,
     AllRigs,
     Content,
+    Named,
     Note,
     Operator,
+    PageSize,
     etag,
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.strict_route import JSON, StrictRoute
 from pincette_supervisor.results import job_table
-
-NAME_LENGTH = 200
 
 
 def _label(text: str | None) -> tuple[str, str] | None:
@@ -60,7 +61,7 @@ def _utc(name: str, time: datetime | None) -> str | None:
 async def _filter(
     kind: KindName | None = None,
     state: JobState | None = None,
-    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    rig: Named = None,
     label: Annotated[
         str | None,
         Query(description="name=value", pattern=LABEL_NAME.replace("$", "="), max_length=300),
@@ -68,9 +69,9 @@ async def _filter(
     outcome: Annotated[
         str | None, Query(description="of the result, such as gripped", max_length=NAME_LENGTH)
     ] = None,
-    sample: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
-    batch: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
-    operator: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    sample: Named = None,
+    batch: Named = None,
+    operator: Named = None,
     pinned: bool | None = None,
     text: Annotated[
         str | None,
@@ -145,7 +146,7 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 def jobs(
     rigs: AllRigs,
     wanted: Wanted,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    limit: PageSize = 50,
     before: Annotated[
         str | None, Query(description="jobs accepted before this one", max_length=NAME_LENGTH)
     ] = None,

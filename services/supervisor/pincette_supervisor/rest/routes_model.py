@@ -26,6 +26,7 @@ from pincette_supervisor.planning.job_plans import FaultyValuesError, checked_va
 from pincette_supervisor.problems import ProblemError
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
+    NAME_LENGTH,
     OBSERVE,
     OPERATE,
     AllRigs,
@@ -33,10 +34,11 @@ from pincette_supervisor.rest.dependencies import (
     IdempotencyKey,
     Journal,
     Manager,
+    Named,
     Note,
+    PageSize,
 )
 from pincette_supervisor.rest.limits import LARGE
-from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import CREATED, DryRunQuery, Predict
 from pincette_supervisor.rest.routes_jobs import create as create_job
 from pincette_supervisor.rest.strict_route import StrictRoute
@@ -70,8 +72,8 @@ async def calibrate(
 @calibration_router.get("", responses=responses(404), dependencies=[OBSERVE])
 def proposals(
     rigs: AllRigs,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
-    rig: Annotated[str | None, Query(max_length=NAME_LENGTH)] = None,
+    limit: PageSize = 50,
+    rig: Named = None,
     before: Annotated[
         str | None, Query(description="calibrations made before this one", max_length=NAME_LENGTH)
     ] = None,
@@ -121,7 +123,7 @@ def _learned_repository(manager: JobManager) -> LearnedRepository:
 @learning_router.get("", responses=responses(404), dependencies=[OBSERVE])
 def learned(
     manager: Manager,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    limit: PageSize = 50,
     before: Annotated[
         str | None, Query(description="programs after this one", pattern=PROGRAM)
     ] = None,
@@ -215,7 +217,7 @@ def save_recipe(
 @recipe_router.get("", dependencies=[OBSERVE])
 def recipes(
     repository: Repository,
-    limit: Annotated[int, Query(ge=1, le=500)] = 500,
+    limit: PageSize = 500,
     before: Annotated[
         str | None, Query(description="recipes after this name", max_length=NAME_LENGTH)
     ] = None,

@@ -37,6 +37,7 @@ from pincette_supervisor.plugin import Planned
 from pincette_supervisor.rest.dependencies import (
     BINARY,
     CSV,
+    NAME_LENGTH,
     OBSERVE,
     OPERATE,
     PNG,
@@ -45,10 +46,10 @@ from pincette_supervisor.rest.dependencies import (
     Content,
     IdempotencyKey,
     Note,
+    PageSize,
 )
 from pincette_supervisor.rest.limits import LARGE
 from pincette_supervisor.rest.middleware import DRY_RUN
-from pincette_supervisor.rest.routes_job_list import NAME_LENGTH
 from pincette_supervisor.rest.routes_jobs import DryRunQuery, take
 from pincette_supervisor.rest.strict_route import StrictRoute
 from pincette_supervisor.results.plan_plot import plan_png
@@ -134,7 +135,7 @@ def plot_anew(body: TrajectoryBody, rigs: AllRigs, note: Note) -> Response:
 @router.get("", responses=responses(404), dependencies=[OBSERVE])
 def trajectories(
     rigs: AllRigs,
-    limit: Annotated[int, Query(ge=1, le=500)] = 50,
+    limit: PageSize = 50,
     before: Annotated[
         str | None, Query(description="trajectories after this digest", max_length=NAME_LENGTH)
     ] = None,
