@@ -1,16 +1,18 @@
 """The charts of the page: errors with the tolerance, hours of the records, a camera beside them."""
 
+import re
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
+import httpx
 import pytest
 from matplotlib.figure import Figure
-from playwright.sync_api import Browser, ViewportSize
+from playwright.sync_api import Browser, Route, ViewportSize
 
 from tests.support.browser import DESK, Visit, visit
 from tests.support.rigs import demo_rig
@@ -30,8 +32,8 @@ OVERLAPS = """() => {
   const found = [];
   for (const [one, a] of boxes) for (const [other, b] of boxes) {
     if (one === other || one.contains(other) || other.contains(one)) continue;
-    // The bar stays in sight while the rest passes below it.
-    if (Boolean(one.closest('.bar')) !== Boolean(other.closest('.bar'))) continue;
+    // The bar and the buttons of the form stay in sight while the rest passes below them.
+    if (one.closest('.bar, .go') !== other.closest('.bar, .go')) continue;
     if (a.left < b.right - 1 && b.left < a.right - 1
       && a.top < b.bottom - 1 && b.top < a.bottom - 1) {
       found.push(`${one.textContent.trim()} / ${other.textContent.trim()}`);
@@ -163,8 +165,12 @@ def test_both_arms_of_a_quantity_share_a_chart_inside_the_card(
                 "Voltage, arm 1",
                 "Voltage, arm 2",
             ]
-            low = [bottom_of(seen, name) for name in (".scope", ".strip.last canvas")]
-            assert low[1] <= low[0]
+            # A notice that the supervisor is slow to answer makes the page lower for a while.
+            seen.until_true(
+                lambda: bottom_of(seen, ".strip.last canvas") <= bottom_of(seen, ".scope"),
+                "the last chart is outside its card",
+                PATIENCE_S,
+            )
             heights = [
                 strip.bounding_box() or {"height": 0.0}
                 for strip in seen.page.locator(".strip:visible canvas").all()
@@ -203,6 +209,126 @@ COLOURED = """() => {
   return false;
 }"""
 """Script: whether the force chart shows the pale green of a succeeded job."""
+
+
+WRITTEN = """window.written = [];
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+  window.written.push(text);
+  write.call(this, text, ...rest);
+};"""
+"""Script: keep what is written on canvases in ``written``."""
+
+
+def until_written(seen: Visit, act: Callable[[], None], pattern: str) -> None:
+    """Do something and wait until a chart shows a text."""
+    seen.page.evaluate("window.written = []")
+    act()
+    seen.until_true(
+        lambda: bool(
+            seen.page.evaluate(f"window.written.some((text) => /^{pattern}$/.test(text))")
+        ),
+        f"no chart shows {pattern}",
+        PATIENCE_S,
+    )
+
+
+def drag(seen: Visit, canvas: str, begin: float, end: float) -> None:
+    """Drag over a chart, from one share of its width to another."""
+    box = seen.page.locator(canvas).bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    seen.page.mouse.move(box["x"] + begin * box["width"], y)
+    seen.page.mouse.down()
+    seen.page.mouse.move(box["x"] + end * box["width"], y, steps=4)
+    seen.page.mouse.up()
+
+
+@pytest.mark.parametrize("seconds", ["30", "3600"])
+def test_a_stretch_of_a_chart_is_dragged_over_to_zoom(
+    browser: Browser, desk: Harness, seconds: str
+) -> None:
+    context = browser.new_context(viewport=ViewportSize(**DESK))
+    context.add_init_script(WRITTEN)
+    with served(desk.app) as address:
+        gripped(address, "B7")
+        seen = visit(context, address)
+        clock, nearer = (
+            (r"\d\d:\d\d", r"\d\d:\d\d:\d\d")
+            if seconds == "3600"
+            else (r"\d\d:\d\d:\d\d", r"\d+\.\d+ s")
+        )
+        window = f"#window [data-seconds='{seconds}']"
+        until_written(seen, lambda: seen.page.click(window), clock)
+        until_written(
+            seen, lambda: drag(seen, "[data-quantity=force_mN] canvas", 0.9, 0.95), nearer
+        )
+        until_written(seen, lambda: seen.page.click("#zoom-out"), clock)
+        assert seen.page.is_hidden("#zoom-out")
+        assert seen.errors == []
+    context.close()
+
+
+COMPARED = """() => {
+  const canvas = document.querySelector("#comparison [data-compared=force_mN] canvas");
+  const copy = new OffscreenCanvas(canvas.width, canvas.height);
+  const context = copy.getContext("2d", { willReadFrequently: true });
+  context.drawImage(canvas, 0, 0);
+  const { data } = context.getImageData(0, 0, copy.width, copy.height);
+  const style = getComputedStyle(document.documentElement);
+  return ["--measured", "--reference"].map((name) => {
+    const colour = style.getPropertyValue(name).trim();
+    const wanted = [1, 3, 5].map((place) => parseInt(colour.slice(place, place + 2), 16));
+    const is = (i) => wanted.every((part, k) => Math.abs(data[i + k] - part) < 12);
+    let found = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i + 3] > 200 && is(i)) found += 1;
+    }
+    return found > 10;
+  });
+}"""
+"""Script: whether the force chart of a comparison has the colours of the first two jobs."""
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK])
+def test_two_jobs_are_compared_in_one_chart(
+    browser: Browser, desk: Harness, size: ViewportSize
+) -> None:
+    context = browser.new_context(viewport=size)
+    with served(desk.app) as address:
+        jobs = [gripped(address, f"B{force_mN}", force_mN=force_mN) for force_mN in (6, 12)]
+        seen = visit(context, address)
+        seen.page.click("#tab-jobs")
+        for job in jobs:
+            assert seen.page.is_disabled("#compare")
+            seen.page.check(f"#pick-{job}")
+        seen.page.click("#compare")
+        seen.until("#comparison", "B12", PATIENCE_S)
+        texts = seen.page.locator("#comparison li").all_inner_texts()
+        assert ["B6" in texts[0], "B12" in texts[1]] == [True, True]
+        seen.until_true(lambda: seen.page.evaluate(COMPARED) == [True, True], "no lines")
+        assert seen.page.is_hidden("#charts")
+        drag(seen, "#comparison [data-compared=force_mN] canvas", 0.5, 0.7)
+        seen.until("#comparison [data-compared=force_mN] output", "mN at ")
+        seen.page.click("#comparison-whole")
+        assert seen.page.evaluate(OVERLAPS) == []
+        seen.page.click("#comparison-close")
+        assert seen.page.is_visible("#charts")
+        assert seen.errors == []
+    context.close()
+
+
+def test_what_has_not_come_yet_is_said_to_load(browser: Browser, desk: Harness) -> None:
+    context = browser.new_context()
+    held: list[Route] = []
+    context.route(re.compile(r"/history\?|/jobs\?.*limit=30"), lambda route: held.append(route))
+    with served(desk.app) as address:
+        seen = visit(context, address)
+        seen.page.click("#window [data-seconds='3600']")
+        seen.until("#age", "loading …")
+        seen.page.click("#tab-jobs")
+        assert seen.text("#job-list") == "loading …"
+    context.close()
 
 
 def test_hours_are_drawn_from_the_records(browser: Browser, desk: Harness) -> None:
@@ -285,12 +411,19 @@ def test_the_words_of_the_bar_and_of_the_tabs_say_what_they_are_about(
     context = browser.new_context(viewport=size)
     with served(desk.app) as address:
         seen = visit(context, address)
+        estop = seen.page.locator("#estop").bounding_box()
         assert "Model of the arm\nvalues of the rig file" in seen.text("#facts")
         seen.page.click("#estop")
         seen.until("#latch-cause", "Do not move the gripper's stage until then", PATIENCE_S)
         assert "Gripper's stage\n▲do not move" in seen.text("#facts")
         seen.until("#tab-rig", "Rig (1 alarm)", PATIENCE_S)
+        seen.until("#alarm-head", "emergency stop", PATIENCE_S)
+        assert seen.page.locator("#estop").bounding_box() == estop
         assert seen.page.evaluate(OVERLAPS) == []
+        seen.page.click("#alarm-head button")
+        seen.page.wait_for_selector("#alarm-head", state="hidden")
+        (alarm,) = httpx.get(f"{address}/api/v1/alarms").json()["alarms"]
+        assert alarm["acknowledged_by"]
     context.close()
 
 

@@ -39,6 +39,10 @@ TEXTS = """() => [...document.querySelectorAll('body *')]
   })"""
 
 
+GO = """() => ['start', 'dry-run'].every((id) => {
+  const { top, bottom } = document.getElementById(id).getBoundingClientRect();
+  return top >= 0 && bottom <= innerHeight;
+})"""
 WIDE = """() => Math.max(
   ...[document.documentElement, ...document.querySelectorAll('.side, .panel')]
   .map((each) => each.scrollWidth - each.clientWidth))"""
@@ -72,8 +76,11 @@ def test_everybody_can_read_and_reach_it(
     try:
         seen = visit(context, origin_of(rig.rig))
         check(seen)
+        seen.page.focus("#kind")
+        assert seen.page.evaluate(GO)
         seen.page.select_option("#kind", "move")
         check(seen)
+        assert seen.page.evaluate(GO)
         seen.page.click("#tab-rig")
         seen.until("#rig-model", "in use")
         check(seen)

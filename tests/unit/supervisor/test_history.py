@@ -66,9 +66,27 @@ def test_hours_are_read_over_rest_and_end_where_they_are_told_to(harness: Harnes
     assert (before["jobs"], before["at_s"]) == ([], [])
 
 
+@pytest.mark.parametrize("points", [50, 2000])
+def test_one_job_is_read_over_its_own_time(harness: Harness, points: int) -> None:
+    job = harness.ended(harness.grip()["id"])
+    name = harness.manager.name
+    found = harness.get(f"/rigs/{name}/history", job=job["id"], points=points)
+    assert [(each["id"], each["recorded"]) for each in found["jobs"]] == [(job["id"], True)]
+    begun_s = history.seconds(job["started_at"])
+    assert found["from_s"] == begun_s
+    spent_s = found["at_s"][-1] - begun_s
+    last = job["result"]["phases"][-1]
+    assert spent_s == pytest.approx(last["start_s"] + last["duration_s"], rel=0.05)
+    assert 40 < len(found["at_s"]) <= points + 1
+    peak = max(value for value in found["high"]["force_mN"] if value is not None)
+    assert peak >= job["result"]["force_held_mN"]
+
+
 def test_a_record_that_was_deleted_leaves_its_job_without_samples(harness: Harness) -> None:
     job = harness.ended(harness.grip()["id"])
     (harness.bus.records / job["id"] / "samples.parquet").unlink()
-    found = harness.get(f"/rigs/{harness.manager.name}/history")
-    assert [each["recorded"] for each in found["jobs"]] == [False]
-    assert found["at_s"] == []
+    queries: tuple[dict[str, str], ...] = ({}, {"job": job["id"]})
+    for query in queries:
+        found = harness.get(f"/rigs/{harness.manager.name}/history", **query)
+        assert [each["recorded"] for each in found["jobs"]] == [False]
+        assert found["at_s"] == []

@@ -96,6 +96,7 @@ def test_a_dry_run_shows_an_infeasible_plan(harness: Harness) -> None:
     [
         ("GET", "/api/v1/jobs/none", 404, "not-found"),
         ("GET", "/api/v1/rigs/none", 404, "not-found"),
+        ("GET", "/api/v1/rigs/demo/history?job=none", 404, "not-found"),
         ("POST", "/api/v1/rigs/none/estop", 404, "not-found"),
         ("GET", "/nowhere", 404, "not-found"),
         ("DELETE", "/api/v1/jobs", 405, "method-not-allowed"),

@@ -26,8 +26,9 @@ from pincette_supervisor.fleet.rig_view import rig_view
 from pincette_supervisor.jobs.bring_up import checklist, model_view
 from pincette_supervisor.jobs.bring_up import use_model as change_model
 from pincette_supervisor.jobs.job_manager import JobManager
+from pincette_supervisor.jobs.refusals import require_job
 from pincette_supervisor.journal.events import TooManyListenersError
-from pincette_supervisor.problems import ProblemError, unanswered
+from pincette_supervisor.problems import ProblemError, not_found, unanswered
 from pincette_supervisor.rest.dependencies import (
     ADMIN,
     CLAIM_TOKEN,
@@ -229,8 +230,20 @@ def history(
         Query(ge=0.0, le=4e9, description="end of the window, in seconds since 1970; default: now"),
     ] = None,
     points: Annotated[int, Query(ge=10, le=2000, description="most stretches of time")] = 600,
+    job: Annotated[
+        str | None,
+        Query(
+            max_length=80,
+            description="read the record of this job alone, from its start, by its own time",
+        ),
+    ] = None,
 ) -> History:
     """The course of the rig over hours, of the records of its jobs; nothing between the jobs."""
+    if job is not None:
+        row = require_job(store, job)
+        if row.rig != manager.name:
+            raise not_found("job", job)
+        return manager.context.history.read_job(row, points)
     until_s = time() if to_s is None else to_s
     return manager.context.history.read(store, until_s - 3600.0 * hours, until_s, points)
 

@@ -30,6 +30,8 @@ NAMES = (
 )
 GRID_S = 1.0
 """Records are kept reduced to this grid of the clock; no stretch is shorter."""
+LEAST_S = 1e-4
+"""Shortest stretch of a job that is read alone."""
 JOBS_MOST, KEPT_JOBS = 500, 128
 STRETCHES_OF_A_JOB, KEPT_STRETCHES = 20_000, 250_000
 """Stretches to which a record is reduced, beyond which its grid is wider, and those of all records
@@ -74,6 +76,28 @@ class HistoryReader:
             left_out=left_out,
         )
 
+    def read_job(self, row: JobRow, points: int) -> History:
+        """Return the course of one job over its own time, in about ``points`` stretches."""
+        from_s = seconds(row.started_at or row.created_at)
+        try:
+            with self._lock:
+                found = _read(self.records / row.id / folder.SAMPLES, 0.0, None, points)
+        except (OSError, ValueError):  # as in ``_of``
+            found = None
+        at_s, low, high = found or NOTHING
+        spent_s = float(at_s[-1]) if at_s.size else 0.0
+        return History(
+            rig=self.rig,
+            from_s=from_s,
+            to_s=from_s + spent_s,
+            step_s=spent_s / points,
+            at_s=[from_s + float(value) for value in at_s],
+            low={name: _column(low[place]) for place, name in enumerate(NAMES)},
+            high={name: _column(high[place]) for place, name in enumerate(NAMES)},
+            jobs=[_view(row, recorded=found is not None)],
+            left_out=0,
+        )
+
     def _of(self, row: JobRow) -> Reduced | None:
         if row.started_at is None or row.ended_at is None:
             return None
@@ -98,12 +122,14 @@ class HistoryReader:
         return reduced
 
 
-def _read(path: Path, begun_s: float, spent_s: float | None) -> Reduced:
-    """Reduce a record part by part; raises as ``parquet.parts`` does."""
+def _read(path: Path, begun_s: float, spent_s: float | None, points: int | None = None) -> Reduced:
+    """Reduce a record part by part, to the grid or to ``points``; raises as ``parquet.parts``."""
     ends = [part["t_s"][-1] for part in parquet.parts(path, ["t_s"]) if part["t_s"]]
     if not ends:
         return NOTHING
     grid_s = max(GRID_S, ceil(ends[-1] / STRETCHES_OF_A_JOB / GRID_S) * GRID_S)
+    if points is not None:
+        grid_s = max(ends[-1] / points, LEAST_S)
     found: list[Reduced] = []
     for part in parquet.parts(path, READ):
         columns = {

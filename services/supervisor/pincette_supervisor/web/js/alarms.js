@@ -1,7 +1,7 @@
 // Alarms of the rig: those that are open, to be acknowledged, and on demand those of before.
 
 import { get, post, RIG, told } from "./api.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, loading, show } from "./dom.js";
 import { clock } from "./words.js";
 
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
@@ -15,9 +15,10 @@ export class Alarms {
     this.refreshAll = refresh;
     this.all = false;
     this.alarms = [];
-    this.said = h("p", { class: "fault", role: "alert", id: "alarm-said" });
+    this.said = byId("alarm-said");
     this.panel = h("section", { id: "alarms", "aria-labelledby": "alarms-title" });
-    byId("panel-rig").prepend(this.panel, this.said);
+    this.panel.append(loading());
+    byId("panel-rig").prepend(this.panel);
   }
 
   /** The mark at the tab counts what nobody has acknowledged, whichever tab is open. */
@@ -26,6 +27,7 @@ export class Alarms {
     const { alarms, open } = await get(`/alarms?${OF_RIG}&limit=${MOST}${query}`);
     this.alarms = alarms;
     this.mark(open);
+    this.head();
     this.render(open);
   }
 
@@ -45,6 +47,17 @@ export class Alarms {
     const text = open ? `Rig (${open} ${open === 1 ? "alarm" : "alarms"})` : "Rig";
     if (tab.textContent !== text) tab.textContent = text;
     tab.setAttribute("aria-label", open ? `Rig, ${open} open alarms` : "Rig");
+  }
+
+  /** Show the newest alarm that nobody has acknowledged in the bar. */
+  head() {
+    const unseen = this.alarms.filter((each) => each.acknowledged_at === null);
+    byId("alarm-head").hidden = unseen.length === 0;
+    show(byId("alarm-head"), [unseen], () => unseen.slice(0, 1).flatMap((each) => [
+      chip(each.words, each.severity === "alarm" ? "bad" : "warn"),
+      unseen.length > 1 ? h("span", { class: "muted" }, `and ${unseen.length - 1} more`) : null,
+      this.button(each, "head-"),
+    ]));
   }
 
   render(open) {
@@ -80,8 +93,8 @@ export class Alarms {
         : h("span", { class: "muted" }, each.acknowledged_by)));
   }
 
-  button(each) {
-    return h("button", { type: "button", id: `acknowledge-${each.id}`, "data-needs": "operate",
+  button(each, where = "") {
+    return h("button", { type: "button", id: `${where}acknowledge-${each.id}`, "data-needs": "operate",
       "aria-label": `Acknowledge: ${each.words}`,
       onclick: () => this.acknowledge(each.id) }, "Acknowledge");
   }

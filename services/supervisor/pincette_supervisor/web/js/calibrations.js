@@ -2,7 +2,7 @@
 
 import { calibrationsOfRig, post, told } from "./api.js";
 import { Checklist } from "./checklist.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, loading, show } from "./dom.js";
 import { clock, plain, significant, withoutUnit } from "./words.js";
 
 const TONES = { proposed: "busy", accepted: "good", discarded: "muted", superseded: "muted" };
@@ -31,7 +31,7 @@ export class Calibrations {
     this.said = h("p", { class: "fault", role: "alert", id: "calibration-said" });
     this.done = h("p", { class: "hint", role: "status", id: "calibration-done" });
     this.checklist = new Checklist({ refresh, accept: (id) => this.act({ id }, "accept") });
-    byId("panel-calibrations").append(this.said, this.done, h("div", { id: "proposals" }));
+    byId("panel-calibrations").append(this.said, this.done, h("div", { id: "proposals" }, loading()));
   }
 
   async refresh() {

@@ -1,7 +1,7 @@
 // The calibrations in the order to make them: what each needs and has found, and what is next.
 
 import { checklistOfRig, post, told } from "./api.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, loading, show } from "./dom.js";
 import { clock, plain, significant, withoutUnit } from "./words.js";
 
 const TONES = { done: "good", next: "busy", later: "muted", optional: "muted", unsupported: "muted" };
@@ -19,7 +19,7 @@ export class Checklist {
     this.accept = accept;
     this.steps = [];
     this.said = h("p", { class: "fault", role: "alert", id: "checklist-said" });
-    byId("panel-calibrations").append(this.said, h("div", { id: "checklist" }));
+    byId("panel-calibrations").append(this.said, h("div", { id: "checklist" }, loading()));
   }
 
   async refresh() {

@@ -2,7 +2,7 @@
 
 import { get, post, RIG_PATH, told } from "./api.js";
 import { figure } from "./calibrations.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, loading, show } from "./dom.js";
 import { clock, number, plain, significant, withoutUnit } from "./words.js";
 
 function table(caption, head, rows) {
@@ -46,7 +46,8 @@ export class Details {
     this.refreshAll = refresh;
     this.model = null;
     this.said = h("p", { class: "fault", role: "alert", id: "model-said" });
-    byId("panel-rig").append(h("div", { id: "rig-programs" }), this.said, h("div", { id: "rig-model" }));
+    byId("panel-rig").append(h("div", { id: "rig-programs" }), this.said,
+      h("div", { id: "rig-model" }, loading()));
   }
 
   get seen() {

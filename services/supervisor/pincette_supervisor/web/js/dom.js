@@ -20,6 +20,9 @@ export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** What a place shows until its content has come. */
+export const loading = () => h("p", { class: "muted" }, "loading …");
+
 const shown = new WeakMap();
 const waiting = new WeakMap();
 const PRESSED_MS = 50;

@@ -3,8 +3,9 @@
 import { BASE, daysOfRig, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
 import { describe, factsOf, saidIn, saidOf } from "./description.js";
-import { byId, chip, h, show } from "./dom.js";
+import { byId, chip, h, loading, show } from "./dom.js";
 import { assumedOf, figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
+import { Comparison, MOST as COMPARED } from "./plots/compare.js";
 import { clock, number, plain, toneOfState } from "./words.js";
 
 const PAGE = 30;
@@ -24,7 +25,27 @@ export class Jobs {
     this.limit = PAGE;
     this.more = false;
     this.asked = 0;
-    byId("panel-jobs").append(this.search(), h("div", { id: "job-detail" }), h("div", { id: "job-list" }));
+    this.compared = new Map();
+    this.comparison = new Comparison();
+    this.compare = h("button", { type: "button", id: "compare", disabled: true,
+      onclick: () => this.comparison.show([...this.compared.values()]) });
+    byId("panel-jobs").append(this.search(), h("div", { id: "job-detail" }), this.compare,
+      h("div", { id: "job-list" }, loading()));
+    this.nameCompared();
+  }
+
+  /** Choose a job to be compared with others, or no more. */
+  pick(job, chosen) {
+    if (chosen) this.compared.set(job.id, job);
+    else this.compared.delete(job.id);
+    this.nameCompared();
+    this.render();
+  }
+
+  nameCompared() {
+    const { size } = this.compared;
+    this.compare.disabled = size < 2;
+    this.compare.textContent = size < 2 ? "Tick two or more jobs to compare them" : `Compare ${size} jobs`;
   }
 
   /** What jobs are looked for; the list follows as it is typed. */
@@ -107,20 +128,20 @@ export class Jobs {
   }
 
   render() {
-    const rows = this.jobs.map((job) => [job.id, job.kind, job.state, outcomeOf(job), mainFigure(job)[1],
+    const rows = this.jobs.map((job) => [job.id, job.kind, job.state, job.ended_at === null, outcomeOf(job), mainFigure(job)[1],
       clock(begunAt(job)), job.position ?? null, saidOf(job)]);
-    show(byId("job-list"), [rows, this.chosen, this.more, this.narrowed], () => this.table());
+    show(byId("job-list"), [rows, this.chosen, this.more, this.narrowed, [...this.compared.keys()]], () => this.table());
     const job = this.jobs.find((each) => each.id === this.chosen)
       ?? (this.shown?.id === this.chosen ? this.shown : null);
     show(byId("job-detail"), [job ? { ...job, progress: null } : null, this.artifacts],
-      () => (job ? this.detail(job) : []));
+      () => (job ? this.detail(job) : this.chosen ? loading() : []));
   }
 
   table() {
     if (!this.jobs.length) {
       return h("p", { class: "muted" }, this.narrowed ? "No such job." : "No job has been taken yet.");
     }
-    const head = ["Time", "Job", "State", "Result"];
+    const head = [h("span", { class: "unseen" }, "Compare"), "Time", "Job", "State", "Result"];
     return [h("table", { class: "list jobs" },
       h("caption", { class: "unseen" }, "Jobs, the newest first"),
       h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
@@ -135,7 +156,12 @@ export class Jobs {
   row(job) {
     const outcome = outcomeOf(job);
     const place = job.position ? ` ${job.position}` : "";
+    const picked = this.compared.has(job.id);
     return h("tr", { class: job.id === this.chosen ? "chosen" : "" },
+      h("td", { class: "pick" }, job.ended_at === null ? null : h("input", { type: "checkbox", id: `pick-${job.id}`,
+        checked: picked, disabled: !picked && this.compared.size >= COMPARED,
+        "aria-label": `Compare ${plain(job.kind)} of ${clock(begunAt(job))}`,
+        onchange: (event) => this.pick(job, event.target.checked) })),
       h("td", { class: "time" }, h("button", { type: "button", class: "link", id: `open-${job.id}`,
         "aria-label": `Show ${plain(job.kind)} of ${clock(begunAt(job))}`,
         "aria-pressed": String(job.id === this.chosen),
@@ -163,8 +189,10 @@ export class Jobs {
       job.by ? h("p", { class: "muted" }, `Asked for by ${job.by}`) : null,
       job.cause ? h("p", { class: "cause" }, job.cause) : null,
       job.record_detail ? h("p", { class: "cause" }, `Record: ${job.record_detail}`) : null,
-      h("p", {}, h("button", { type: "button", id: "job-again", "data-needs": "operate",
-        onclick: () => this.again(job) }, "Run again…")),
+      h("p", { class: "buttons" }, h("button", { type: "button", id: "job-again", "data-needs": "operate",
+        onclick: () => this.again(job) }, "Run again…"),
+      job.ended_at === null ? null : h("button", { type: "button", id: "job-charts",
+        onclick: () => this.comparison.show([job]) }, "Show in the charts")),
       ...pictures.map((file) => h("a", { href: place(file), target: "_blank", rel: "noopener" },
         h("img", { src: place(file), class: "picture", loading: "lazy",
           alt: `${plain(job.kind)}: position, force and voltage over time` }))),

@@ -41,17 +41,20 @@ export function duration(seconds) {
 
 let ahead_ms = 0; // by which the server's clock is ahead of the browser's
 
-/** Take the time of the server, to the second, from the head of an answer. */
+/** Take the time of the server from the head of an answer, which has whole seconds; what is less is no difference. */
 export function setNow(date) {
-  const found_ms = Date.parse(date ?? "") - Date.now();
-  if (Number.isFinite(found_ms)) ahead_ms = found_ms;
+  const found_ms = Date.parse(date ?? "") + 500 - Date.now();
+  if (Number.isFinite(found_ms)) ahead_ms = Math.abs(found_ms) < 2000 ? 0 : found_ms;
 }
+
+/** The server's time in seconds since 1970. */
+export const now_s = () => (Date.now() + ahead_ms) / 1000;
 
 /** A UTC time in the words of the place where it is read. */
 export function clock(text) {
   if (!text) return NONE;
   const time = new Date(text);
-  const today = new Date(Date.now() + ahead_ms).toDateString() === time.toDateString();
+  const today = new Date(1000 * now_s()).toDateString() === time.toDateString();
   const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false };
   const day = today ? "" : `${time.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} `;
   return day + time.toLocaleTimeString("en-GB", options);

@@ -49,9 +49,9 @@ export class StartForm {
       sample, h("details", { id: "say-more" }, h("summary", {}, "Batch, operator, notes"), ...others),
       h("label", { class: "check", id: "queue-line", hidden: true }, this.queue,
         h("span", {}, "Wait in the queue until the rig is free")),
-      h("div", { class: "buttons" }, this.button,
-        h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run")),
-      this.fault, this.plan.element);
+      h("div", { class: "go" }, this.fault, h("div", { class: "buttons" }, this.button,
+        h("button", { type: "button", id: "dry-run", "data-needs": "operate", onclick: () => this.dryRun() }, "Dry run"))),
+      this.plan.element);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.start();

@@ -27,7 +27,7 @@ export function palette() {
   return {
     grid: colour("line"), text: colour("muted"), ink: colour("ink"), limit: colour("bad"),
     measured: colour("measured"), second: colour("second"), reference: colour("reference"), band: colour("band"),
-    shade: colour("shade"), zone: colour("zone"), font: `12px ${getComputedStyle(document.body).fontFamily}`,
+    shade: colour("shade"), zone: colour("zone"), good: colour("good"), font: `12px ${getComputedStyle(document.body).fontFamily}`,
   };
 }
 
@@ -170,9 +170,14 @@ export class Axes {
 
   /** A stretch of time over all values, in a pale colour. */
   stretch(from, to, hue) {
+    this.shade(from, to, `hsl(${hue} 60% 50% / 12%)`);
+  }
+
+  /** A stretch of time over all values. */
+  shade(from, to, colour) {
     const { left, right, top, bottom } = this.box;
     const begin = Math.max(left, this.x(from));
-    this.context.fillStyle = `hsl(${hue} 60% 50% / 12%)`;
+    this.context.fillStyle = colour;
     this.context.fillRect(begin, top, Math.max(1, Math.min(right, this.x(to)) - begin), bottom - top);
   }
 

@@ -2,7 +2,7 @@
 // last minute of live samples, or hours of the records.
 
 import { byId, setText } from "../dom.js";
-import { duration, number } from "../words.js";
+import { clock, duration } from "../words.js";
 import { palette } from "./axes.js";
 import { QUANTITIES, Readout, Strip } from "./strip.js";
 
@@ -14,7 +14,8 @@ export class Charts {
   constructor(recent, past) {
     this.recent = recent;
     this.past = past;
-    this.view = { seconds: 30, from: -30, to: 0, cross: null, held: null, shows: "values", expert: false };
+    this.view = { seconds: 30, from: -30, to: 0, cross: null, held: null,
+      zoom: null, picked: null, shows: "values", expert: false };
     this.arms = 1;
     this.strips = QUANTITIES.map((each) => new Strip(each));
     this.readouts = QUANTITIES.map((each) => new Readout(each));
@@ -41,10 +42,9 @@ export class Charts {
   choose(change) {
     const { view } = this;
     Object.assign(view, change);
-    if (change.seconds) {
-      this.past.follow(change.seconds >= 3600 ? change.seconds / 3600 : 0);
-      view.cross = null;
-      view.held = null;
+    if (change.seconds) Object.assign(view, { cross: null, held: null, zoom: null });
+    if (change.seconds || change.zoom !== undefined) {
+      this.past.follow(view.seconds >= 3600 ? view.seconds / 3600 : 0, view.zoom);
     }
     const most = this.past.hours ? 1 : this.arms;
     const both = most > 1;
@@ -93,9 +93,11 @@ export class Charts {
 
   draw() {
     const { source, view } = this;
-    view.to = view.held ?? source.now_s ?? 0;
-    view.from = view.to - view.seconds;
-    if (view.cross !== null && view.cross < view.from) view.cross = null;
+    if (!view.picked) { // charts do not move below a pointer that chooses a stretch of them
+      const to = view.held ?? source.now_s ?? 0;
+      [view.from, view.to] = view.zoom ?? [to - view.seconds, to];
+    }
+    if (view.cross !== null && (view.cross < view.from || view.cross > view.to)) view.cross = null;
     for (const strip of this.strips) if (!strip.element.hidden) strip.draw(source, view, this.colours);
     this.tell();
   }
@@ -112,18 +114,18 @@ export class Charts {
     setText(byId("age"), under === null ? this.silence() : "");
   }
 
+  /** Clock time of a sample, and the phase or the job at that time. */
   under(index) {
-    const { source, view } = this;
-    if (source.when) return source.when(index);
-    const phase = source.phase(index);
-    return `${number(source.time(index) - (view.held ?? source.now_s), 1)} s${phase ? ` · ${phase}` : ""}`;
+    const { source } = this;
+    const at = clock(new Date(1000 * (source.time(index) + source.clock_s)).toISOString());
+    return [at, source.phase(index)].filter(Boolean).join(" · ");
   }
 
   /** Why the charts stand still, or are empty; nothing while samples come. */
   silence() {
     const { source } = this;
     if (source.envelope) return source.said;
-    if (!source.count) return source.now_s === null ? "" : "no samples yet";
+    if (!source.count) return source.now_s === null ? "loading …" : "no samples yet";
     const age_s = source.now_s - source.time(source.count - 1);
     return age_s > OLD_S ? `newest sample ${duration(Math.floor(age_s))} ago` : "";
   }

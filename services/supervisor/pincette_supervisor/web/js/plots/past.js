@@ -2,7 +2,7 @@
 // largest value. It is read as the samples of the last minute are (recent.js).
 
 import { get, RIG_PATH } from "../api.js";
-import { clock, plain, toneOfState } from "../words.js";
+import { plain, toneOfState } from "../words.js";
 
 const EVERY_MS = 15000;
 const POINTS = 600;
@@ -12,6 +12,8 @@ const HUES = { good: 140, busy: 210, warn: 39, bad: 0 };
 export class Past {
   constructor() {
     this.hours = 0;
+    this.zoom = null;
+    this.clock_s = 0;
     this.envelope = true;
     this.clear();
   }
@@ -25,7 +27,7 @@ export class Past {
     this.now_s = Date.now() / 1000;
     this.step_s = 1;
     this.left_out = 0;
-    this.said = "";
+    this.said = "loading …";
     this.version = (this.version ?? 0) + 1;
   }
 
@@ -33,35 +35,37 @@ export class Past {
     return this.at.length;
   }
 
-  /** Show so many hours, and go on reading them; with 0 no more. */
-  follow(hours) {
+  /** Show so many hours, or the two times of `zoom` within them, and go on reading them; with 0 no more. */
+  follow(hours, zoom = null) {
     clearTimeout(this.timer);
     if (hours !== this.hours) this.clear();
-    this.hours = hours;
+    Object.assign(this, { hours, zoom });
     if (hours) this.read();
   }
 
   async read() {
-    const { hours } = this;
+    const { hours, zoom } = this;
+    const shown = () => hours === this.hours && zoom === this.zoom;
+    const span = zoom ? `hours=${(zoom[1] - zoom[0]) / 3600}&to_s=${zoom[1]}` : `hours=${hours}`;
     try {
-      if (!document.hidden) this.take(await get(`${RIG_PATH}/history?hours=${hours}&points=${POINTS}`));
+      const found = document.hidden ? null : await get(`${RIG_PATH}/history?${span}&points=${POINTS}`);
+      if (found && shown()) this.take(found);
     } catch {
       this.said = "the records cannot be read";
       this.version += 1;
     }
-    if (hours === this.hours) {
+    if (shown()) {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.read(), EVERY_MS);
     }
   }
 
   take(found) {
-    if (Math.abs(found.to_s - found.from_s - 3600 * this.hours) > 1) return;
     this.at = found.at_s;
     this.low = found.low;
     this.high = found.high;
     this.jobs = found.jobs;
-    this.now_s = found.to_s;
+    if (!this.zoom) this.now_s = found.to_s;
     this.step_s = found.step_s;
     this.job = found.at_s.map((at) => found.jobs.findLast(
       (job) => at >= job.from_s - found.step_s && at <= (job.to_s ?? Infinity) + found.step_s));
@@ -90,6 +94,7 @@ export class Past {
     return index > 0 && this.at[index] - this.at[index - 1] > 1.5 * this.step_s;
   }
 
+  /** Kind of the job that ran at a point. */
   phase(index) {
     return plain(this.job[index]?.kind);
   }
@@ -117,11 +122,5 @@ export class Past {
       && Math.abs(this.time(index) - at_s) <= 3600 * this.hours / 100);
     near.sort((a, b) => Math.abs(this.time(a) - at_s) - Math.abs(this.time(b) - at_s));
     return near[0] ?? null;
-  }
-
-  /** When a point was, and in which job. */
-  when(index) {
-    const job = this.job[index];
-    return clock(new Date(1000 * this.time(index)).toISOString()) + (job ? ` · ${plain(job.kind)}` : "");
   }
 }

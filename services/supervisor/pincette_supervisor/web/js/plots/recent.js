@@ -1,5 +1,7 @@
 // The samples of the last minute, in columns; the oldest make room for the newest.
 
+import { now_s } from "../words.js";
+
 export const COLUMNS = ["x_um", "x_r_um", "force_mN", "force_r_mN", "force_uncertainty_mN",
   "voltage_V", "sliding_um"];
 /** Of a rig of two arms: what a batch has in `second`, and what it is called here. */
@@ -26,6 +28,8 @@ export class Recent {
     this.count = 0;
     this.dropped = 0;
     this.now_s = null;
+    /** Seconds since 1970 at the time 0 of the samples. */
+    this.clock_s = null;
     this.version = (this.version ?? 0) + 1;
   }
 
@@ -46,6 +50,7 @@ export class Recent {
       this.count += 1;
     }
     this.now_s = Math.max(batch.now_s, newest);
+    this.clock_s ??= now_s() - this.now_s;
     this.dropped += batch.dropped;
     this.version += 1;
   }

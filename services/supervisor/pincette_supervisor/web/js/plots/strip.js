@@ -39,24 +39,24 @@ export const QUANTITIES = [
 ];
 const GAP_S = 0.4;
 const JOBS_MARKED = 40;
-const HOUR_STEPS = [300, 600, 900, 1800, 3600, 7200, 10800, 14400, 21600];
+const STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 14400, 21600];
 const MARK_PX = 64;
 
 /** Between two marks of the time; a narrow chart has fewer, whose words do not touch. */
 function timeStep(seconds, width) {
   const marks = Math.max(2, Math.min(7, Math.floor(width / MARK_PX)));
-  if (seconds < 600) return niceStep(seconds, Math.min(marks, 6));
-  return HOUR_STEPS.find((step) => seconds / step <= marks) ?? 86400;
+  if (seconds < marks) return niceStep(seconds, marks);
+  return STEPS.find((step) => seconds / step <= marks) ?? 86400;
 }
-
-/** A time before the end of the chart. */
-const ago = (t) => (t > -1e-6 ? "now" : `${number(t, 0)} s`);
 
 /** Offset of the local time from UTC, in s. */
 const offset_s = (at_s) => -60 * new Date(1000 * at_s).getTimezoneOffset();
 
-/** Hours and minutes of a local time, in s. */
-const timeOfDay = (local_s) => new Date(1000 * local_s).toISOString().slice(11, 16);
+/** Hours and minutes of a local time, in s; with seconds, or seconds alone, where marks are so near. */
+function timeOfDay(local_s, step_s) {
+  if (step_s < 1) return `${number(local_s % 60, step_s < 0.1 ? 2 : 1)} s`;
+  return new Date(1000 * Math.round(local_s)).toISOString().slice(11, step_s < 60 ? 19 : 16);
+}
 
 export class Strip {
   constructor(quantity) {
@@ -127,11 +127,11 @@ export class Strip {
     const of = (name) => (i) => source.value(name, i);
     const end = source.since(view.to + 1e-6);
     const breaks = { gap: source.envelope ? 0 : GAP_S, torn: (i) => source.gap(i) };
-    // Live, the grid stands still beside the newest value and the lines pass over it. Hours have clock times.
-    const zero = source.envelope ? -offset_s(view.to) : view.to;
-    [axes.from, axes.to] = [view.from - zero, view.to - zero];
-    const label = source.envelope ? timeOfDay : ago;
-    axes.grid(timeStep(view.seconds, axes.box.right - axes.box.left), this.last ? label : null);
+    // The grid is at round clock times.
+    const zero = source.clock_s + offset_s(view.to + source.clock_s);
+    [axes.from, axes.to] = [view.from + zero, view.to + zero];
+    const step = timeStep(view.to - view.from, axes.box.right - axes.box.left);
+    axes.grid(step, this.last ? (t) => timeOfDay(t, step) : null);
     [axes.from, axes.to] = [view.from, view.to];
     this.phases(source, Math.min(source.since(view.from), end), end, colours);
     axes.clip();
@@ -145,6 +145,7 @@ export class Strip {
     }
     if (this.second) axes.line(first, end, time, of(this.second), colours.second, breaks);
     axes.line(first, end, time, of(value), colours.measured, breaks);
+    if (view.picked) axes.shade(...view.picked, colours.band);
     if (view.cross !== null) axes.upright(view.cross, colours.ink);
     axes.unclip();
   }
