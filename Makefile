@@ -47,7 +47,7 @@ SITE := $(BIN)/sphinx-build -b html -W --keep-going --quiet
 .DEFAULT_GOAL := help
 .PHONY: help venv dev browser demo up test test-full test-all test-one lint mutants \
   paper bench bench-check soak soak-load findings \
-  contrib contrib-full contrib-env contrib-checked contrib-lint contrib-stock contrib-engine contrib-contained engine pins sbom wheels docs dist site clean
+  contrib contrib-full contrib-env contrib-checked contrib-lint contrib-stock contrib-engine contrib-contained engine pins sbom wheels docs dist installed site clean
 
 help: ## this list
 	@echo "pincette: position and force control of a piezoelectric microgripper"
@@ -246,6 +246,11 @@ dist: dev ## build wheels and sdists of core, client and adapters into data/dist
 	@for one in . shared $(dir $(wildcard contrib/*/pyproject.toml)); do \
 	  $(BIN)/python -m build --no-isolation --outdir data/dist $$one || exit 1; \
 	done
+
+installed: ## each wheel in an empty environment, under each Python: its main job; 20 minutes
+	@$(MAKE) --no-print-directory contrib-env VENV=$(CONTRIB)
+	@$(CONTRIB)/bin/pytest -m slow $(ARGS) tests/system/test_release.py contrib/tests/test_extras.py
+	@$(CONTRIB)/bin/pytest $(ARGS) tests/system/test_thin_client.py
 
 site: dev ## build the documentation site into data/site; any warning ends it
 	@rm -rf data/site data/site-pages

@@ -7,15 +7,15 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 from tests.support.checkout import ROOT, await_demo_ports
+from tests.support.environments import environment, python_of
 
 BUILD = (sys.executable, "-m", "build", "--no-isolation")
-BUILD_S, INSTALL_S, DEMO_S = 300.0, 900.0, 170.0
+BUILD_S, DEMO_S = 300.0, 170.0
 PACKAGES = ("shared", *(f"services/{path.name}" for path in sorted((ROOT / "services").iterdir())))
 KEPT = {"PATH", "HOME", "TMPDIR", "LANG"}
 
@@ -100,30 +100,22 @@ def test_the_tree_builds_the_same_wheel_as_the_sdist(wheel: Path, tmp_path: Path
     assert content(tmp_path / wheel.name) == content(wheel)
 
 
-@pytest.fixture
-def environment(wheel: Path, client_wheel: Path, tmp_path: Path) -> Generator[Path]:
-    """An environment that has the pins of requirements/run.txt and the wheels, nothing else."""
-    venv = tmp_path / "venv"
-    done([sys.executable, "-m", "venv", str(venv)], tmp_path, BUILD_S)
-    pip = [str(venv / "bin/python"), "-m", "pip", "install", "--quiet", "--no-cache-dir"]
-    done([*pip, "--require-hashes", "-r", str(ROOT / "requirements/run.txt")], tmp_path, INSTALL_S)
-    done([*pip, "--no-deps", "--no-index", str(wheel), str(client_wheel)], tmp_path, INSTALL_S)
-    yield venv
-    shutil.rmtree(venv)
-
-
 @pytest.mark.slow
-def test_the_demo_runs_from_the_wheel(environment: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13"])
+def test_the_demo_runs_from_the_wheel(
+    wheel: Path, client_wheel: Path, tmp_path: Path, version: str
+) -> None:
+    """The environment has the pins of requirements/run.txt and the wheels, nothing else."""
+    wanted = (str(ROOT / "requirements/run.txt"), str(wheel), str(client_wheel))
+    python = environment(tmp_path / "venv", *wanted, python=python_of(version))
     place = tmp_path / "elsewhere"
     place.mkdir()
-    done([str(environment / "bin/python"), "-m", "pip", "check"], place, BUILD_S)
     where = "import pincette; print(pincette.__file__)"
-    python = [str(environment / "bin/python"), "-c", where]
-    assert done(python, place, BUILD_S).startswith(str(environment))
+    assert done([str(python), "-c", where], place, BUILD_S).startswith(str(tmp_path / "venv"))
     await_demo_ports()
     bare = {name: os.environ[name] for name in KEPT if name in os.environ}
     ended = subprocess.run(
-        [str(environment / "bin/pincette"), "demo"],
+        [str(python.with_name("pincette")), "demo"],
         cwd=place,
         env=bare,
         capture_output=True,
