@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from time import monotonic, sleep
 from typing import Any, ClassVar, cast
@@ -10,6 +11,7 @@ import pytest
 import zenoh
 from msgspec.structs import replace
 
+from pincette.bus.endpoints import program_endpoint, router_endpoint
 from pincette.bus.memory import MemoryBus
 from pincette.bus.protocol import BusError, LatestBus, RefusalError
 from pincette.bus.session import AskRouter, open_session, serve_router
@@ -273,3 +275,16 @@ class TestZenohBus(BusContract):
         others.close()
         program.close()
         self.settle(buses, lambda: ("other", "sensor", False) in turns)
+
+
+def test_a_simulated_rig_waits_for_a_router_that_starts_late() -> None:
+    """The two are started together, and on a busy machine the router takes longer."""
+    rig = demo_rig()
+    with ThreadPoolExecutor(1) as pool:
+        joining = pool.submit(
+            open_session, program_endpoint(rig, "rig", lockstep=False), "demo/rig"
+        )
+        sleep(3.5)  # other programs are given 3 s
+        assert not joining.done()
+        with open_session(router_endpoint(rig), "router"), joining.result(20.0) as session:
+            assert session.info.routers_zid()

@@ -1,6 +1,7 @@
 """Sessions of a rig file's programs, with mutual TLS by its certificates; raise SecurityError."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from pincette.config.stop_file import StopFile
     from pincette.security.folder import Folder
 
+LATE_ROUTER_S = 20.0
+"""Time in which a simulated rig joins: `pincette up` starts it together with the router, which
+takes longer on a busy machine, above all with certificates."""
 THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
@@ -102,6 +106,8 @@ def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionCon
     tool.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
+    if name == "rig":
+        config = replace(config, connect_s=LATE_ROUTER_S)
     own = name in (*SHARED, *OF_A_RIG)
     return _client(rig, config, program(name, rig.rig.name) if own else None)
 
