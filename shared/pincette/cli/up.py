@@ -73,6 +73,7 @@ def running(
 ) -> "Generator[Fleet]":
     """A rig that is up, and that is down again afterwards whatever happened."""
     from pincette.engine.fleet import Fleet, FleetError
+    from pincette.engine.realtime.gc_tuning import return_free_memory
 
     def say(name: str, line: str) -> None:
         _print_status(console, fleet.members[name], "green", line.replace("socket://", ""))
@@ -87,6 +88,7 @@ def running(
     before |= {number: signal.signal(number, signal.SIG_IGN) for number in IGNORED}
     try:
         fleet.up()
+        return_free_memory()
         yield fleet
     except FleetError as error:
         raise CliError(str(error)) from error

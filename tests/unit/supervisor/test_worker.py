@@ -54,6 +54,20 @@ def test_one_that_was_killed_is_begun_again(worker: Worker) -> None:
     assert worker.pid != killed
 
 
+def test_one_that_is_not_used_ends_and_begins_again(
+    worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_module, "UNUSED_S", 0.1)
+    worker.begin()
+    assert worker.run(factorial, 5) == 120
+    ended, deadline = worker.pid, monotonic() + WAIT_S
+    while worker.pid or Path(f"/proc/{ended}").exists():
+        assert monotonic() < deadline
+        sleep(0.01)
+    worker.run(sleep, 0.5)  # longer than it may be unused
+    assert worker.run(factorial, 3) == 6
+
+
 def test_it_ends_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "killed.py"
     script.write_text(KILLED, encoding="utf-8")

@@ -9,15 +9,17 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any, Protocol, TypeVar
 
 from pincette.engine.realtime.os_scheduling import lower_priority
 
 log = logging.getLogger("pincette")
+UNUSED_S = 600.0
+"""Time after which a process that is not used ends, which frees its 60 to 120 MB."""
 SEMAPHORES = "/dev/shm"
 """Folder in memory where the system keeps semaphores, which the queue to the process needs."""
 A = TypeVar("A")
@@ -38,7 +40,7 @@ def run_here(work: Callable[[A], R], argument: A, /) -> R:
 
 
 class Worker:
-    """One process; safe to use from several threads."""
+    """One process, which ends when it is not used for a while; safe to use from several threads."""
 
     def __init__(self, *ahead: Callable[[Any], Any]) -> None:
         self._ahead = ahead
@@ -47,6 +49,10 @@ class Worker:
         self._pool: ProcessPoolExecutor | None = None
         self._first: Future[int] | None = None
         """Done, with the number of the process, once that has begun."""
+        self._callers = 0
+        """Number of threads that wait for a result."""
+        self._end: threading.Timer | None = None
+        """Ends the process once it has not been used for ``UNUSED_S``."""
 
     def begin(self) -> None:
         """Begin the process, and do not wait for it; otherwise it begins when it is first needed.
@@ -56,7 +62,8 @@ class Worker:
         without it.
         """
         try:
-            self._begun()
+            with self._used():
+                self._begun()
         except OSError as error:
             log.error("%s", error.strerror)
 
@@ -70,11 +77,12 @@ class Worker:
 
     def run(self, work: Callable[[A], R], argument: A) -> R:
         """Call a pure function of a module there; what it raises is raised here."""
-        try:
-            return self._begun().submit(work, argument).result()
-        except BrokenProcessPool:
-            self.close()  # somebody has killed it: a second time that is for the caller to know
-            return self._begun().submit(work, argument).result()
+        with self._used():
+            try:
+                return self._begun().submit(work, argument).result()
+            except BrokenProcessPool:
+                self.close()  # somebody has killed it: a second time that is for the caller to know
+                return self._begun().submit(work, argument).result()
 
     def run_somewhere(self, work: Callable[[A], R], argument: A) -> R:
         """Call a pure function there, or here where that process cannot do it."""
@@ -85,6 +93,23 @@ class Worker:
                 "a process beside the supervisor failed, and the supervisor does its work itself"
             )
             return work(argument)
+
+    @contextmanager
+    def _used(self) -> Generator[None]:
+        """Keep the process meanwhile, and for ``UNUSED_S`` afterwards."""
+        with self._lock:
+            self._callers += 1
+            if self._end is not None:
+                self._end.cancel()
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._callers -= 1
+                if not self._callers:
+                    self._end = threading.Timer(UNUSED_S, self.close, kwargs={"if_unused": True})
+                    self._end.daemon = True
+                    self._end.start()
 
     def _begun(self) -> ProcessPoolExecutor:
         with self._lock:
@@ -104,9 +129,13 @@ class Worker:
                 self._pool = pool
             return self._pool
 
-    def close(self) -> None:
-        """End the process, and what it is at."""
+    def close(self, *, if_unused: bool = False) -> None:
+        """End the process, and what it is at; ``if_unused``: unless a thread waits for it."""
         with self._lock:
+            if if_unused and self._callers:
+                return
+            if self._end is not None:
+                self._end.cancel()
             pid, pool = self.pid, self._pool
             self._pool = self._first = None
         if pool is not None:
