@@ -29,6 +29,7 @@ from pincette.security.folder import Folder
 from pincette.security.identity import program
 from tests.support.answering import Answering, answering, stopped
 from tests.support.certificates import DAYS, NOW
+from tests.support.commands import processor_ratio
 from tests.support.rigs import demo_rig, rig_toml
 
 NOBODY = 54321
@@ -269,24 +270,10 @@ def test_without_router_and_supervisor_the_actuator_is_stopped_directly(
     assert 0.4 * took_s < told["elapsed_ms"] / 1e3 < took_s + 0.02
 
 
-def processor_s(*words: str) -> float:
-    """Return the processor time of a process from its start to its end."""
-    process = subprocess.Popen(
-        [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == Exit.DONE
-    return used.ru_utime + used.ru_stime
-
-
 def test_a_stop_takes_little_more_processor_time_than_python_itself(
     actuator: tuple[RigFile, Path, list[Message]],
 ) -> None:
-    """Both are measured in turn, so that load on the machine slows both."""
-    stop = ("-m", "pincette", "estop", "--rig", str(actuator[1]))
-    pairs = [(processor_s(*stop), processor_s("-c", "pass")) for _ in range(3)]
-    assert min(one for one, _ in pairs) < RATIO * min(other for _, other in pairs)
+    assert processor_ratio("estop", "--rig", str(actuator[1])) < RATIO
 
 
 def test_a_rig_file_with_a_fault_elsewhere_still_leads_to_the_actuator(

@@ -1,5 +1,6 @@
 """The command `pincette` as a process, and what is left of a rig on this machine."""
 
+import os
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -18,6 +19,32 @@ def pincette(*arguments: str | Path, timeout_s: float = 60.0) -> subprocess.Comp
     """Run a command to its end."""
     command = [*PINCETTE, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
+
+
+def processor_s(*words: str, status: int | None = 0) -> float:
+    """Return the processor time of a Python process; ``status=None`` permits every exit status."""
+    process = subprocess.Popen(
+        [sys.executable, *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": ""},  # only the first run compiles
+    )
+    _, ended, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(ended)
+    assert status is None or process.returncode == status
+    return used.ru_utime + used.ru_stime
+
+
+def processor_ratio(*words: str, status: int | None = 0, rounds: int = 3) -> float:
+    """Return the processor time of a command in multiples of that of an empty Python program.
+
+    Both are measured in turn, so that load on the machine slows both.
+    """
+    pairs = [
+        (processor_s("-m", "pincette", *words, status=status), processor_s("-c", "pass"))
+        for _ in range(rounds)
+    ]
+    return min(one for one, _ in pairs) / min(other for _, other in pairs)
 
 
 def pincette_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
