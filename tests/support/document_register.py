@@ -16,9 +16,7 @@ SITTINGS: dict[str, Sitting] = {
     ),
     "docs/tutorials/orchestrator.md": Sitting(
         (
-            Typed(
-                ".venv/bin/python docs/examples/orchestrator.py", "part-3: released", seconds=200.0
-            ),
+            Typed("python docs/examples/orchestrator.py", "part-3: released", seconds=200.0),
             Typed("from pincette.client import Supervisor", r"True \[\]"),
             Typed("job = rig.start("),
             Typed("for event in job.events()", r"the part is held\nsucceeded"),
@@ -90,7 +88,7 @@ SITTINGS: dict[str, Sitting] = {
             Typed("API=http", r'"feasible":true(.|\n)*"can_start":true'),
             Typed('curl -s --fail-with-body "$API/jobs?curves', r'"feasible":true', seconds=90.0),
             Typed("JOB=", r'"state":"succeeded"(.|\n)*"name":"samples\.parquet"', seconds=90.0),
-            Typed(".venv/bin/python -c", "x_um µm"),
+            Typed("python -c", "x_um µm"),
             Typed('curl -s --fail-with-body "$API/jobs"', r'"state":"stopped"', seconds=90.0),
             Typed("curl -s --fail-with-body -X POST", r'"cause":"estop"'),
             Typed("curl -s --fail-with-body --retry", r'"acknowledged":true'),

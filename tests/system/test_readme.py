@@ -55,7 +55,7 @@ def made_up(folder: Path) -> Generator[None]:
 
 def test_no_command_escapes() -> None:
     assert MAKE == ["make demo", "make test", "make up"]
-    assert LISTENING == [".venv/bin/python docs/examples/subscribe.py"]
+    assert LISTENING == ["python docs/examples/subscribe.py"]
     assert len(CONTAINERS) == 1
     unread = [text for text in SAYS if not any(text in block for block in SHELL)]
     assert unread == []
@@ -94,7 +94,7 @@ def test_every_block_does_what_it_says(folder: Path) -> None:
     state.touch()
     for block in SHELL:
         # A reader types all blocks into one shell, so its variables live on.
-        script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB)=' > {state} || true"
+        script = f"set -eu\n. {state}\n{block}\nset | grep -E '^(API|JOB|PATH)=' > {state} || true"
         done = run(["bash", "-c", script], folder, BLOCK_S)
         assert done.returncode == 0, f"{block}\n{done.stdout}"
         for command, words in SAYS.items():
@@ -107,7 +107,7 @@ def test_every_block_does_what_it_says(folder: Path) -> None:
 def test_another_tool_subscribes(folder: Path) -> None:
     log = folder / "subscribe.log"
     with (
-        until_interrupted(LISTENING[0].split(), folder, log) as process,
+        until_interrupted(f".venv/bin/{LISTENING[0]}".split(), folder, log) as process,
         httpx.Client(trust_env=False) as client,
     ):
         # In lockstep time passes while a job runs, and there is nothing to be heard before.
