@@ -21,8 +21,9 @@ FORCE_MN = 10.0
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
 MOST = 1.02
 """Peak of a step, as a share of the higher one of its two forces."""
-MEAN_OF = 16
-"""Samples of which a mean is taken, so that noise makes no peak of an estimated force."""
+MEAN_OF, NOISE_MN = 25, 0.1
+"""Samples of which a mean of estimated forces is taken, and twice the r.m.s. of what noise of the
+sensor leaves in the peak of such means: found with 36 seeds of the simulation."""
 SETTLED = 50
 """Samples of a hold in which a force could overshoot; later ones are noise alone."""
 NEAR_MN = 0.5
@@ -70,7 +71,9 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
         most_mN = MOST * max(before_mN, force_mN)
         means_mN = estimated_means(samples)
         peak_mN, begin_mN = max(means_mN), means_mN[0]
-        assert peak_mN <= max(begin_mN, most_mN), f"{job}: {peak_mN:.3f} of {force_mN} mN"
+        assert peak_mN <= max(begin_mN, most_mN) + NOISE_MN, (
+            f"{job}: {peak_mN:.3f} of {force_mN} mN"
+        )
         # What the estimate does not see, as creep of an arm that is new, is within its uncertainty.
         surely_mN = max(one.true_force_mN - one.uncertainty_mN for one in samples)
         assert surely_mN <= most_mN, f"{job}: at least {surely_mN:.3f} of {force_mN} mN"
