@@ -1,5 +1,7 @@
 """How the memories of an arm follow the voltage applied."""
 
+from math import hypot
+
 from msgspec.structs import replace
 
 from pincette.control.response.free_response import FreeResponse
@@ -25,7 +27,7 @@ def _ringing(
     if shares.free == 0.0:
         return state.ringing
     step_um = response.position_um() - state.response.position_um()
-    return Ringing(abs(step_um) + shares.kept * state.ringing.free_um, applied.part_held)
+    return Ringing(hypot(step_um, shares.kept * state.ringing.free_um), applied.part_held)
 
 
 def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | None) -> ArmState:

@@ -115,7 +115,7 @@ class Ringing(FrozenRecord, frozen=True):
     """Ring of the mode after the steps of the voltage so far."""
 
     free_um: float = 0.0
-    """Amplitude for a free arm, in µm, as if the rings of all steps were in phase."""
+    """Amplitude for a free arm, in µm; the rings of all steps are added by their squares."""
     part_held: bool = False
 
 

@@ -54,7 +54,7 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
 
 
 def ring_um(config: ArmConfig, ringing: Ringing) -> float:
-    """Return the standard uncertainty of the position by the ring after steps of the voltage."""
+    """Return the standard uncertainty of x_1 by the ring after steps of the voltage."""
     shares = config.ring_shares
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 

@@ -190,8 +190,9 @@ class Simulation(Table):
     seed: int = Field(default=1, ge=0)
     """Seed of the sensor's noise."""
     substep_s: Positive = 0.001
-    """s. Longest step of the plant; within it the motion is exact for an exponentially settling
-    input."""
+    """s. Longest step of the plant. Within it the motion is exact for an input that settles
+    exponentially. A plain arm (one mode against a part without mass) has a constant input within
+    it, so that a lag of the output leaves more ring than a finer step shows."""
     natural_frequency_rad_per_s: Positive
     """rad/s, undamped, of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive

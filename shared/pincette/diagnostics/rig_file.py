@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Iterator
-from math import pi
+from math import pi, sqrt
 from typing import cast
 
 from pincette.config import ConfigError, Output, RigFile, Sensor, Table, derived
@@ -105,7 +105,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
     compliance = rig.model.compliance_um_per_mN
     stroke_um = track.force_pp_mN * (compliance + 1.0 / rig.part.stiffness_mN_per_um)
     step_um = stroke_um * pi * track.frequency_hz * period_s
-    ring_mN = COVERAGE * shares.pressed * step_um / (1.0 - shares.kept) / compliance
+    ring_mN = COVERAGE * shares.pressed * step_um / sqrt(1.0 - shares.kept**2) / compliance
     share = ring_mN / track.force_pp_mN
     words = (
         f"ring: the steps of a path of {track.force_pp_mN:g} mN peak to peak at "

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,6 +11,9 @@ from pincette.cli.main import main
 from pincette.config import read_rig
 from pincette.config.bench_form import NUMBERED
 from pincette.core import plugins
+from pincette_supervisor.kinds.bodies import REQUEST
+from pincette_supervisor.planning.job_plans import plan_job
+from pincette_supervisor.plugin import Present
 
 ROOT = Path(__file__).parents[3]
 
@@ -84,6 +88,41 @@ def test_every_question_says_its_unit_its_default_and_where_to_look(
     drivers = next(text for text in asked if "driver of the voltage output" in text)
     assert all(name in drivers for name in plugins.names(plugins.VOLTAGE_OUTPUTS))
     assert any(text.startswith("watchdog_s: ") for text in asked)
+
+
+def broken(bench: Path, **wish: Any) -> set[str]:
+    """Return the quantities whose limits a plan on the new rig would break."""
+    plan = plan_job(REQUEST.validate_python(wish), read_rig(bench), Present(0.0, 0.0)).plan
+    return {str(one.quantity) for one in plan.violations}
+
+
+SWING: dict[str, Any] = {
+    "kind": "track",
+    "shape": "sinusoid",
+    "force_mean_mN": 12.0,
+    "force_pp_mN": 20.0,
+    "frequency_hz": 5.0,
+}
+
+
+def test_a_limit_that_refuses_30_mN_or_5_hz_was_asked_for_with_what_those_need(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = typing(monkeypatch, iter(()))
+    assert main(["init", str(bench)]) == 0
+    assert broken(bench, kind="grip", force_mN=30.0) == set()
+    assert broken(bench, **SWING) <= {"slew", "rate", "acceleration"}
+    needed = {
+        one.flag: one.where.split(", ")[-1].removesuffix(" at 5 Hz").split()[-1]
+        for one in NUMBERED
+        if one.where.endswith(" at 5 Hz")
+    }
+    for flag, value in needed.items():
+        assert any(f"{value} at 5 Hz" in text for text in asked), flag
+    bench.unlink()
+    words = [word for pair in needed.items() for word in pair]
+    assert main(["init", str(bench), "--yes", *words]) == 0
+    assert broken(bench, **SWING) == set()
 
 
 def test_a_number_that_cannot_be_read_is_asked_for_again(

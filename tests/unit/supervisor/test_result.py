@@ -59,6 +59,10 @@ def test_a_grip_has_the_figures_it_was_made_with() -> None:
     # The hold is off the line of the load by the error of its force.
     off = samples.FORCE_ERROR_MN / 20.0 * samples.STIFFNESS
     assert result.contact_stiffness_error_mN_per_um == pytest.approx(off, abs=0.005)
+    # Stiffness and place are means over the forces of the load.
+    assert result.contact_load is not None
+    assert result.contact_load.lowest_mN < 2.0
+    assert result.contact_load.highest_mN == pytest.approx(20.0)
     assert result.residual_um is not None
     assert result.residual_um.p99 == pytest.approx(0.05)
     assert (result.missed_ticks, result.unanswered_ticks) == (0, 0)

@@ -92,6 +92,20 @@ def test_a_refused_zero_states_its_reason_or_that_its_sample_was_lost() -> None:
     assert "lost" in outcome_words(Outcome.ZERO_REFUSED)
 
 
+@pytest.mark.parametrize(
+    ("touch_mN", "words"),
+    [
+        (3.0, "touched something on its way through free space, at 12.00 µm, and went back at 3.0"),
+        (-3.0, "the free arm was pulled with 3.0 mN at 12.00 µm, or the zero of its force is"),
+    ],
+)
+def test_a_free_arm_that_is_pulled_is_not_described_as_one_that_touched(
+    touch_mN: float, words: str
+) -> None:
+    telemetry = replace(next(iter(samples.grip())).telemetry, touch_x_um=12.0, touch_mN=touch_mN)
+    assert words in outcome_words(Outcome.CONTACT, telemetry)
+
+
 @pytest.mark.parametrize("unconfirmed", [False, True])
 def test_the_progress_has_only_a_voltage_that_the_output_has_confirmed(
     unconfirmed: bool,

@@ -79,6 +79,15 @@ class ContactStiffness:
     """F_pp over x_pp with an offset, by which a plan finds the force that goes with a motion."""
 
 
+def with_press_gain(
+    x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
+) -> NDArray[np.float64]:
+    """Return the force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
+    x_1_um = x_um + s_p * force_mN
+    more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
+    return force_mN + more_um / s_p
+
+
 def contact_stiffness(
     swings: Sequence[Swing],
     samples_per_cycle: float,

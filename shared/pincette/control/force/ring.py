@@ -4,14 +4,17 @@ A step of the voltage that moves the free place by Δx_1, put out δ after a sam
 until the next sample and beyond. A quasi-static observer takes the ring for a force. By the next
 sample a standard uncertainty of
 
-    A/(1 + kappa) · e^(-ζω_n(T - δ))/√2 / √(1 + (ω_n·τ)²),    A ← |Δx_1| + e^(-ζω_n·T)·A
+    A · e^(-ζω_n(T - δ))/√2 / √(1 + (ω·τ)²),    A² ← Δx_1² + e^(-2ζω_n·T)·A²
 
-is left, with the lag τ of the output and kappa = s_p·K_e of a part that is pressed, 0 without one.
-The lag itself lacks the share e^(-(T - δ)/τ) of the step then. A adds the steps before as if their
-rings were in phase: in a smooth motion some rigs have them so. The phase of the ring is not used:
-an error of δ by 1 ms is 0.4 of a cycle at 388 Hz. The ring of the free arm is another one than that
-of the pressed arm, so that what the free arm shows corrects nothing in contact. A step in three
-parts rings by a share of that (``control.arm.shaping``). Units: µm, V, s, rad/s.
+is left, with the lag τ of the output. A part that is pressed makes the mode stiffer,
+ω = ω_n·√(1 + kappa) with kappa = s_p·K_e, and the ring of the position smaller, e/(1 + kappa) in
+place of e. But the force rings too, against what the observer reads of it: -e/(s_p·(1 + kappa)) is
+read while K_e·e/(1 + kappa) is true. They differ by e/s_p, as for a free arm.
+The lag itself lacks the share e^(-(T - δ)/τ) of the step then. A adds the steps before by their
+squares, since the phase of the ring is not used: an error of δ by 1 ms is 0.4 of a cycle at 388 Hz.
+The ring of the free arm is another one than that of the pressed arm, so that what the free arm
+shows corrects nothing in contact. A step in three parts rings by a share of that
+(``control.arm.shaping``). Units: µm, V, s, rad/s.
 """
 
 from collections.abc import Sequence
@@ -24,9 +27,18 @@ from pincette.control.checks import require_positive
 
 
 def ring_share(
-    natural_frequency_rad_per_s: float, damping_ratio: float, output: OutputTiming, period_s: float
+    natural_frequency_rad_per_s: float,
+    damping_ratio: float,
+    output: OutputTiming,
+    period_s: float,
+    stiffness_ratio: float = 0.0,
 ) -> float:
-    """Return the standard uncertainty of a free position after a step, as a share of A.
+    """Return the standard uncertainty of x_1 after a step, as a share of A.
+
+    Parameters
+    ----------
+    stiffness_ratio
+        s_p·K_e of the part that is pressed; 0 for a free arm.
 
     Raises
     ------
@@ -36,7 +48,7 @@ def ring_share(
     omega = require_positive("natural frequency", natural_frequency_rad_per_s, "rad/s")
     left_s = max(0.0, require_positive("period", period_s, "s") - output.delay_s)
     decayed = exp(-damping_ratio * omega * left_s)
-    return decayed / sqrt(2.0 * (1.0 + (omega * output.lag_s) ** 2))
+    return decayed / sqrt(2.0 * (1.0 + (1.0 + stiffness_ratio) * (omega * output.lag_s) ** 2))
 
 
 def ring_kept(natural_frequency_rad_per_s: float, damping_ratio: float, period_s: float) -> float:
@@ -58,9 +70,9 @@ class RingShares(NamedTuple):
     """Contribution of the ringing after voltage steps to the uncertainty of a position."""
 
     free: float = 0.0
-    """Standard uncertainty of the position of a free arm, as a share of A."""
+    """Standard uncertainty of x_1, as the force has it, of a free arm; a share of A."""
     pressed: float = 0.0
-    """Standard uncertainty of the position of a pressed arm, as a share of A."""
+    """Standard uncertainty of x_1, as the force has it, of a pressed arm; a share of A."""
     kept: float = 0.0
     """Share of A that remains after a period."""
 
@@ -87,20 +99,16 @@ def shares_of_ring(
         Time between two parts of a step; None: steps have one part.
     """
     omega = natural_frequency_rad_per_s
-    whole = ring_share(omega, damping_ratio, output, period_s)
-    free = pressed = 1.0
+    free = ring_share(omega, damping_ratio, output, period_s)
+    pressed = ring_share(omega, damping_ratio, output, period_s, stiffness_ratio)
     if shaping_s is not None:
-        free = _shaped(omega, (1.0 - FREQUENCY_TOLERANCE, 1.0 + FREQUENCY_TOLERANCE), shaping_s)
+        free *= _shaped(omega, (1.0 - FREQUENCY_TOLERANCE, 1.0 + FREQUENCY_TOLERANCE), shaping_s)
         spread = stiffness_ratio * stiffness_tolerance
         ends = [sqrt(1.0 + stiffness_ratio + sign * spread) for sign in (-1.0, 1.0)]
-        pressed = _shaped(omega, (ends[0], ends[1]), shaping_s)
+        pressed *= _shaped(omega, (ends[0], ends[1]), shaping_s)
     lacking = lag_share(output, period_s)
     kept = ring_kept(omega, damping_ratio, period_s)
-    return RingShares(
-        hypot(whole * free, lacking),
-        hypot(whole * pressed, lacking) / (1.0 + stiffness_ratio),
-        kept,
-    )
+    return RingShares(hypot(free, lacking), hypot(pressed, lacking), kept)
 
 
 def _shaped(omega: float, factors: tuple[float, float], interval_s: float) -> float:
@@ -114,9 +122,9 @@ def _shaped(omega: float, factors: tuple[float, float], interval_s: float) -> fl
 
 
 def ring_amplitudes_um(steps_um: Sequence[float], kept: float) -> list[float]:
-    """Return A after each step of the free place: A ← |Δx_1| + kept·A."""
+    """Return A after each step of the free place: A² ← Δx_1² + kept²·A²."""
     found, amplitude_um = list[float](), 0.0
     for step_um in steps_um:
-        amplitude_um = abs(step_um) + kept * amplitude_um
+        amplitude_um = hypot(step_um, kept * amplitude_um)
         found.append(amplitude_um)
     return found

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pincette.config import Simulation, derived
-from pincette.control.calibration.contact_stiffness import Swing
+from pincette.control.calibration.contact_stiffness import Swing, with_press_gain
 from pincette.control.planning.calibration_programs import full_cycles
 from pincette.control.planning.contact_plan import PlannedRig
 from pincette.control.planning.contact_request import ContactRequest
@@ -93,7 +93,8 @@ def pressed(simulation: Simulation, free: FreeCalibration) -> Pressed:
         (path,) = paths_of(program.segments[names.index(phase)])
         cycles = full_cycles(path, PERIOD_S, LEVEL_CYCLES)
         at = places[phase]
-        run.swings.append(Swing(level_V, x[at][cycles], force[at][cycles]))
+        judged = with_press_gain(x[at][cycles], force[at][cycles], s_p, free.press_gain)
+        run.swings.append(Swing(level_V, x[at][cycles], judged))
     return run
 
 

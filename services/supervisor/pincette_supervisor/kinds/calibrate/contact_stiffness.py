@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pincette.config import RigFile, derived
 from pincette.control.calibration.contact_stiffness import (
     ContactStiffness,
     Swing,
     contact_stiffness,
+    with_press_gain,
 )
 from pincette.control.calibration.first_touch import FirstTouch, first_touch
 from pincette.control.planning.calibration_programs import full_cycles
@@ -97,7 +97,7 @@ def analyse(run: Run) -> Analysis:
         x_um = taken.filled(taken.x_um, place, what)
         force_mN = taken.filled(taken.force_mN, place, what)
         if free is not None:
-            force_mN = _judged(x_um, force_mN, s_p, free.press_gain)
+            force_mN = with_press_gain(x_um, force_mN, s_p, free.press_gain)
         swings.append(Swing(level_V, x_um, force_mN))
         samples_per_cycle = path.cycle_s / taken.period_s
     found = contact_stiffness(
@@ -149,15 +149,6 @@ def analyse(run: Run) -> Analysis:
 def _error_um(rig: RigFile, way_V: float) -> float:
     """Return the standard error of x_1 that far from a zero."""
     return derived.free_response(rig.model).begin(0.0).follow(way_V, 0.0).error_um()
-
-
-def _judged(
-    x_um: NDArray[np.float64], force_mN: NDArray[np.float64], s_p: float, press_gain: float
-) -> NDArray[np.float64]:
-    """Return the force with the swings of x_1 as large as they were measured: x_1 = x + s_p·F̂."""
-    x_1_um = x_um + s_p * force_mN
-    more_um = (press_gain - 1.0) * (x_1_um - np.mean(x_1_um))
-    return force_mN + more_um / s_p
 
 
 def _approach(taken: Samples, up_to_mN: float) -> slice:
