@@ -27,8 +27,8 @@ ADAPTERS = $(filter-out contrib/sila/tests,$(wildcard contrib/*/tests contrib/te
 PROJECTS := $(filter-out contrib/madsci/%,$(wildcard contrib/*/pyproject.toml))
 IN_CONTRIB := $(patsubst contrib/%/pyproject.toml,%,$(PROJECTS))
 TESTS := tests/system $(OTHERS)
-# those of them that have tests that keep a clock
-TIMED = $(filter tests/system tests/contract,$(TESTS))
+# files of them that have tests that keep a clock
+TIMED = $(shell grep -lE 'stalls|real_time' $(addsuffix /test_*.py,$(filter tests/system tests/contract,$(TESTS))))
 # With BUDGET_S=N no test begins N seconds after make has; half of it is for the parallel ones.
 BUDGET_S ?=
 NOW_S := $(if $(BUDGET_S),$(shell date +%s))
