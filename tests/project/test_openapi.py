@@ -1,6 +1,7 @@
 """The committed OpenAPI document is what the supervisor says of itself."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,24 @@ def test_an_operation_has_one_content_type_with_a_schema() -> None:
                     assert body.keys() & {"schema", "itemSchema"}, (method, path, status)
                     binary = media_type in ("application/octet-stream", "image/png")
                     assert (body.get("schema", {}).get("format") == "binary") == binary, path
+
+
+def test_no_union_is_within_a_union() -> None:
+    document = json.loads(openapi_document())
+    schemas = document["components"]["schemas"]
+    found = list(unions(document))
+    assert len(found) > 3
+    for choice in [choice for union in found for choice in union]:
+        name = choice.get("$ref", "").removeprefix("#/components/schemas/")
+        assert "oneOf" not in schemas.get(name, choice), choice
+
+
+def unions(tree: Any) -> Iterator[list[dict[str, Any]]]:
+    """Yield the choices of each union of a document."""
+    if isinstance(tree, dict) and "oneOf" in tree:
+        yield tree["oneOf"]
+    for one in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
+        yield from unions(one)
 
 
 def test_every_reference_leads_somewhere() -> None:

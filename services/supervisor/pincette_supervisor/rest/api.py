@@ -155,7 +155,7 @@ def complete(document: dict[str, Any]) -> None:
             operation["responses"].update(
                 {str(status): answer for status, answer in responses(400).items()}
             )
-            _name_inner_unions(content["schema"], schemas)
+            _flatten_union(content["schema"])
     _add_shared_responses(document)
 
 
@@ -191,18 +191,16 @@ def _is_own_error_model(answer: dict[str, Any]) -> bool:
     return schema.get("$ref") == f"{SCHEMAS}HTTPValidationError"
 
 
-def _name_inner_unions(schema: dict[str, Any], schemas: dict[str, Any]) -> None:
-    """Give nested unions a name, since a discriminator may map to names of schemas only."""
-    mapping = schema.get("discriminator", {}).get("mapping", {})
-    for value, choice in mapping.items():
-        if isinstance(choice, dict):
-            name = f"{value.title()}JobRequest"
-            inner = {"$ref": SCHEMAS + name}
-            place = schema["oneOf"].index(choice)
-            first = schemas[schema["oneOf"][place]["oneOf"][0]["$ref"].removeprefix(SCHEMAS)]
-            schemas[name] = {**choice, "examples": first["examples"]}
-            schema["oneOf"][place] = inner
-            mapping[value] = inner["$ref"]
+def _flatten_union(schema: dict[str, Any]) -> None:
+    """Replace each union within a union by its choices, since many generators know no nested ones.
+
+    Several choices then have the same value of the discriminator, so that it is removed.
+    """
+    choices = schema.get("oneOf", ())
+    flat = [inner for choice in choices for inner in choice.get("oneOf", [choice])]
+    if len(flat) > len(choices):
+        schema["oneOf"] = flat
+        del schema["discriminator"]
 
 
 def _add_shared_responses(document: dict[str, Any]) -> None:
