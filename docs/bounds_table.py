@@ -1,17 +1,27 @@
 """The page of bounds, with their values from the code."""
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 
 from pincette.engine import log_files
 from pincette.records import mcap_file
 from pincette_recorder import intake, retention
 from pincette_supervisor import metrics, model, plugin, problems
+from pincette_supervisor.jobs import bring_up
 from pincette_supervisor.journal import access, events, library, store
 from pincette_supervisor.kinds import track
 from pincette_supervisor.planning import dry_run, recorded_jobs
 from pincette_supervisor.plugin import model_in_use
-from pincette_supervisor.rest import api, limits, middleware, routes_events, server, strict_route
+from pincette_supervisor.rest import (
+    api,
+    limits,
+    middleware,
+    routes_events,
+    routes_page,
+    server,
+    strict_route,
+)
 from pincette_supervisor.results import history, job_table, run_samples
 from pincette_supervisor.rigs import live, observer
 
@@ -76,6 +86,16 @@ def _lists() -> Rows:
             "older ones are in the record; of a faster rig evenly spaced ones; `dropped` of a "
             "batch counts what a slow listener missed",
         ),
+        (
+            "jobs, proposals and alarms that the page shows",
+            ", ".join(_shown_by_page(name) for name in ("jobs", "calibrations", "alarms")),
+            "the page says so: the search and the command line find older ones",
+        ),
+        (
+            "proposals among which the checklist finds those that wait",
+            str(bring_up.LOOKED_AT),
+            "`GET /calibrations` lists older ones; what is in use is always found",
+        ),
         ("jobs of a history", str(history.JOBS_MOST), "`left_out` counts the oldest"),
         (
             "rigs in the metrics",
@@ -83,6 +103,11 @@ def _lists() -> Rows:
             "`pincette_rigs_left_out` counts the others",
         ),
     )
+
+
+def _shown_by_page(name: str) -> str:
+    (most,) = re.findall(r"const MOST = (\d+)", (routes_page.FOLDER / f"js/{name}.js").read_text())
+    return most
 
 
 def _page_bound() -> str:

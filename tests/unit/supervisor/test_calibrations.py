@@ -10,6 +10,7 @@ import pytest
 
 from pincette.config import RigFile
 from pincette.records import folder
+from pincette_supervisor.jobs import bring_up
 
 from . import samples
 from .harness import Harness
@@ -100,7 +101,10 @@ def test_a_proposal_is_decided_about_once(harness: Harness, action: str) -> None
     assert harness.get("/rigs/demo/model")["version"] == (1 if action == "accept" else 0)
 
 
-def test_an_accepted_proposal_supersedes_those_of_its_kind_before_it(harness: Harness) -> None:
+def test_an_accepted_proposal_supersedes_those_of_its_kind_before_it(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bring_up, "PAGE", 1)
     first, second, third = (proposal(harness, noise_um) for noise_um in (0.02, 0.03, 0.04))
     decide(harness, first, "accept")
     decide(harness, third, "accept")

@@ -131,6 +131,16 @@ def test_each_step_is_a_request_that_is_taken_as_it_is(harness: Harness) -> None
             assert (answer.status_code, answer.json()["feasible"]) == (200, True)
 
 
+def test_what_is_in_use_is_found_behind_any_number_of_proposals(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = proposal(harness)
+    decide(harness, name, "accept")
+    monkeypatch.setattr(bring_up, "LOOKED_AT", 0)
+    noise = steps(harness)["noise"]
+    assert (noise["state"], noise["accepted"]) == ("done", name)
+
+
 def test_what_is_proposed_is_decided_about_and_then_the_next_one_follows(harness: Harness) -> None:
     name = proposal(harness)
     noise = steps(harness)["noise"]

@@ -2,6 +2,8 @@
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +12,8 @@ from pincette.bus.protocol import BusError
 from pincette.core.messages import Finish
 from pincette.records import folder
 from pincette_supervisor.jobs.job_recorder import JobRecorder
+from pincette_supervisor.planning.recorded_jobs import recorded_motion
+from pincette_supervisor.plugin import FaultyRequestError
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.results import archive
 
@@ -231,6 +235,20 @@ def test_a_job_that_repeats_a_motion_waits_for_its_record(
     gate.set()
     asking.join(60.0)
     assert answers
+
+
+def test_the_newest_motion_is_found_behind_any_number_of_other_jobs(
+    harness: Harness, tmp_path: Path
+) -> None:
+    job = over(harness)
+    store, rig = harness.store, harness.manager.context.rig
+    row = store.get(job)
+    assert row is not None
+    with store.writing():
+        for number in range(300):
+            store.add(replace(row, id=f"move-{number}", kind="move", actions=()))
+    with pytest.raises(FaultyRequestError, match=f"job {job} has no recorded samples"):
+        recorded_motion(store, tmp_path / "none", rig, "")
 
 
 def test_a_record_that_nothing_writes_any_more_is_not_waited_for(

@@ -39,8 +39,8 @@ from pincette_supervisor.problems import ProblemError, not_found
 # Proposals of calibrations: what they say, and what becomes of them.
 
 BASE = "/api/v1"
-LONGEST = 500
-"""Proposals that are looked at to see which one supersedes."""
+PAGE = 500
+"""Proposals that are read at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +68,14 @@ class Calibrations:
         rows = self._rows(limit, before)
         decisions = self._decisions(rows)
         return [(row.number or 0, self._view(row, decisions.get(row.id))) for row in rows]
+
+    def in_use(self) -> list[Proposal]:
+        """Return the proposals whose values are in use, the newest first."""
+        sources = {*self._model.in_use.calibration.sources.values()}
+        rows = [row for row in self._store.several([*sources]) if row.rig == self._rig]
+        rows.sort(key=lambda row: row.number or 0, reverse=True)
+        decisions = self._decisions(rows)
+        return [self._view(row, decisions.get(row.id)) for row in rows]
 
     def one(self, name: str) -> Proposal:
         """Return one proposal; raises ProblemError where there is none of this name."""
@@ -172,16 +180,18 @@ class Calibrations:
     def _supersede(self, accepted: JobRow) -> None:
         """What was accepted before of the same kind, or waits since before, is superseded."""
         kind = _result(accepted).calibration
-        rows = self._rows(LONGEST)
-        decisions = self._decisions(rows)
-        for row in rows:
-            if row.id == accepted.id or _result(row).calibration != kind:
-                continue
-            decision = decisions.get(row.id)
-            if decision is None and row.created_at <= accepted.created_at:
-                self._decide(row.id, Decision("superseded", utc_now()))
-            elif decision is not None and decision.state == "accepted":
-                self._decide(row.id, replace(decision, state="superseded"))
+        before: int | None = None
+        while rows := self._rows(PAGE, before):
+            decisions = self._decisions(rows)
+            for row in rows:
+                if row.id == accepted.id or _result(row).calibration != kind:
+                    continue
+                decision = decisions.get(row.id)
+                if decision is None and row.created_at <= accepted.created_at:
+                    self._decide(row.id, Decision("superseded", utc_now()))
+                elif decision is not None and decision.state == "accepted":
+                    self._decide(row.id, replace(decision, state="superseded"))
+            before = rows[-1].number
 
     def _view(self, row: JobRow, decision: Decision | None) -> Proposal:
         result, model = _result(row), self._model.in_use
@@ -240,7 +250,7 @@ def _percent(difference: float, of: float) -> float | None:
 
 
 LOOKED_AT = 500
-"""Proposals among which the newest of each calibration is found."""
+"""Newest proposals among which the checklist looks for those that wait for a decision."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,7 +286,8 @@ def _first(waiting: dict[str, CalibrationFunctions]) -> str:
 
 def checklist(model: RigModel, calibrations: Calibrations) -> Checklist:
     """Return the checklist of a rig, by the model in use and the proposals."""
-    proposals = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
+    newest = [proposal for _, proposal in calibrations.newest(LOOKED_AT)]
+    proposals = [*calibrations.in_use(), *newest]
     steps: list[ChecklistStep] = []
     next_step: str | None = None
     for step in ordered():

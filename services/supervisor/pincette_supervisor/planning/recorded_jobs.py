@@ -33,8 +33,6 @@ PRESSED = (Phase.LOAD, Phase.HOLD, Phase.TRACK, Phase.UNLOAD, Phase.STOPPED)
 """Phases in which a part is pressed."""
 MOST_PRESSED = 400
 """Pressed samples that are kept of a job."""
-LOOKED_AT = 100
-"""Jobs among which the newest is looked for."""
 
 
 def recorded_motion(store: Store, records: Path, rig: RigFile, job: str) -> RecordedMotion:
@@ -93,10 +91,11 @@ def _row(store: Store, rig: str, job: str) -> JobRow:
     ]
     words = " or ".join(kinds)
     if not job:
-        for row in store.newest(LOOKED_AT, JobFilter(state="succeeded", rig=rig)):
-            if row.kind in kinds:
-                return row
-        raise FaultyRequestError("/of_job", f"no {words} has succeeded: make one first")
+        filters = (JobFilter(state="succeeded", rig=rig, kind=kind) for kind in kinds)
+        newest = [row for one in filters for row in store.newest(1, one)]
+        if not newest:
+            raise FaultyRequestError("/of_job", f"no {words} has succeeded: make one first")
+        return max(newest, key=lambda row: row.number or 0)
     found = store.get(job)
     if found is None or found.rig != rig:
         raise FaultyRequestError("/of_job", f"rig {rig} has no job {job!r}")

@@ -1,7 +1,7 @@
 // Alarms of the rig: those that are open, to be acknowledged, and on demand those of before.
 
 import { get, post, RIG, told } from "./api.js";
-import { byId, chip, h, loading, show } from "./dom.js";
+import { byId, chip, h, left, loading, show } from "./dom.js";
 import { clock } from "./words.js";
 
 const OF_RIG = `rig=${encodeURIComponent(RIG)}`;
@@ -24,11 +24,11 @@ export class Alarms {
   /** The mark at the tab counts what nobody has acknowledged, whichever tab is open. */
   async refresh() {
     const query = this.all ? "" : "&open=true";
-    const { alarms, open } = await get(`/alarms?${OF_RIG}&limit=${MOST}${query}`);
+    const { alarms, open, next } = await get(`/alarms?${OF_RIG}&limit=${MOST}${query}`);
     this.alarms = alarms;
     this.mark(open);
     this.head();
-    this.render(open);
+    this.render(open, next);
   }
 
   /** Return the alarm of the trip that latches the rig, or null where none is known. */
@@ -60,11 +60,12 @@ export class Alarms {
     ]));
   }
 
-  render(open) {
-    show(this.panel, [this.alarms, this.all, open], () => [
+  render(open, next) {
+    show(this.panel, [this.alarms, this.all, open, next], () => [
       h("h2", { id: "alarms-title" }, open ? `Alarms (${open} open)` : "Alarms"),
       this.alarms.length ? this.table() : h("p", { class: "muted" },
         this.all ? "There has been no alarm." : "No alarm is open."),
+      next === null ? null : left(`The newest ${MOST} are shown; pincette alarms --limit lists more.`),
       h("button", { type: "button", class: "quiet", id: "alarms-all", "aria-pressed": String(this.all),
         onclick: () => {
           this.all = !this.all;

@@ -2,9 +2,10 @@
 
 import { calibrationsOfRig, post, told } from "./api.js";
 import { Checklist } from "./checklist.js";
-import { byId, chip, h, loading, show } from "./dom.js";
+import { byId, chip, h, left, loading, show } from "./dom.js";
 import { clock, plain, significant, withoutUnit } from "./words.js";
 
+const MOST = 50;
 const TONES = { proposed: "busy", accepted: "good", discarded: "muted", superseded: "muted" };
 const DECIDED = { accept: "Accept", discard: "Discard" };
 
@@ -36,16 +37,18 @@ export class Calibrations {
 
   async refresh() {
     await this.checklist.refresh();
-    this.proposals = (await calibrationsOfRig("limit=50")).calibrations;
-    show(byId("proposals"), this.proposals, () => this.list());
+    const { calibrations, next } = await calibrationsOfRig(`limit=${MOST}`);
+    this.proposals = calibrations;
+    show(byId("proposals"), [calibrations, next], () => this.list(next));
   }
 
-  list() {
+  list(next) {
     if (!this.proposals.length) {
       return h("p", { class: "muted" },
         "No calibration has proposed anything yet. What one finds waits here.");
     }
-    return this.proposals.map((each) => this.proposal(each));
+    return [...this.proposals.map((each) => this.proposal(each)),
+      next === null ? null : left(`The newest ${MOST} are shown; pincette model show --proposals lists all.`)];
   }
 
   proposal(each) {

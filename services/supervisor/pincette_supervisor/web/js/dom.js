@@ -66,6 +66,9 @@ export function show(parent, content, make) {
   if (again && typeof from === "number") again.setSelectionRange(from, to);
 }
 
+/** What a list says that does not show all. */
+export const left = (text) => h("p", { class: "muted left" }, text);
+
 /** A word with a mark and a tone, so that colour is never the only sign. */
 export function chip(text, tone) {
   const mark = { good: "●", bad: "■", warn: "▲", busy: "▶", muted: "○" }[tone] ?? "";

@@ -3,7 +3,7 @@
 import { BASE, daysOfRig, get, jobsOfRig } from "./api.js";
 import { outcomeOf } from "./current.js";
 import { describe, factsOf, saidIn, saidOf } from "./description.js";
-import { byId, chip, h, loading, show } from "./dom.js";
+import { byId, chip, h, left, loading, show } from "./dom.js";
 import { assumedOf, figuresOf, kindOf, kinds, mainFigure } from "./kinds.js";
 import { Comparison, MOST as COMPARED } from "./plots/compare.js";
 import { clock, number, plain, toneOfState } from "./words.js";
@@ -146,11 +146,15 @@ export class Jobs {
       h("caption", { class: "unseen" }, "Jobs, the newest first"),
       h("thead", {}, h("tr", {}, ...head.map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...this.jobs.map((job) => this.row(job)))),
-    this.more && this.limit < MOST ? h("button", { type: "button", class: "quiet", id: "older",
-      onclick: () => {
-        this.limit += PAGE;
-        this.refresh().catch(() => {});
-      } }, "Show older jobs") : null];
+    this.more ? this.older() : null];
+  }
+
+  older() {
+    if (this.limit >= MOST) return left(`${MOST} jobs are shown: search for older ones.`);
+    return h("button", { type: "button", class: "quiet", id: "older", onclick: () => {
+      this.limit += PAGE;
+      this.refresh().catch(() => {});
+    } }, "Show older jobs");
   }
 
   row(job) {

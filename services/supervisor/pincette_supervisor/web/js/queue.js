@@ -1,7 +1,7 @@
 // The jobs that wait for the rig, in their order; why none begins, and what a person may do.
 
 import { jobsOfRig, post, RIG_PATH, told } from "./api.js";
-import { byId, h, show } from "./dom.js";
+import { byId, h, left, show } from "./dom.js";
 import { asked } from "./kinds.js";
 import { clock } from "./words.js";
 
@@ -39,6 +39,7 @@ export class Queue {
       queue.halted ? h("p", { class: "cause warn", id: "queue-halted" }, `Halted: ${queue.halted}`)
         : null,
       h("ol", { class: "queue" }, ...this.waiting.map((job) => this.row(job))),
+      queue.length > this.waiting.length ? left(`${queue.length - this.waiting.length} more wait.`) : null,
       h("div", { class: "buttons" },
         allowed.includes("resume_queue") ? order("resume", "Resume the queue") : null,
         allowed.includes("clear_queue") ? order("clear", "Clear the queue") : null),
