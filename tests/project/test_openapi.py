@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pincette_supervisor.rest.api import OPERATIONS, openapi_document
 
@@ -67,12 +67,16 @@ def test_no_union_is_within_a_union() -> None:
         assert "oneOf" not in schemas.get(name, choice), choice
 
 
-def unions(tree: Any) -> Iterator[list[dict[str, Any]]]:
+def unions(tree: Any) -> Iterator[Any]:
     """Yield the choices of each union of a document."""
-    if isinstance(tree, dict) and "oneOf" in tree:
-        yield tree["oneOf"]
-    for one in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ():
-        yield from unions(one)
+    if isinstance(tree, dict):
+        members = cast("dict[str, Any]", tree)
+        if "oneOf" in members:
+            yield members["oneOf"]
+        tree = list(members.values())
+    if isinstance(tree, list):
+        for one in cast("list[Any]", tree):
+            yield from unions(one)
 
 
 def test_every_reference_leads_somewhere() -> None:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Generator
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, Request, Route, ViewportSize
 
@@ -12,6 +13,8 @@ from tests.support.rigs import demo_rig
 from tests.support.served import served
 from tests.unit.supervisor.harness import Harness
 
+LONG_S = 90.0
+"""Time that a plan and its prediction may take on a busy machine."""
 CASES = json.loads((Path(__file__).parents[1] / "data" / "numbers.json").read_text("utf-8"))
 READ = """async ([name, texts]) => {
   const numbers = await import('./page/js/form/numbers.js');
@@ -106,6 +109,36 @@ def choose_shape(seen: Visit, place: str) -> None:
                 if seen.page.locator(f"#field-{place}").is_visible():
                     return
     raise AssertionError(f"no shape has the field {place}")
+
+
+def test_a_path_from_a_file_is_kept_once_by_its_digest(seen: Visit, tmp_path: Path) -> None:
+    points = [{"t_s": 0.25 * number, "force_mN": 5.0 + 0.25 * (number % 2)} for number in range(8)]
+    lines = [f"{one['t_s']};{one['force_mN']}".replace(".", ",") for one in points]
+    file = tmp_path / "path.csv"
+    file.write_text("t_s;force_mN\n0;x\n", encoding="utf-8")
+    seen.page.select_option("#kind", "track")
+    seen.page.select_option("#field-shape", "waypoints")
+    seen.page.set_input_files("#field-points-file", file)
+    seen.until("#field-points-fault", "line 2: force_mN = 'x'")
+    file.write_text("\n".join(["t_s;force_mN", *lines]), encoding="utf-8")
+    seen.page.set_input_files("#field-points-file", file)
+    seen.until_true(
+        lambda: seen.page.input_value("#field-points").count("\n") == len(points) - 1,
+        "the rows did not come",
+        LONG_S,
+    )
+    seen.page.fill("#field-sample", "B7")
+    seen.page.click("#start")
+    api = f"{seen.origin}/api/v1"
+    seen.until_true(
+        lambda: [job["sample"] for job in httpx.get(f"{api}/jobs").json()["jobs"]] == ["B7"],
+        "no job was made and described",
+        LONG_S,
+    )
+    assert httpx.get(f"{api}/jobs").json()["jobs"][0]["request"]["points"] == points
+    (kept,) = httpx.get(f"{api}/trajectories").json()["trajectories"]
+    again = httpx.post(f"{api}/trajectories", json=kept["request"], timeout=LONG_S)
+    assert (again.status_code, again.json()["digest"]) == (200, kept["digest"])
 
 
 def test_wheel_and_arrow_keys_change_no_value(seen: Visit) -> None:

@@ -204,28 +204,13 @@ def _from_file(path: str, names: Sequence[str]) -> list[dict[str, float]]:
     from pincette.core.number_tables import FileError, read_table
 
     try:
-        return _from_parquet(path, names) if path.endswith(".parquet") else read_table(path, names)
+        if not path.endswith(".parquet"):
+            return read_table(path, names)
+        from pincette.records import number_file
+
+        return number_file.parquet_rows(Path(path), names, path)
     except FileError as error:
         raise BadParameter(str(error)) from error
-
-
-def _from_parquet(path: str, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return the rows of columns with these names; raises BadParameter."""
-    from pincette.records import parquet
-
-    wanted = " and ".join(names)
-    found: list[dict[str, float]] = []
-    try:
-        for part in parquet.parts(Path(path), names):
-            if set(part) != set(names):
-                raise BadParameter(f"{path} has no columns {wanted}")
-            for values in zip(*(part[name] for name in names), strict=True):
-                if not all(isinstance(one, int | float) and math.isfinite(one) for one in values):
-                    raise BadParameter(f"{path}, row {len(found) + 1}: not numbers in {wanted}")
-                found.append(dict(zip(names, map(float, values), strict=True)))
-    except (OSError, ValueError) as error:
-        raise BadParameter(f"{path} cannot be read: {error}") from error
-    return found
 
 
 def literal(name: str, text: str) -> Any:

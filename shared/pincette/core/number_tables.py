@@ -65,17 +65,22 @@ def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
         raise FileError(f"{path} cannot be read: {error.strerror or error}") from error
     if len(content) > MOST_BYTES:
         raise FileError(f"{path} is larger than {MOST_BYTES / 1e6:g} MB: keep fewer rows")
+    try:
+        return encoded_table(content, names)
+    except FileError as error:
+        raise FileError(f"{path}, {error}") from error
+
+
+def encoded_table(content: bytes, names: Sequence[str]) -> list[dict[str, float]]:
+    """Return the records of a file's content; raises FileError as ``read_table`` does."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise FileError(f"{path} is UTF-16: save it as UTF-8")
+        raise FileError("line 1: UTF-16: save the file as UTF-8")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise FileError(f"{path}, line {line}: not UTF-8: save the file as UTF-8") from error
-    try:
-        return table(text, names)
-    except FileError as error:
-        raise FileError(f"{path}, {error}") from error
+        raise FileError(f"line {line}: not UTF-8: save the file as UTF-8") from error
+    return table(text, names)
 
 
 def table(text: str, names: Sequence[str]) -> list[dict[str, float]]:

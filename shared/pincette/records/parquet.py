@@ -21,6 +21,8 @@ class Field:
     kind: Kind
 
 
+MAGIC = b"PAR1"
+"""Begin of every Parquet file."""
 COLUMNS = "columns"
 """Key of a file for readers without Arrow's metadata: unit and meaning of each column, as JSON."""
 KINDS: Mapping[str, Kind] = {"double": "float", "int64": "int", "bool": "bool", "string": "text"}
@@ -140,9 +142,9 @@ def write(
         begun.add(columns)
 
 
-def opened(path: Path) -> Any:
+def opened(source: Path | IO[bytes]) -> Any:
     """Open a table to read it in parts; raises OSError if it cannot be read."""
-    return _pyarrow()[1].ParquetFile(path)
+    return _pyarrow()[1].ParquetFile(source)
 
 
 def read_about(path: Path) -> dict[str, str]:
@@ -173,14 +175,16 @@ def texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
     return {key.decode(): value.decode() for key, value in (metadata or {}).items()}
 
 
-def parts(path: Path, columns: Sequence[str] | None = None) -> Iterator[dict[str, list[Any]]]:
+def parts(
+    source: Path | IO[bytes], columns: Sequence[str] | None = None
+) -> Iterator[dict[str, list[Any]]]:
     """Read a table part by part; raises OSError, or ValueError if it is no table."""
-    source = opened(path)
+    file = opened(source)
     try:
-        for batch in source.iter_batches(PART_ROWS, columns=columns):
+        for batch in file.iter_batches(PART_ROWS, columns=columns):
             yield batch.to_pydict()
     finally:
-        source.close()
+        file.close()
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -32,11 +32,13 @@ UNDESCRIBED = {
     "/",
     "/favicon.ico",
     "/page/days",
+    "/page/points",
     "/page/{name:path}",
     "/openapi.json",
     "/.well-known/wot",
 }
-"""Routes outside the description, which are public: the page's files, and descriptions."""
+"""Routes outside the description: the page's files and helpers, and descriptions. All but
+``/page/points``, which needs the scope ``operate``, are public."""
 DEMANDS: dict[str, set[tuple[str, str]]] = {
     "admin": {
         ("post", "/api/v1/calibrations/{calibration}/actions"),

@@ -2,13 +2,17 @@
 
 import asyncio
 import csv
+import io
+import json
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
+import pyarrow.parquet as untyped_parquet
 import pytest
 
 from pincette.records import parquet
@@ -20,6 +24,7 @@ from pincette_supervisor.results import job_table
 from .harness import Harness
 from .streams import Stream
 
+arrow_parquet: Any = untyped_parquet
 PAGE = 25
 """Jobs read at once in these tests; a supervisor reads ten times as many."""
 FEW, MANY = 2 * PAGE, 8 * PAGE
@@ -95,6 +100,50 @@ def is_number(text: str) -> bool:
         float(text)
         return True
     return False
+
+
+def rows_of(*results: dict[str, Any]) -> list[TableRow]:
+    """Return rows of jobs of one kind with these results, the newest first."""
+    return [
+        TableRow((f"j-{number}", "demo", "grip", *[None] * 10), "{}", "null", json.dumps(result))
+        for number, result in enumerate(results)
+    ]
+
+
+def test_results_of_any_shape_have_their_columns() -> None:
+    rows = rows_of(
+        {"a": 1, "of": {"x_um": 0.1, "deep": {"yes": True}}, "list": [1, {"a": 2}]},
+        {"a": 2.5, "of": None, "list": None, "new": "=1+1"},
+        {"a": "word", "of": "word", 'a "key"': None, "list": {"b": 3}},
+        {},
+    )
+    text = b"".join(job_table.csv_of(lambda: iter([rows]))).decode()
+    found = list(csv.DictReader(io.StringIO(text)))
+    names = ("a", "of", "of.x_um", "of.deep.yes", "list.b", "new", 'a "key"')
+    expected = [
+        ("1", "", "0.1", "true", "", "", ""),
+        ("2.5", "", "", "", "", "'=1+1", ""),
+        ("word", "word", "", "", "3", "", ""),
+        ("",) * 7,
+    ]
+    assert [tuple(row[f"result.{name}"] for name in names) for row in found] == expected
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_job_that_changes_between_the_two_readings_keeps_the_columns(
+    form: Callable[[job_table.Rows], Iterator[bytes]],
+) -> None:
+    before, after = {"a": 1.5, "b": True}, {"a": "word", "b": False, "c": 1}
+    readings = iter([rows_of(before, before), rows_of(before, after)])
+    content = b"".join(form(lambda: iter([next(readings)])))
+    if form is job_table.parquet_of:
+        table = arrow_parquet.read_table(io.BytesIO(content))
+        assert table["result.a"].to_pylist() == [1.5, None]
+        assert table["result.b"].to_pylist() == [True, False]
+    else:
+        first, last = [line.split(",")[-2:] for line in content.decode().split()[1:]]
+        yes, no, none = ("true", "false", "") if form is job_table.csv_of else ("1", "0", "nan")
+        assert (first, last) == (["1.5", yes], [none, no])
 
 
 def counted_pages(journal: Harness, monkeypatch: pytest.MonkeyPatch) -> list[int]:

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-import msgspec
 from sqlalchemy import (
     Connection,
     Select,
@@ -64,26 +63,12 @@ TABLE_COLUMNS = (
     *(JOBS.c[name] for name in ("created_at", "started_at", "ended_at", "requested_by")),
     JOBS.c.ending["code"].as_string(),
     *(JOBS.c[name] for name in ("sample", "batch", "operator", "notes")),
-    *(cast(JOBS.c[name], String) for name in ("labels", "plan", "result")),
+    *(
+        func.coalesce(cast(column, String), "null")
+        for column in (JOBS.c.labels, JOBS.c.plan["values"], JOBS.c.result)
+    ),
 )
 """Columns of the journal that the table of jobs reads: a number, and a ``TableRow``."""
-
-
-class _List(msgspec.Struct, array_like=True, gc=False):
-    """A list of a job, which a table has not; the decoder passes over its items."""
-
-
-_Scalar = str | int | float | bool | None
-_Tree = dict[str, dict[str, dict[str, Any] | _List | _Scalar] | _List | _Scalar]
-
-
-class _Plan(msgspec.Struct, gc=False):
-    """The part of a plan that a table has; the decoder passes over all else."""
-
-    values: _Tree | None = None
-
-
-_PLAN, _TREE = msgspec.json.Decoder(_Plan), msgspec.json.Decoder(_Tree)
 
 
 class KeyTakenError(Exception):
@@ -260,14 +245,9 @@ class Store(Database):
             return {row.name: row.value for row in connection.execute(query)}
 
 
-def _table_row(_number: int, *columns: str | None) -> TableRow:
-    *fixed, labels, plan, result = columns
-    trees = (
-        _TREE.decode(labels or "{}"),
-        _PLAN.decode(plan or "{}").values,
-        None if result is None else _TREE.decode(result),
-    )
-    return TableRow(tuple(fixed), trees)
+def _table_row(_number: int, *columns: Any) -> TableRow:
+    *fixed, labels, values, result = columns
+    return TableRow(tuple(fixed), labels, values, result)
 
 
 def _creation(connection: Connection, key: str) -> Creation | None:

@@ -240,8 +240,11 @@ class TableRow(NamedTuple):
 
     fixed: tuple[str | None, ...]
     """Values of the columns that every job has."""
-    trees: tuple[dict[str, Any] | None, ...]
-    """Its labels, the values that were asked for, and its result."""
+    labels: str
+    """Labels as JSON, like the fields below."""
+    values: str
+    """Values that were requested, completed."""
+    result: str
 
 
 @dataclass(frozen=True, slots=True)

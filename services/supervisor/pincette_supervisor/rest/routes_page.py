@@ -1,17 +1,25 @@
 """The page a person at the bench sees, and its files; nothing in it comes from elsewhere."""
 
 from base64 import b64encode
+from collections.abc import Sequence
 from datetime import datetime, time, timedelta
+from functools import partial
 from hashlib import sha256
 from html import escape
 from pathlib import Path
+from typing import Annotated
 from urllib.parse import urlsplit
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query, Request
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
+from pincette.core.number_tables import MOST_BYTES, FileError
+from pincette.records import number_file
 from pincette_supervisor import problems
-from pincette_supervisor.rest.dependencies import AllRigs, SupervisorId
+from pincette_supervisor.rest.dependencies import OPERATE, AllRigs, Note, SupervisorId
+from pincette_supervisor.rest.limits import read_body
+from pincette_supervisor.rest.middleware import DRY_RUN
 from pincette_supervisor.rest.strict_route import StrictRoute
 
 FOLDER = Path(__file__).resolve().parents[1] / "web"
@@ -90,6 +98,29 @@ def days() -> dict[str, str | list[str]]:
         "zone": now.tzname() or "",
         "midnights": [start.astimezone().isoformat() for start in starts],
     }
+
+
+@router.post("/page/points", dependencies=[OPERATE])
+async def points(
+    columns: Annotated[str, Query(max_length=200)], request: Request, rigs: AllRigs, note: Note
+) -> list[dict[str, float]]:
+    """Return the rows of a file of numbers, CSV or Parquet, for the points of a path."""
+    note(DRY_RUN)
+    content = await read_body(request, MOST_BYTES)
+    # A file may unpack to much more than it has: that is done beside the supervisor.
+    read = partial(_rows, columns.split(","))
+    found = await run_in_threadpool(rigs.own.context.draw, read, content)
+    if isinstance(found, str):
+        raise problems.unusable(found, pointer="/points")
+    return found
+
+
+def _rows(columns: Sequence[str], content: bytes) -> list[dict[str, float]] | str:
+    """Return the rows of a file, or why it has none."""
+    try:
+        return number_file.rows(content, columns, "the file")
+    except FileError as error:
+        return str(error)
 
 
 @router.get("/page/{name:path}")

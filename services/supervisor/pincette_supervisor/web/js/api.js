@@ -159,6 +159,18 @@ export const planOf = (body, predict = true) => send(reading,
 export const startJob = (body, key = freshKey()) => post("/jobs",
   { ...body, rig: RIG, autostart: true }, { "Idempotency-Key": key });
 
+/** Keep the plan of a request by its digest, create a job of it, and describe that. */
+export async function startKept({ queue, on_stop, on_abort, ...body }, said, key) {
+  const { digest } = await post("/trajectories", { ...body, rig: RIG });
+  const job = await post(`/trajectories/${digest}/jobs`, { autostart: true, queue, on_stop, on_abort },
+    { "Idempotency-Key": key });
+  return Object.keys(said).length ? patch(`/jobs/${job.id}`, said) : job;
+}
+
+/** The rows of a file, read as the command line reads it. */
+export const rowsOf = (file, columns) => send(reading, `page/points?columns=${columns}`,
+  { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: file });
+
 /** A key by which the same request sent twice makes one job. */
 export function freshKey() {
   const bytes = crypto.getRandomValues(new Uint8Array(16));

@@ -1,5 +1,6 @@
 // The fields of a form: made of data, read as a request, told what is wrong with them.
 
+import { rowsOf, told } from "../api.js";
 import { h } from "../dom.js";
 import { unitOf } from "../words.js";
 import { numberIn, numbersIn, recordsIn } from "./numbers.js";
@@ -25,6 +26,22 @@ function input(spec, common, values) {
   return made;
 }
 
+/** A file whose rows take the place of what a field of points has. */
+function file(spec) {
+  const load = async ({ target }) => {
+    const points = target.closest(".field").querySelector("textarea");
+    try {
+      points.value = textOf(await rowsOf(target.files[0], spec.columns), spec);
+      points.dispatchEvent(new Event("input", { bubbles: true }));
+    } catch (problem) {
+      mark(points, told(problem));
+      target.value = "";
+    }
+  };
+  return h("input", { type: "file", id: `${idOf(spec.name)}-file`, accept: ".csv,.tsv,.txt,.parquet",
+    "aria-label": `File with ${spec.columns.join(" and ")}`, onchange: load });
+}
+
 /** One field with its label, its unit, and room for what is wrong with it. */
 function control(spec, values, sources) {
   const id = idOf(spec.name);
@@ -39,7 +56,8 @@ function control(spec, values, sources) {
   const label = h("label", { for: id, title: spec.meaning || null }, spec.label, unit);
   const style = `field${WIDE.includes(spec.widget) ? " wide" : ""}`;
   if (!["choice", "recipe"].includes(spec.widget)) {
-    return h("div", { class: style }, label, input(spec, common, values), read, fault);
+    return h("div", { class: style }, label, input(spec, common, values), read,
+      spec.widget === "pairs" ? file(spec) : null, fault);
   }
   const choices = spec.widget === "choice" ? spec.choices
     : [{ value: "", label: spec.placeholder }, ...sources.recipes.map((name) => ({ value: name, label: name }))];
@@ -151,6 +169,12 @@ export class Fields {
       const read = found.closest(".field").querySelector(".read");
       if (read) read.textContent = understood(spec, found.value, unit);
     }
+  }
+
+  /** Whether points came from a file. */
+  get fromFile() {
+    return this.specs.some(({ name, widget }) => widget === "pairs" && !this.find(name).closest(".field").hidden
+      && this.find(`${name}-file`).value);
   }
 
   sentAs(spec) {

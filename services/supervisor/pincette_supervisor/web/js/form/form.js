@@ -1,7 +1,7 @@
 // Starting a job: fields by kind, a dry run, and the start itself.
 
 import { may } from "../access.js";
-import { faultsOf, freshKey, get, planOf, startJob, told } from "../api.js";
+import { faultsOf, freshKey, get, planOf, startJob, startKept, told } from "../api.js";
 import { field, SAID } from "../description.js";
 import { byId, h, setText } from "../dom.js";
 import { Fields } from "./fields.js";
@@ -155,8 +155,12 @@ export class StartForm {
   }
 
   request() {
-    const said = this.said.map(([name, , input]) => [name, input.value.trim()]).filter(([, text]) => text);
-    return { kind: this.kind.value, ...this.fields.read(), ...Object.fromEntries(said) };
+    return { kind: this.kind.value, ...this.fields.read(), ...this.description() };
+  }
+
+  description() {
+    return Object.fromEntries(this.said.map(([name, , input]) => [name, input.value.trim()])
+      .filter(([, text]) => text));
   }
 
   /** Tell a problem at the fields that it is about, the rest of it below the buttons. */
@@ -193,7 +197,8 @@ export class StartForm {
     this.fault.textContent = "";
     try {
       const body = this.waits ? { ...this.request(), queue: true } : this.request();
-      const job = await startJob(body, key);
+      const job = await (this.fields.fromFile ? startKept(body, this.description(), key)
+        : startJob(body, key));
       this.key = freshKey();
       this.plan.clear();
       this.started(job);

@@ -1,0 +1,49 @@
+"""Columns of numbers in a file, CSV or Parquet."""
+
+import math
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+from pincette.core.number_tables import FileError, encoded_table
+from pincette.records import parquet
+
+MOST_ROWS = 100_000
+"""Rows of a Parquet file that is read; no path has as many."""
+
+
+def rows(content: bytes, names: Sequence[str], file: str) -> list[dict[str, float]]:
+    """Return the rows of a file's content, by the names of their columns.
+
+    Raises
+    ------
+    FileError
+        Where the content cannot be read; the text begins with what the file is called.
+    """
+    if content.startswith(parquet.MAGIC):
+        return parquet_rows(BytesIO(content), names, file)
+    try:
+        return encoded_table(content, names)
+    except FileError as error:
+        raise FileError(f"{file}, {error}") from error
+
+
+def parquet_rows(source: Path | BytesIO, names: Sequence[str], file: str) -> list[dict[str, float]]:
+    """Return the rows of a Parquet file; raises FileError as ``rows`` does."""
+    wanted = " and ".join(names)
+    found: list[dict[str, float]] = []
+    try:
+        for part in parquet.parts(source, names):
+            if set(part) != set(names):
+                raise FileError(f"{file} has no columns {wanted}")
+            for values in zip(*(part[name] for name in names), strict=True):
+                if not all(isinstance(one, int | float) and math.isfinite(one) for one in values):
+                    raise FileError(f"{file}, row {len(found) + 1}: not numbers in {wanted}")
+                found.append(dict(zip(names, map(float, values), strict=True)))
+            if len(found) > MOST_ROWS:
+                raise FileError(f"{file} has more than {MOST_ROWS} rows: keep fewer")
+    except FileError:
+        raise
+    except (OSError, ValueError) as error:
+        raise FileError(f"{file} cannot be read: {error}") from error
+    return found
