@@ -1,5 +1,7 @@
 """Forces that are asked for one after another, and stops in each phase, by every adapter."""
 
+import json
+import subprocess
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -11,6 +13,7 @@ from bluesky.utils import FailedStatus
 from mcp import Client
 
 from contrib.support.agent import server_of
+from contrib.support.npm import DRIVE, NODE_WOT, npm_folder
 from contrib.support.reaching import (
     NEAR_MN,
     SLOW,
@@ -21,9 +24,12 @@ from contrib.support.reaching import (
     stop_and_ask_again,
 )
 from contrib.support.run_engine import bps, closed, connected, ended, new_engine
-from tests.support.adapters import adapter_rig, until
+from tests.support.adapters import WAIT_S, adapter_rig, until
+from tests.support.browser import Visit, looked_at, open_browser
 from tests.support.commands import pincette
 from tests.support.running import Json, RunningRig
+
+REACH = DRIVE.with_name("reach.js")
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +102,59 @@ class Typed(Rest):
         return done.stdout
 
 
+class Page(Rest):
+    """The page of the rig, in a browser."""
+
+    def __init__(self, rig: RunningRig, seen: Visit) -> None:
+        super().__init__(rig)
+        self.seen = seen
+
+    def started(self, force_mN: float) -> str:
+        page, before = self.seen.page, self.newest
+        page.select_option("#kind", self.kind)
+        page.fill("#field-force_mN", f"{force_mN:g}")
+        if self.kind == "grip":
+            page.check("#field-until_released")
+        page.click("#start")
+        self.seen.until_true(lambda: self.newest != before, "no job came", WAIT_S)
+        return self.newest
+
+    def let_go(self, job: str) -> None:
+        self.seen.page.click("#act-release", timeout=1000.0 * WAIT_S)
+        asked = "the page has asked for no release"
+        self.seen.until_true(lambda: self.rig.job(job)["actions"][-1]["type"] == "release", asked)
+
+    @property
+    def newest(self) -> str:
+        """Id of the newest job; empty before there is one."""
+        return next((job["id"] for job in self.rig.get("/jobs", limit=1)["jobs"]), "")
+
+
+class Things(Rest):
+    """The stock client of the Web of Things, by the Thing Description alone."""
+
+    def __init__(self, rig: RunningRig, process: "subprocess.Popen[str]") -> None:
+        super().__init__(rig)
+        self.process = process
+
+    def reach(self, force_mN: float) -> float:
+        kept_mN = self.kept(force_mN)
+        return self.told(reach=force_mN)["held"] if kept_mN is None else kept_mN
+
+    def release(self) -> None:
+        assert self.told(release=True)["part"] == "none"
+
+    def told(self, **asked: Any) -> Json:
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(json.dumps(asked) + "\n")
+        self.process.stdin.flush()
+        answer: Json = json.loads(self.process.stdout.readline())
+        if "error" in answer:
+            raise NotReachedError(answer["error"])
+        return answer
+
+
 def held_by(rig: RunningRig, job: str) -> float:
     """Force that a job holds, once it is settled; raises NotReachedError where it has ended."""
     found: Json = {}
@@ -113,8 +172,13 @@ def held_by(rig: RunningRig, job: str) -> float:
     return found["progress"]["force_held_mN"]
 
 
+@pytest.fixture(scope="module")
+def wot_client(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return npm_folder(tmp_path_factory.mktemp("node"), REACH, *NODE_WOT)
+
+
 @contextmanager
-def bluesky(rig: RunningRig) -> Generator[Driver]:
+def bluesky(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
     engine: Any = new_engine()
     gripper = connected(rig.rig.supervisor.url)
 
@@ -140,7 +204,7 @@ def bluesky(rig: RunningRig) -> Generator[Driver]:
 
 
 @contextmanager
-def agent(rig: RunningRig) -> Generator[Driver]:
+def agent(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
     server = server_of(rig.rig.supervisor.url, "--move")
     with (
         start_blocking_portal() as portal,
@@ -168,31 +232,51 @@ def agent(rig: RunningRig) -> Generator[Driver]:
 
 
 @contextmanager
-def rest(rig: RunningRig) -> Generator[Driver]:
+def rest(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
     yield Rest(rig)
 
 
 @contextmanager
-def typed(rig: RunningRig) -> Generator[Driver]:
+def typed(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
     yield Typed(rig)
 
 
-Adapter = Callable[[RunningRig], AbstractContextManager[Driver]]
+@contextmanager
+def page(rig: RunningRig, _: pytest.FixtureRequest) -> Generator[Driver]:
+    with open_browser() as browser, looked_at(browser, rig.rig) as seen:
+        seen.until("#fact-start", "can start")
+        yield Page(rig, seen)
+
+
+@contextmanager
+def things(rig: RunningRig, request: pytest.FixtureRequest) -> Generator[Driver]:
+    url = f"{rig.rig.supervisor.url}/.well-known/wot"
+    with subprocess.Popen(
+        ["node", REACH.name, url],
+        cwd=request.getfixturevalue("wot_client"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        yield Things(rig, process)
+
+
+Adapter = Callable[[RunningRig, pytest.FixtureRequest], AbstractContextManager[Driver]]
 ADAPTERS: tuple[Adapter, ...] = (rest, bluesky, agent)
 
 
-@pytest.mark.parametrize("adapter", [*ADAPTERS, typed])
+@pytest.mark.parametrize("adapter", [*ADAPTERS, typed, page, things])
 def test_a_staircase_of_forces_is_climbed_without_letting_go(
-    rig: RunningRig, adapter: Adapter, tmp_path: Path
+    rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
-    with adapter(rig) as driver:
+    with adapter(rig, request) as driver:
         climb(rig, driver, tmp_path)
 
 
 @pytest.mark.parametrize("phase", STOPS)
 @pytest.mark.parametrize("adapter", ADAPTERS)
 def test_a_force_is_reached_after_a_stop_in_each_phase(
-    rig: RunningRig, adapter: Adapter, phase: str
+    rig: RunningRig, adapter: Adapter, request: pytest.FixtureRequest, phase: str
 ) -> None:
-    with adapter(rig) as driver:
+    with adapter(rig, request) as driver:
         stop_and_ask_again(rig, driver, phase)

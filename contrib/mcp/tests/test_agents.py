@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcp import Client, StdioServerParameters
+from mcp import Client, MCPError, StdioServerParameters
 
 from contrib.support.agent import agent, planned, refused, said
 from tests.support.adapters import FORCE_MN, NEAR_MN, WAIT_S
@@ -154,23 +154,30 @@ def test_what_breaks_a_limit_has_no_token(rig: RunningRig) -> None:
     assert "greater than 0" in words
 
 
-def test_a_stop_is_taken_while_a_grip_is_under_way(rig: RunningRig) -> None:
-    async def drive(*, cancel: bool) -> str:
+@pytest.mark.parametrize("how", ["stop", "cancel", "timeout"])
+def test_a_grip_that_is_stopped_or_given_up_on_its_way_comes_to_rest(
+    rig: RunningRig, how: str
+) -> None:
+    timeout_s = 1.0 if how == "timeout" else None
+
+    async def drive() -> str:
         async with agent(rig.rig.supervisor.url, "--move") as client:
-            grip = asyncio.create_task(client.call_tool("grip", {"token": await planned(client)}))
+            given = {"token": await planned(client)}
+            call = client.call_tool("grip", given, read_timeout_seconds=timeout_s)
+            grip = asyncio.create_task(call)
             job = await until_phase(rig, "approach")
-            if cancel:
-                grip.cancel()
-                with pytest.raises(asyncio.CancelledError):
-                    await grip
-            else:
+            if how == "stop":
                 await said(client, "stop")
                 assert (await grip).is_error
-        return job
+                return job
+            if how == "cancel":
+                grip.cancel()
+            with pytest.raises((asyncio.CancelledError, MCPError)):
+                await grip
+            return job
 
-    for cancel in (False, True):
-        assert rig.ended(asyncio.run(drive(cancel=cancel)))["state"] == "stopped"
-        assert rig.view()["part"] == "none"
+    assert rig.ended(asyncio.run(drive()))["state"] == "stopped"
+    assert rig.view()["part"] == "none"
 
 
 def test_a_stop_during_the_request_leaves_no_job(rig: RunningRig) -> None:
