@@ -23,5 +23,5 @@ def _whole(value: object) -> object:
 
 
 WHOLE = BeforeValidator(_whole)
-"""Validator of integers as JSON writes them: accepts 5.0 as 5 and refuses 5.5. Stands after the
-limits."""
+"""Validator of integers as JSON writes them: accepts 5.0 as 5 and rejects 5.5. It follows the
+limits in an annotation."""

@@ -9,15 +9,15 @@ from pincette.api import Model, example
 Scope = Literal["observe", "operate", "admin"]
 SCOPES: tuple[Scope, ...] = ("observe", "operate", "admin")
 """Scopes in ascending order, each including those before it: read and stop; move the rig; change it
-for everybody."""
+for all clients."""
 MEANINGS: dict[Scope, str] = {
     "observe": "see everything",
     "operate": "also plan, run and act on jobs, keep recipes, order the queue, reset",
     "admin": "also decide which model is in use, and read the audit log",
 }
 KEY_NAME = r"[a-z0-9][a-z0-9._-]{0,39}"
-"""Pattern of a key's name. Blanks and brackets are excluded, so that no text beside the name can
-pass for it."""
+"""Pattern of a key's name. It excludes blanks and brackets, so that no text beside the name can be
+mistaken for a part of it."""
 
 
 def covers(has: Scope, needed: Scope) -> bool:
@@ -31,14 +31,14 @@ class Session(Model):
     model_config = example(keys=True, name="cell-7", scope="operate", signed_in=False)
 
     keys: bool
-    """Whether the supervisor requires a key. Without keys, everybody who reaches the supervisor may
-    do everything."""
+    """True if the supervisor requires a key. Without keys, every client that reaches the supervisor
+    may do everything."""
     name: str | None
     """Name of the key or the user; null if the caller has none."""
     scope: Scope | None
-    """Scope of the caller; null: none."""
+    """Scope of the caller; null if it has none."""
     signed_in: bool
-    """Whether the key was sent as the session cookie of a page."""
+    """True if the key was sent as the session cookie of a page."""
 
 
 class SignIn(Model):
@@ -51,7 +51,7 @@ class SignIn(Model):
 
 
 class Verdict(Model):
-    """Whether a request would be accepted, and if not, why."""
+    """Verdict on a request: accepted, or the reason why it would be refused."""
 
     model_config = example(accepted=True, code=None, detail="", remedy="")
 
@@ -63,7 +63,7 @@ class Verdict(Model):
 
 
 class PageCheck(Model):
-    """Where a page was loaded from, how its requests reach the supervisor, and what it may do."""
+    """Origin of a page, the way of its requests to the supervisor, and its permissions."""
 
     model_config = example(
         rig="demo",
@@ -112,7 +112,7 @@ class AuditEntry(Model):
     address: str
     action: str
     detail: str
-    """What the body asked for and what happened, in a word or two."""
+    """Requested change and its outcome, in a word or two."""
     status: int
     """HTTP status of the answer."""
     count: int
@@ -139,12 +139,13 @@ class AuditChain(Model):
     """Number of the oldest entry that is kept; null where there is none."""
     newest: int | None
     link: str | None
-    """SHA-256 of the newest entry. If it is noted elsewhere, it can be looked for later."""
+    """SHA-256 of the newest entry. A copy of it that is kept elsewhere can later be searched for in
+    the log."""
     broken: int | None
     """Number of the first entry that was changed, or before which one is missing; null if there is
     none."""
     found: bool | None
-    """Whether the link that was asked for is in the log; null if none was asked for."""
+    """True if the requested link is in the log; null if none was requested."""
 
 
 class KeyView(Model):
@@ -171,7 +172,7 @@ class KeyView(Model):
 
 
 class Claim(Model):
-    """A client's claim on a rig: until it ends nobody else can start a job there; all can stop."""
+    """A client's claim on a rig. Until it ends, no other client can start a job; all can stop."""
 
     model_config = example(
         by="cell-7",
@@ -187,7 +188,7 @@ class Claim(Model):
     since: str
     expires_at: str
     left_s: float
-    """Time until the claim ends by itself."""
+    """Time until the claim expires."""
 
 
 class ClaimRequest(Model):

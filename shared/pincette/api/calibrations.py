@@ -22,7 +22,7 @@ class Assumption(Model):
 
 
 class CalibrationPlan(JobPlan):
-    """What a calibration would do, and whether it may start; voltages follow from d_p alone."""
+    """Plan of a calibration, and whether it may start; its voltages follow from d_p alone."""
 
     model_config = example(
         kind="calibrate",
@@ -58,7 +58,7 @@ class Identified(Model):
 
     quantity: str
     value: Any
-    """A number, or a table of numbers."""
+    """Value: a number, or a table of numbers."""
     unit: str
     uncertainty: float | None
     """Standard uncertainty (one sigma); null if it cannot be stated as one number."""
@@ -116,7 +116,7 @@ class CalibrationResult(JobResult):
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """How certain the values are, in words; or why there are none."""
+    """Certainty of the values, in words, or the reason why there are none."""
     warnings: list[str]
     assumptions: list[Assumption]
 
@@ -142,7 +142,7 @@ class ProposedValue(Identified):
     source_in_use: str
     """``assumed``, or the calibration that found the value in use."""
     difference: float | None
-    """Proposed value less the value in use; null if it is not a number."""
+    """Proposed value minus the value in use; null if it is not a number."""
     difference_percent: float | None
 
 
@@ -174,7 +174,8 @@ class Proposal(Model):
     calibration: str
     rig: str
     state: ProposalState
-    """State of the proposal; superseded: another proposal of the same kind was accepted since."""
+    """State of the proposal; superseded: another proposal of the same kind has been accepted since.
+    """
     made_at: str
     decided_at: str | None
     model_version: int | None
@@ -183,7 +184,7 @@ class Proposal(Model):
     figures: list[Figure]
     residuals: Residuals | None
     statement: str
-    """How certain the values are, in words."""
+    """Certainty of the values, in words."""
     warnings: list[str]
     assumptions: list[Assumption]
     made_with: dict[str, Any]

@@ -20,7 +20,7 @@ ReasonCode = Literal[
 
 
 class BenchNeed(Model):
-    """What a person must do at the rig, before the calibration or when its job asks for it."""
+    """Task of a person at the rig, before the calibration or when its job requests it."""
 
     model_config = example(
         code="part_removed", text="take the part away; nothing may touch the arm", when="before"
@@ -34,7 +34,7 @@ class BenchNeed(Model):
 
 
 class StepReason(Model):
-    """Why a calibration is due, or due again."""
+    """Reason why a calibration is due, or due again."""
 
     model_config = example(code="not_calibrated", text="not calibrated yet")
 
@@ -64,10 +64,10 @@ class ChecklistStep(Model):
     label: str
     summary: str
     state: StepState
-    """optional: this rig works without it; unsupported: the instruments of this rig are too slow
-    for it."""
+    """State of the calibration; optional: this rig works without it; unsupported: the instruments
+    of this rig are too slow for it."""
     request: dict[str, Any]
-    """Body for ``POST /api/v1/jobs``."""
+    """Request body for ``POST /api/v1/jobs``."""
     needs: list[BenchNeed]
     reasons: list[StepReason]
     """Reasons why the calibration is due; empty if it is done."""
@@ -78,13 +78,13 @@ class ChecklistStep(Model):
     """Accepted calibration that is in use."""
     accepted_at: str | None
     gained: list[ProposedValue]
-    """Values of the calibration in use beside the earlier ones."""
+    """Values that the calibration in use has found, each with the earlier value."""
     statement: str
-    """How certain those values are, in words."""
+    """Certainty of those values, in words."""
 
 
 class Checklist(Model):
-    """The calibrations of a rig in the order to make them."""
+    """Calibrations of a rig, in the order in which to run them."""
 
     model_config = example(rig="demo", next="noise", steps=[])
 

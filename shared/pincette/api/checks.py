@@ -38,7 +38,8 @@ class Check(Model):
     name: str
     ok: bool
     needed: bool
-    """Whether the rig is ready only if this check passes. The others are hints for people."""
+    """True if the rig is ready only when this check passes. The other checks are hints for people.
+    """
     value: float | str | None
     limit: float | str | None
     unit: str
@@ -49,7 +50,7 @@ class Check(Model):
 
 
 class Alive(Model):
-    """Whether the supervisor itself works."""
+    """State of the supervisor itself: whether it works."""
 
     model_config = example(status="alive", checks=[])
 
@@ -58,7 +59,7 @@ class Alive(Model):
 
 
 class Readiness(Model):
-    """Whether the supervisor can serve its rigs: its own checks and those of each rig."""
+    """Readiness of the supervisor to serve its rigs: its own checks and those of each rig."""
 
     model_config = example(status="not ready", reasons=["demo: sensor: …"], checks=[], rigs={})
 

@@ -1,4 +1,4 @@
-"""Why a job has ended: a code with numbers for programs, words for people."""
+"""Reason for the end of a job: a code with numbers for programs, words for people."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -53,7 +53,7 @@ ENDINGS: Mapping[EndingCode, str] = {
 
 
 class Ending(Model):
-    """Why a job has ended: programs use the codes and numbers, people read ``cause`` of the job."""
+    """Reason for the end of a job for programs; ``cause`` of the job is the text for people."""
 
     model_config = example(
         code="tripped",
@@ -71,7 +71,7 @@ class Ending(Model):
 
     code: EndingCode
     trip: str = ""
-    """Code of the actuator's cause, if it has tripped."""
+    """Code of the cause why the actuator has tripped; empty if it has not."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
     """Faults that the actuator has found."""
     values: dict[str, float] = Field(default_factory=dict[str, float])

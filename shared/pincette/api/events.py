@@ -19,11 +19,11 @@ EventKind = Literal[
 ]
 """Kinds of event that are stored and numbered, so that no client misses one."""
 PassingKind = Literal["progress", "dropped"]
-"""Kinds of event that only present listeners get: progress, and counts of missed events."""
+"""Kinds of event that only connected listeners get: progress, and counts of missed events."""
 
 
 class Event(Model):
-    """Something that happened; as a server-sent event its ``id`` is the number."""
+    """Event of a job or a rig; as a server-sent event, its ``id`` is the number."""
 
     model_config = example(
         number=318,
@@ -62,7 +62,7 @@ class EventList(Model):
 class Alarm(Model):
     """Alarm for the operator.
 
-    It stays open until its condition has ended and somebody has acknowledged it.
+    It stays open until its condition has ended and a person has acknowledged it.
     """
 
     model_config = example(
@@ -87,13 +87,13 @@ class Alarm(Model):
     job: str | None
     """Job that used the rig; null if there was none."""
     severity: Literal["alarm", "warning"]
-    """``warning``: nothing was stopped."""
+    """Severity of the alarm; ``warning``: nothing was stopped."""
     cause: str
     """Stable code of the cause; ``words`` are for people."""
     words: str
     clears: Literal["reset", "condition", "acknowledge"]
-    """What ends the alarm: a reset of the rig, the end of the condition, or, if the condition is
-    over at once, the acknowledgement."""
+    """Event that ends the alarm: a reset of the rig, the end of the condition, or, if the condition
+    is over at once, the acknowledgement."""
     count: int
     """Number of times that the condition occurred while the alarm was open."""
     raised_at: str
@@ -123,4 +123,4 @@ class AlarmAction(Model):
     model_config = example(type="acknowledge")
 
     type: Literal["acknowledge"]
-    """A person has seen the alarm. Nothing moves and nothing is reset."""
+    """Acknowledge the alarm: a person has seen it. Nothing moves and nothing is reset."""

@@ -30,7 +30,7 @@ class HistoryJob(Model):
     to_s: float | None
     """End of the job; null while it runs."""
     recorded: bool
-    """Whether the samples of the job are among the points. Those of a running job are added when it
+    """True if the samples of the job are among the points. Those of a running job are added when it
     ends."""
 
 

@@ -21,7 +21,7 @@ from pincette.core import plugins
 from pincette.core.units import unit_of
 
 LAST = 1000
-"""Place in lists of kinds that state none."""
+"""Place in lists of a kind that states none."""
 Widget = Literal["number", "choice", "check", "list", "pairs", "text", "recipe"]
 
 
@@ -35,7 +35,7 @@ class Choice(Model):
 
 
 class FieldSpec(Model):
-    """A field of a form. The request's schema gives what is not stated here."""
+    """A field of a form. The request's schema supplies what the field does not state."""
 
     model_config = example(name="force_mN", label="Force")
 
@@ -45,20 +45,20 @@ class FieldSpec(Model):
     widget: Widget | None = None
     choices: tuple[Choice, ...] | None = None
     placeholder: str | None = None
-    """Shown while it is empty."""
+    """Text shown while the field is empty."""
     limit: str = ""
-    """Limit of the rig that is the upper bound; empty: none."""
+    """Name of the rig's limit that is the upper bound of the field; empty: none."""
     when: dict[str, tuple[str, ...]] = Field(default_factory=dict[str, tuple[str, ...]])
-    """The field is shown and sent only while another field has one of these values."""
+    """Other fields, each with the values for which this field is shown and sent."""
     excludes: str = ""
-    """Field that is disabled while this one is on."""
+    """Field that is disabled while this field is on."""
     advanced: bool = False
-    """Whether the field stands under *More*."""
+    """True if the form shows the field under *More*."""
     planned: str = ""
     """Phase and member of the plan of an empty request whose value fills this field."""
     required: bool = False
     names: bool = False
-    """Whether the value of this field is only the name under which another field is sent."""
+    """True if the value of this field is only the name under which another field is sent."""
     named_by: str = ""
     """Field whose value is the name under which this one is sent."""
     sent_as: str = ""
@@ -66,9 +66,9 @@ class FieldSpec(Model):
     within: str = ""
     """Member of the request that contains it, such as ``gains``; empty: the request itself."""
     own_unit: str = ""
-    """Unit, if the name does not end with one."""
+    """Unit of the field, if its name does not end with one."""
     meaning: str = ""
-    """Explanation beside the label."""
+    """Explanation shown beside the label."""
     arms: tuple[int, ...] = (1, 2)
     """Numbers of driven arms of the rigs for which the field is offered."""
 
@@ -94,13 +94,13 @@ class ResultField(Model):
     unit: str = ""
     digits: int = 2
     uncertainty: str = ""
-    """Member that has its uncertainty."""
+    """Member of the result that contains the uncertainty of the value."""
     assumed: str = ""
     """Member that lists the assumed quantities on which its uncertainty is based."""
     optional: bool = False
-    """Whether it is left out while it is null."""
+    """True if the value is left out while it is null."""
     main: bool = False
-    """Whether lists of jobs show it."""
+    """True if lists of jobs show the value."""
     arms: tuple[int, ...] = (1, 2)
     """Numbers of driven arms of the rigs whose results show it."""
 
@@ -125,7 +125,7 @@ class Variant:
     request: type[JobRequest]
     form: tuple[FieldSpec, ...] = ()
     functions: str
-    """``module:attribute``, as ``JobKind.functions``."""
+    """``module:attribute`` of the variant's functions, as in ``JobKind.functions``."""
     place: int = LAST
 
 
@@ -164,18 +164,18 @@ class JobKind:
     """Member of the request that chooses a variant; empty where there are none."""
     variants: Mapping[str, Variant] = field(default_factory=dict[str, Variant])
     begins_held: bool = False
-    """Whether the job begins with a part that is already held."""
+    """True if the job begins with a part that is already held."""
     from_present: bool = False
-    """Whether its plan begins at the present position of the arm, not at rest at the safe voltage.
+    """True if its plan begins at the present position of the arm, not at rest at the safe voltage.
     """
     predicted: bool = False
-    """Whether its course is predicted before it starts and can be stored as a trajectory."""
+    """True if its course is predicted before it starts and can be stored as a trajectory."""
     jogs: bool = False
-    """Whether the page offers steps of the arm and taught poses beside its form."""
+    """True if the page offers steps of the arm and taught poses beside its form."""
     proposes: bool = False
-    """Whether its result proposes values for the model in use."""
+    """True if its result proposes values for the model in use."""
     waits: bool = False
-    """Whether it may wait for a person."""
+    """True if the job may wait for a person."""
     relative: tuple[str, ...] = ()
     """Members that are relative to the present position; a trajectory cannot store them."""
     goal_phase: str = ""
@@ -195,14 +195,14 @@ class JobKind:
     pair_result: type[JobResult] | None = None
     """Type of its result on a rig with two driven arms; None: ``result``."""
     on_stop: OnStop = "hold"
-    """What a stop does with a part if the request cannot say it, and what the end of the supervisor
-    does."""
+    """Action on the part when a job is stopped, if the request cannot state it, and when the
+    supervisor ends."""
     lease_factor: float = 1.0
     """Ratio of the time for which the program continues without its supervisor to ``lease_s``."""
     needs_every_sample: bool = False
-    """Whether a job is stopped if a phase lacks too many samples."""
+    """True if a job is stopped when a phase lacks too many samples."""
     figures_in_prediction: bool = False
-    """Whether a prediction for two arms contains the result of the predicted samples."""
+    """True if a prediction for two arms contains the result of the predicted samples."""
 
     @property
     def holds_part(self) -> bool:
@@ -259,7 +259,7 @@ class JobKind:
         return discriminated(requests, self.variant_field)
 
     def stop_of(self, request: JobRequest) -> OnStop:
-        """Return what a stop of a job does with a part."""
+        """Return the action on a part when a job is stopped."""
         return request.on_stop if isinstance(request, PolicyRequest) else self.on_stop
 
     def request_of(self, variant: str = "") -> type[JobRequest]:

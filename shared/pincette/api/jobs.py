@@ -26,7 +26,7 @@ class StopRequest(Model):
     model_config = example(idempotency_key="cell 4, part 17")
 
     idempotency_key: Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[ -~]+$")]
-    """Idempotency key of that request."""
+    """Idempotency key of the request that creates the job."""
 
 
 class Action(Model):
@@ -43,7 +43,7 @@ class Action(Model):
     type: ActionType
     requested_at: str
     by: str
-    """Who requested it, as ``by`` of a job."""
+    """Client that requested the action, as ``by`` of a job."""
     applied_at: str | None = None
     """Time at which the supervisor learned that the action took effect."""
     seq: int | None = None
@@ -65,7 +65,7 @@ class JobEdit(Model):
     labels: Labels | None = None
     """Labels that replace all present ones."""
     pinned: bool | None = None
-    """Keep the record, whatever age and size limits the rig file sets."""
+    """True keeps the record regardless of the age and size limits in the rig file."""
 
 
 class Progress(Model):
@@ -116,20 +116,20 @@ class Progress(Model):
     """Applied voltage; null while the output has not confirmed it."""
     held: bool
     hold_in_s: float | None = None
-    """When the hold begins, as planned; 0 while it lasts, null where none comes."""
+    """Planned time until the hold begins; 0 during the hold, null if there is none."""
     force_held_mN: float | None = None
     """Mean force in the hold without its first half second, of both arms if there are two; null
     before."""
     target: float | None = None
     """Set value of the phase: the force while a part is held, otherwise x."""
     current: float | None = None
-    """Actual value of the same quantity."""
+    """Actual value of the quantity that ``target`` states."""
     unit: str = ""
     """Unit of ``target`` and ``current``: mN or µm."""
     instruction: str = ""
     """What a person must do before the action ``continue``; empty if the job does not wait."""
     weight_mN: float | None = None
-    """Weight that is to be hung on the arm then."""
+    """Weight that a person must hang on the arm before ``continue``."""
 
 
 class Job(Model):
@@ -171,28 +171,29 @@ class Job(Model):
     rig: str
     state: JobState
     revision: int = 0
-    """Revision, which increases with every change except progress; the ETag is made of it."""
+    """Revision number. It increases with every change except progress; the ETag is derived from it.
+    """
     position: int | None = None
     """Place in the queue, 1 for the next job; null if it does not wait for another job."""
     cause: str
-    """Why the job did not succeed, in words."""
+    """Reason why the job did not succeed, in words."""
     ending: Ending | None = None
-    """Why the job has ended, as a code with numbers; null before."""
+    """Reason for the end of the job, as a code with numbers; null before."""
     request: dict[str, Any]
     """The request as it was sent."""
     values: dict[str, Any]
     """Values with which the job works: the request completed from the rig file. A null ``hold_s``
-    has no end."""
+    means a hold without an end."""
     sample: str = ""
     batch: str = ""
     operator: str = ""
     notes: str = ""
     labels: dict[str, str]
     pinned: bool = False
-    """Whether the record is kept whatever age and size limits the rig file sets."""
+    """True if the record is kept regardless of the age and size limits in the rig file."""
     by: str | None = None
-    """Who requested it: the name of a key with the caller's label in brackets; without keys, the
-    header ``X-Operator`` or the client's address."""
+    """Client that requested the job: the name of a key with the caller's label in brackets; without
+    keys, the header ``X-Operator`` or the client's address."""
     progress: Progress | None
     result: dict[str, Any] | None
     """Result of a job that has moved, by its kind. For an interrupted job it has the members common
@@ -211,10 +212,10 @@ class Job(Model):
     """State of the record's files. They are written after the end, while the rig can run another
     job."""
     record_complete: bool | None = None
-    """Whether the record has every sample of the job; null while it is open, or if there is none.
+    """True if the record has every sample of the job; null while it is open, or if there is none.
     """
     record_detail: str = ""
-    """Why the record is not complete."""
+    """Reason why the record is not complete."""
 
 
 class StoppedRequest(Model):
@@ -223,8 +224,8 @@ class StoppedRequest(Model):
     model_config = example(job=None)
 
     job: Job | None
-    """Job that the request had created; it has been stopped unless it had ended. Null if there was
-    none; none will be created."""
+    """Job that the request had created; it has been stopped unless it had already ended. Null if
+    there was none; the request will create none."""
 
 
 class JobList(Model):

@@ -1,4 +1,4 @@
-"""Kinds of job over REST: what forms, command lines and views of results are built from."""
+"""Kinds of job over REST: the data from which forms, command lines and views are built."""
 
 from typing import Any, cast
 
@@ -48,9 +48,9 @@ class FormField(FieldSpec):
     minimum: float | None
     maximum: float | None
     whole: bool
-    """Whether only whole numbers are allowed."""
+    """True if only whole numbers are allowed."""
     ticked: bool
-    """Whether the box is ticked by default."""
+    """True if the box is ticked by default."""
     columns: tuple[str, ...]
     """Names of both numbers of each pair."""
 
@@ -106,24 +106,24 @@ class Kind(Model):
     figures: list[ResultField]
     """Result values that are shown, in order of appearance."""
     actions: list[ActionType]
-    """Actions that can be requested of such a job; ``allowed_actions`` of the job says when."""
+    """Actions that can be requested of such a job; ``allowed_actions`` of the job states when."""
     plot: str
     """File name of its plot in the record."""
     begins_held: bool
-    """Whether the job begins with a part that is already held."""
+    """True if the job begins with a part that is already held."""
     holds_part: bool
-    """Whether a stop or an abort may keep or release a part."""
+    """True if a stop or an abort may keep or release a part."""
     predicted: bool
-    """Whether its course is predicted before it starts and can be stored as a trajectory."""
+    """True if its course is predicted before it starts and can be stored as a trajectory."""
     takes_recipe: bool
     jogs: bool
-    """Whether a page offers steps of the arm and taught poses beside its form."""
+    """True if a page offers steps of the arm and taught poses beside its form."""
     proposes: bool
-    """Whether its result proposes values for the model in use."""
+    """True if its result proposes values for the model in use."""
     arms: list[int]
     """Numbers of driven arms of the rigs for which it is offered."""
     on_stop: OnStop
-    """What a stop does with a part if the request cannot say it."""
+    """Action on the part when a job is stopped, if the request cannot state it."""
 
 
 class KindList(Model):
@@ -135,7 +135,7 @@ class KindList(Model):
 
 
 def described(kind: JobKind) -> Kind:
-    """Return a kind as it is sent."""
+    """Return a kind as the supervisor sends it."""
     variants = [
         KindVariant(
             name=one.name, label=one.label, summary=one.summary, request=schema_of(one.request)

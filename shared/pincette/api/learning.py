@@ -24,19 +24,19 @@ class LearnedProgram(Model):
     program: str
     """Digest of the program, its law and the free response."""
     job: str
-    """Job that learned last."""
+    """Identifier of the job that learned last."""
     learned_at: str
     """Time of the last learning, in UTC."""
     motion: dict[str, Any]
     """Description of the program's motion."""
     cycles: int
-    """Number of cycles that were used."""
+    """Number of cycles that were used to learn."""
     over: bool
-    """Whether learning has ended."""
+    """True if learning has ended."""
     values_um: list[float]
     """Correction added to x_r at each tick of a cycle."""
     errors_um: list[float]
-    """Root mean square of x less x_r for each of these cycles, in order."""
+    """Root mean square of x minus x_r for each of these cycles, in order."""
 
 
 class LearnedList(Model):

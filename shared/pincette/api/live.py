@@ -59,13 +59,13 @@ class LiveBatch(Model):
     epoch: int
     """Random number of the arming; samples with the same number belong together."""
     playing: bool
-    """Whether a program plays. An idle rig has position and voltage alone."""
+    """True while a program plays. Samples of an idle rig have only position and voltage."""
     phase: str
     """Name of the phase; empty while no program plays."""
     now_s: float
     """The supervisor's clock at the time of sending; its zero is arbitrary."""
     dropped: int
-    """Number of samples since the last event that were gone before this listener read them."""
+    """Number of samples since the last event that were lost before this listener read them."""
     seq: list[int]
     at_s: list[float]
     """Arrival time of each position by the clock of ``now_s``, which does not restart with an
@@ -73,7 +73,7 @@ class LiveBatch(Model):
     t_s: list[float]
     """Time since the arming, by the sensor's grid."""
     after_gap: list[bool]
-    """Whether samples are missing before this one. A late sample is not missing."""
+    """True for each sample before which samples are missing. A late sample is not missing."""
     x_um: Column
     x_r_um: Column
     force_mN: Column
@@ -134,8 +134,8 @@ class ProgramTiming(Model):
     missed: int
     """Number of samples and grid points that were skipped."""
     lateness: Spread
-    """Lateness of wake-ups against the program's own grid, or of its samples' arrival against
-    theirs."""
+    """Lateness of wake-ups against the program's own grid, or of samples' arrival against their
+    grid."""
     age: Spread
     """Time from the first arrival of a sample's number to the step that uses it."""
     execution: Spread
@@ -149,4 +149,4 @@ class LoopTiming(Model):
 
     programs: list[ProgramTiming]
     silent: dict[str, str] = Field(default_factory=dict[str, str])
-    """Programs that did not answer, each with the reason."""
+    """Programs that did not reply, each with the reason."""

@@ -58,7 +58,7 @@ class ModelVersion(Model):
     previous: str
     """Digest of the model that was in use before; empty: the rig file's."""
     trouble: str
-    """Why the version needs a person's confirmation before it is used; empty if it does not."""
+    """Reason why a person must confirm the version before it is used; empty if nobody must."""
 
 
 class ModelChange(Model):
@@ -88,22 +88,22 @@ class ModelView(Model):
 
     rig: str
     version: int
-    """0: the rig file alone."""
+    """Version of the model; 0: the rig file alone."""
     digest: str
     rig_file_digest: str
     trouble: str
-    """Why the model from before a restart is not in use; empty if it is."""
+    """Reason why the model from before a restart is not in use; empty if it is in use."""
     changed: list[ModelChange]
-    """Values under which the model was measured and which have changed since, so that it is not in
-    use."""
+    """Values that have changed since the model was measured, so that it is not in use."""
     set_aside: list[ModelChange]
-    """Values that were changed in the rig file since and replace calibrated ones."""
+    """Values that were changed in the rig file since the calibration and that replace calibrated
+    ones."""
     quantities: list[ModelQuantity]
     versions: list[ModelVersion]
 
 
 class ModelAction(Model):
-    """Use a version of the model; 0 is the rig file alone."""
+    """Request to use a version of the model; 0 is the rig file alone."""
 
     model_config = example(type="use", version=1)
 

@@ -38,7 +38,8 @@ class PairJobRequest(PolicyRequest, frozen=True):
     approach_um_per_s: Speed | None = None
     """Peak speed of each free arm on its way to the part, and of a part that is carried."""
     seek_um_per_s: Speed | None = None
-    """Speed of one arm that searches for the part, and of the sum of both arms that close on it."""
+    """Speed of one arm that searches for the part, or sum of the speeds of both arms that close on
+    it."""
     contact_force_mN: Positive | None = None
     """Force of each arm that counts as a contact."""
     gains: Annotated[Gains | None, BeforeValidator(_named_gains)] = None
@@ -49,7 +50,7 @@ class PairJobRequest(PolicyRequest, frozen=True):
 class PairCurves(Curves):
     """Predicted course of both arms with fewer samples.
 
-    ``x_r_um`` and ``voltage_V`` are those of the first.
+    ``x_r_um`` and ``voltage_V`` are those of the first arm.
     """
 
     model_config = example(**COURSE)
@@ -99,18 +100,19 @@ class PairResult(JobResult):
     force_uncertainty_mN: float | None
     """Expanded uncertainty of that mean, from what both estimators state for single samples."""
     place_um: Tracking | None
-    """Measured q less its reference, over the hold or the path."""
+    """Measured q minus its reference, over the hold or the path."""
     force_mN: Tracking | None
-    """Mean of both estimated forces less F_r; null if no zero was taken."""
+    """Mean of both estimated forces minus F_r; null if no zero was taken."""
     true_place_um: Tracking | None
-    """The same from the true positions of the tips, which only a simulated rig knows."""
+    """True q minus its reference over the same time, from the true positions of the tips, which only
+    a simulated rig knows."""
     true_force_mN: Tracking | None
     difference_mN: float | None
     """Mean of F̂_1 - F̂_2 over the same time: 0 if nothing else holds the part."""
     difference_uncertainty_mN: float | None
     """Expanded uncertainty of that difference, from both estimators."""
     forces_agree: bool | None
-    """Whether the difference is within its uncertainty. If it is not, a model is wrong or something
+    """True if the difference is within its uncertainty. If it is not, a model is wrong or something
     else holds the part. Null if nothing was held."""
     peak_force_mN: float | None
     """Largest estimate of either arm after the zero."""
@@ -119,24 +121,28 @@ class PairResult(JobResult):
     """Change of the first arm's stroke since its calibration, from the way that began with
     conditioning strokes; null where it was not compared since the estimator's start."""
     stroke_limit_percent: float | None = None
-    """Change up to which noise and repetition explain it; the force is corrected beyond it."""
+    """Largest change of the first arm's stroke that noise and repetition explain; the force is
+    corrected beyond it."""
     second_stroke_change_percent: float | None = None
-    """Change of the second arm's stroke, likewise."""
+    """Change of the second arm's stroke since its calibration; null where it was not compared since
+    the estimator's start."""
     second_stroke_limit_percent: float | None = None
-    """Change of the second arm's stroke up to which noise and repetition explain it."""
+    """Largest change of the second arm's stroke that noise and repetition explain."""
     model_mismatch: bool = False
-    """True where noise and repetition do not explain the change of the stroke of either arm."""
+    """True if noise and repetition do not explain the change of the stroke of either arm."""
     zero_unconfirmed: bool = False
-    """True where nothing but the zero itself shows that no part pressed on an arm as it was
-    taken: its forces may lack what it hides."""
+    """True if only the zero itself shows that no part pressed on an arm when it was taken: the
+    forces of that arm may then be too small by the hidden one."""
     zero_return: ZeroReturn | None = None
-    """Zero return of the first arm; null if it did not come back free to the place of its zero."""
+    """Zero return of the first arm; null if the arm did not come back free to the place of its
+    zero."""
     second_zero_return: ZeroReturn | None = None
-    """Zero return of the second arm, likewise."""
+    """Zero return of the second arm; null if the arm did not come back free to the place of its
+    zero."""
 
 
 class PredictedPairCurves(PredictedCurves):
-    """Predicted course of both arms; columns without a further name are those of the first."""
+    """Predicted course of both arms; columns without ``second_`` are those of the first."""
 
     model_config = example(
         t_s=[0.0, 8.9],
@@ -172,11 +178,11 @@ class PairPrediction(Prediction):
     second_peaks: Peaks
     """Peaks of the second arm."""
     figures: PairResult | None
-    """Result as a job would give it, uncertainties included; null if there is none."""
+    """Result that a job would give, including uncertainties; null if there is none."""
 
 
 class PairPlan(JobPlan):
-    """What a job of both arms would do, and whether it may start."""
+    """Plan of a job of both arms, and whether it may start."""
 
     model_config = example(
         kind="grip",
@@ -195,4 +201,4 @@ class PairPlan(JobPlan):
     prediction: PairPrediction | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
     """Prediction from playing the plan on the model in use; null if it was not requested."""
     warnings: list[str] = Field(default_factory=list[str])
-    """What a person should know before it starts."""
+    """Warnings that a person should read before the job starts."""

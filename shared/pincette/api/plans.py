@@ -49,8 +49,8 @@ class Curves(Model):
 class SteadyErrors(Model):
     """Ranges of the steady errors (51) and (52) over the tolerances of the part.
 
-    They hold for the plan as it stands. Once a contact line has been identified during the load,
-    only its own errors remain of them.
+    They hold for the plan as it is. Once a contact line has been identified during the load, only
+    the errors of that line remain.
     """
 
     model_config = example(
@@ -83,7 +83,7 @@ LAW: dict[str, Any] = {
     "sensitivity_peak": 1.91,
     "sensitivity_peak_limit": None,
 }
-"""Part of the examples."""
+"""Law in the examples of several models."""
 
 
 class Law(Model):
@@ -92,7 +92,7 @@ class Law(Model):
     model_config = example(**LAW)
 
     scheme: str
-    """One of those under ``/laws``."""
+    """Name of the law, one of those under ``/laws``."""
     set: ParameterSet
     gains_from: GainsFrom
     """Source of the gains. Gains that a request leaves out are those of the rig file; without any
@@ -104,8 +104,8 @@ class Law(Model):
     """Spectral radius of the loop in the worst case that the rig file admits; 1 and more is
     unstable."""
     spectral_radius_limit: float
-    """Largest spectral radius with which a job may start. It is that of a time constant, for the
-    period."""
+    """Largest spectral radius with which a job may start: that of a fixed time constant, at the
+    control period."""
     sensitivity_peak: float | None = None
     """Sensitivity peak M_s of the loop in its worst case; null: the loop is unstable."""
     sensitivity_peak_limit: float | None = None
@@ -114,13 +114,14 @@ class Law(Model):
 
 
 class JobPlan(Model):
-    """Members of every plan: what a job would do, and whether it may start."""
+    """Members of every plan of a job; ``feasible`` states whether the job may start."""
 
     kind: str
     rig: str
     feasible: bool
     duration_s: float
-    """Planned duration. A hold without an end counts briefly, waiting for a person not at all."""
+    """Planned duration. A hold without an end counts as a short one, and a wait for a person as
+    none."""
     phases: list[PlannedPhase]
     violations: list[Violation]
     prediction: Prediction | None = None
@@ -128,7 +129,7 @@ class JobPlan(Model):
 
 
 class PlannedGoal(Model):
-    """Whether the result can state that the goal was met, according to the plan."""
+    """Prediction whether the result will be able to state that the goal was met."""
 
     model_config = example(judged=True, phase="hold", lasts_s=4.0, settling_s=0.5)
 
@@ -144,7 +145,7 @@ class PlannedGoal(Model):
 
 
 class Plan(JobPlan):
-    """What a job that meets a part would do, and whether it may start."""
+    """Plan of a job that meets a part, and whether it may start."""
 
     model_config = example(
         kind="grip",
@@ -171,9 +172,9 @@ class Plan(JobPlan):
     steady_errors: SteadyErrors
     law: Law
     warnings: list[str] = Field(default_factory=list[str])
-    """What a person should know before it starts."""
+    """Warnings that a person should read before the job starts."""
     goal: PlannedGoal | None = None
-    """Null where no tolerance is requested."""
+    """Planned goal; null if no tolerance is requested."""
 
 
 class Pose(Model):
@@ -186,10 +187,10 @@ class Pose(Model):
 
 
 class MotionPlan(JobPlan):
-    """What a move, a hold or a release would do, and whether it may start.
+    """Plan of a move, a hold or a release, and whether it may start.
 
-    Nothing is known of a held part but that it is there: the way of the arm during the release is
-    planned as a line from its present position to its rest.
+    The plan knows nothing of a held part except that it is there: the way of the arm during the
+    release is planned as a line from its present position to its rest.
     """
 
     model_config = example(
@@ -213,7 +214,7 @@ class MotionPlan(JobPlan):
     warnings: list[str]
     """Assumptions of the plan that a person should know."""
     goal: PlannedGoal | None = None
-    """Null where no tolerance is requested."""
+    """Planned goal; null if no tolerance is requested."""
 
 
 class LawGain(Model):
@@ -228,7 +229,7 @@ class LawGain(Model):
     meaning: str
     default: float
     positive: bool
-    """Whether the gain must be above 0; else it must be at least 0."""
+    """True if the gain must be above 0; otherwise it must be at least 0."""
 
 
 class InstalledLaw(Model):
@@ -249,7 +250,7 @@ class InstalledLaw(Model):
     summary: str
     gains: list[LawGain]
     tunable: bool
-    """Whether ``"gains": "tuned"`` is offered."""
+    """True if ``"gains": "tuned"`` is offered for the law."""
     arms: int = 1
     """Number of driven arms of the rigs for which it is offered."""
 

@@ -160,13 +160,13 @@ class Prediction(Model):
     outcome: str
     """How the program would end, as an outcome code of results."""
     succeeds: bool
-    """Whether it would end as planned."""
+    """True if the program would end as planned."""
     duration_s: float
     """Duration of the part that was played."""
     complete: bool
-    """Whether the whole plan was played."""
+    """True if the whole plan was played."""
     cut: str
-    """Why only a part was played; empty if all of it was."""
+    """Reason why only a part was played; empty if the whole plan was."""
     curves: PredictedCurves
     phases: list[PredictedPhase]
     peaks: Peaks

@@ -103,7 +103,7 @@ def remedy_of(code: str) -> str:
 
 
 class Problem(Model):
-    """An error (RFC 9457): what, value, unit, limit, and what to do."""
+    """An error (RFC 9457): description, value, unit, limit, and remedy."""
 
     model_config = ConfigDict(
         extra="allow",
@@ -140,7 +140,7 @@ class Problem(Model):
     remedy: str
     """What can be done about the problem."""
     instance: str
-    """Identifier of this answer, which is also in the supervisor's log."""
+    """Identifier of this response, which is also in the supervisor's log."""
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -40,9 +40,9 @@ class JobRequest(BaseModel, frozen=True):
 
     kind: str
     autostart: bool = False
-    """Whether the job begins as soon as it is ready, without the action ``start``."""
+    """True if the job begins as soon as it is ready, without the action ``start``."""
     dry_run: bool = False
-    """Whether to plan and predict only, without creating a job."""
+    """True to plan and predict only, without creating a job."""
     rig: str | None = Field(default=None, max_length=40)
     """Name of the rig; may be left out if there is only one."""
     sample: Label = ""
@@ -55,7 +55,7 @@ class JobRequest(BaseModel, frozen=True):
     """Anything that should be known about the job later."""
     labels: Labels = Field(default_factory=dict)
     queue: bool = False
-    """Whether to wait while another job has the rig, instead of being refused."""
+    """True to wait while another job has the rig, instead of being refused."""
     priority: Annotated[int, Field(ge=0, le=9), WHOLE] = 0
     """Priority in the queue; higher numbers come first."""
     recipe: RecipeName | None = None
@@ -65,7 +65,7 @@ class JobRequest(BaseModel, frozen=True):
     def plays(self) -> str | None:
         """Return the job whose recorded motion is played again.
 
-        Empty: the newest; None: there is none.
+        An empty text stands for the newest job. None: no motion is played again.
         """
         return None
 
@@ -74,19 +74,20 @@ class ZeroingRequest(JobRequest, frozen=True):
     """Members of every request for a job that zeroes the force."""
 
     zero_confirmed: bool = False
-    """A person has seen that nothing touches the arm. Needed after a job that touched something
-    before its zero, and if the arm stands where a part could press on it: a zero taken there would
-    hide that force."""
+    """Confirmation that a person has seen that nothing touches the arm. It is needed after a job
+    that touched something before its zero, and if the arm is where a part could press on it: a zero
+    taken there would hide that force."""
 
 
 class PolicyRequest(JobRequest, frozen=True):
     """Members of every request for a job that holds a part, about its end."""
 
     on_stop: OnStop = "hold"
-    """What a stop does with a held part: keep it, release it, or release it and retreat."""
+    """Action on a held part when the job is stopped: keep it, release it, or release it and
+    retreat."""
     on_abort: OnAbort = "freeze"
-    """What an abort does with a held part: keep it for the time in the rig file, or ramp down at
-    once."""
+    """Action on a held part when the job is aborted: keep it for the time in the rig file, or ramp
+    down at once."""
 
 
 class GoalRequest(JobRequest, frozen=True):
@@ -101,8 +102,8 @@ class GoalRequest(JobRequest, frozen=True):
     force_tolerance_mN: Positive | None = None
     """Largest settled force error."""
     settling_s: NotNegative | None = None
-    """Time, from the beginning of hold, path or rest, by which both must have settled; default: 0.5
-    s."""
+    """Time, from the beginning of the hold, path or rest, by which both errors must have settled;
+    default: 0.5 s."""
 
     @model_validator(mode="after")
     def _tolerance_given(self) -> "GoalRequest":
@@ -144,7 +145,7 @@ def _apart(value: object) -> object:
 class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True):
     """Members of every request for a job that meets a part.
 
-    The rig file gives those that are left out.
+    The rig file supplies members that are left out.
     """
 
     load_s: Duration | None = None
@@ -157,12 +158,12 @@ class ContactJobRequest(PolicyRequest, GoalRequest, ZeroingRequest, frozen=True)
     """Force that counts as a contact."""
     retries: Annotated[int, Field(ge=0, le=3), WHOLE] = 0
     """Number of times that a load continues after the part has slipped. After that, or with 0, the
-    part is released and the job ends as ``slipped``. A sensor that jumps towards the part in a load
-    is taken for a slip: each retry may then press harder by the jump over the compliance of the
-    arm."""
+    part is released and the job ends as ``slipped``. A sensor that jumps towards the part during a
+    load is mistaken for a slip: each retry may then press harder by the jump divided by the
+    compliance of the arm."""
     condition: Literal["auto", "always", "never"] | None = None
-    """Whether conditioning strokes come before the approach. ``auto``: if the model in use allows
-    them. ``always``: the plan is refused if it does not. None: as in the rig file."""
+    """Use of conditioning strokes before the approach. ``auto``: if the model in use allows them.
+    ``always``: the plan is refused if it does not. None: as in the rig file."""
     scheme: Annotated[str, Field(min_length=1, max_length=100)] | None = None
     """Control law, one of those under ``/laws``."""
     set: ParameterSet | None = None
@@ -180,7 +181,7 @@ VALUES = {"force_mN": 8.0, "hold_s": 2.0, "part": {"stiffness_mN_per_um": 2.1}}
 class PartExpectation(Model):
     """Expected properties of the object, in place of the rig file's part.
 
-    The rig file gives those that are left out.
+    The rig file supplies members that are left out.
     """
 
     model_config = example(contact_um=28.5, stiffness_mN_per_um=2.1)

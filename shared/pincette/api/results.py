@@ -48,7 +48,7 @@ class ActionTaken(Model):
 
 
 class Tracking(Model):
-    """Errors over a hold or a path: actual less reference, in the unit of the member's name."""
+    """Errors over a hold or a path: actual value minus reference, in the member's unit."""
 
     model_config = example(rmse=0.087, rmse_percent=0.95, maximum=0.29)
 
@@ -57,7 +57,7 @@ class Tracking(Model):
     """Root mean square error relative to the reference's peak-to-peak range; null if the reference
     rests."""
     maximum: float
-    """Largest magnitude."""
+    """Largest magnitude of the error."""
 
 
 CAUSES: dict[str, Any] = {
@@ -73,7 +73,7 @@ CAUSES: dict[str, Any] = {
 
 
 class ErrorCauses(Model):
-    """An error divided by cause, each as a root mean square in the unit of the parent's name.
+    """An error by cause; each part is a root mean square in the unit of the parent's name.
 
     The squares can be added; where two causes cancel in part, the total is smaller.
     """
@@ -81,10 +81,10 @@ class ErrorCauses(Model):
     model_config = example(**CAUSES)
 
     total: float
-    """Total error: of the measured position; of the true force as expected."""
+    """Total error: of the measured position, or of the true force as expected."""
     noise: float
-    """Part that repeats in no cycle; for the force, what the resulting motion of the arm
-    contributes."""
+    """Part that repeats in no cycle; for the force, the contribution of the resulting motion of the
+    arm."""
     response: float
     """Error of the model of the free arm; for the force, as the estimator states it."""
     contact_line: float
@@ -95,7 +95,7 @@ class ErrorCauses(Model):
     """Part from samples at which a limit of the voltage was active, and just after."""
     largest: Literal["noise", "response", "contact_line", "lag", "limits"]
     to_do: str
-    """What would reduce the largest part."""
+    """Change that would reduce the largest part."""
 
 
 class ErrorSources(Model):
@@ -108,7 +108,7 @@ class ErrorSources(Model):
 
 
 class Goal(Model):
-    """Whether and when the errors of a job were within their tolerances."""
+    """Result of the comparison of a job's errors with their tolerances."""
 
     model_config = example(
         met=True,
@@ -121,19 +121,20 @@ class Goal(Model):
     )
 
     met: bool | None
-    """Whether the errors stayed within their tolerances; null if the phase was not longer than the
+    """True if the errors stayed within their tolerances; null if the phase was not longer than the
     settling time, so that the goal is not judged."""
     settling_s: float
-    """Time, from the beginning of hold, path or rest, by which it should have settled."""
+    """Time, from the beginning of the hold, path or rest, by which every error should have settled.
+    """
     settled_s: float | None
-    """Time from which every error stays within its tolerance, from the same beginning; null if
-    there is none or the job did not reach that phase."""
+    """Time from which every error stays within its tolerance, counted from the same beginning; null
+    if there is none or the job did not reach that phase."""
     position_tolerance_um: float | None
     position_error_um: float | None
-    """Largest magnitude of x less x_r after the settling time; null if there is none."""
+    """Largest magnitude of x minus x_r after the settling time; null if there is none."""
     force_tolerance_mN: float | None
     force_error_mN: float | None
-    """Largest magnitude of the estimate less F_r after the settling time."""
+    """Largest magnitude of the estimate minus F_r after the settling time."""
 
 
 class ZeroReturn(Model):
@@ -146,14 +147,14 @@ class ZeroReturn(Model):
     model_config = example(force_mN=-0.11, uncertainty_mN=0.42, x_um=26.0, verified=True)
 
     force_mN: float
-    """Mean estimate over the samples around the place of the zero, on the way back."""
+    """Mean estimate over the samples around the place of the zero, while the arm returns."""
     uncertainty_mN: float
-    """Expanded uncertainty, from the ways back of rehearsed grips, or from the estimator if the
-    model has none."""
+    """Expanded uncertainty, from the returns of rehearsed grips, or from the estimator if the model
+    has none."""
     x_um: float
     """Place of the zero."""
     verified: bool
-    """False if the force exceeds its uncertainty: then no force since that zero is verified."""
+    """False if the force exceeds its uncertainty: no force since that zero is then verified."""
 
 
 StepCause = Literal["slip", "sensor", "unknown"]
@@ -186,7 +187,7 @@ class PositionStep(Model):
     x_um: float
     """Position just before the step."""
     step_um: float
-    """Step of the position, positive towards the part; of several, their sum."""
+    """Step of the position, positive towards the part; the sum if there were several."""
     slip_um: float | None
     """Distance by which the part slipped, if a slip is possible and its stiffness is known."""
     slips: int
@@ -242,8 +243,8 @@ class JobResult(Model):
     )
 
     outcome: OutcomeCode
-    """How the program ended according to the controller; ``tripped`` according to the actuator;
-    ``unfinished`` if neither reported an end."""
+    """End of the program as the controller reported it; ``tripped`` if the actuator reported a
+    trip; ``unfinished`` if neither reported an end."""
     phases: list[Phase]
     limits_acted: list[LimitActed]
     actions: list[ActionTaken]
@@ -261,7 +262,7 @@ class JobResult(Model):
     position_step: PositionStep | None = None
     """Step of the position that the voltage does not explain; null if there was none."""
     goal: Goal | None = None
-    """Whether the tolerances were met; null if the request has none."""
+    """Comparison of the errors with the tolerances; null if the request has none."""
 
 
 class LoadForces(Model):
@@ -291,16 +292,17 @@ class ClosedLoopResult(JobResult):
     """Uncertainty of the mean force of a grip's hold, in which noise is averaged; otherwise of
     single samples, as a mean over the path."""
     force_assumed: list[str]
-    """Quantities behind the uncertainty that no calibration has found."""
+    """Quantities on which the uncertainty is based and that no calibration has found."""
     zero_age_s: float | None
     """Age of the zero at the end of the hold or the path."""
     stroke_change_percent: float | None = None
     """Change of the arm's stroke since its calibration, from the way that began with conditioning
     strokes; null if the arm has not been conditioned since the estimator started."""
     stroke_limit_percent: float | None = None
-    """Change up to which noise and repetition explain it; the force is corrected beyond it."""
+    """Largest change of the stroke that noise and repetition explain; the force is corrected beyond
+    it."""
     model_mismatch: bool = False
-    """True where noise and repetition do not explain the change of the stroke."""
+    """True if noise and repetition do not explain the change of the stroke."""
     zero_unconfirmed: bool = False
     """True if only the zero itself shows that no part pressed when it was taken: all forces may
     then be too small by the hidden one. A part found at its planned place, or ``zero_confirmed``,
@@ -314,18 +316,18 @@ class ClosedLoopResult(JobResult):
     contact_rmse_force_mN: float | None
     """Root mean square force error from the load to the unload."""
     sliding_um: Percentiles | None
-    """Percentiles of |s| over all samples, as for the members down to
+    """Percentiles of |s| over all samples, as are the members down to
     ``true_perturbation_error_mN``. With K_S = 0 nothing returns s: it follows the perturbation and
     moves no voltage."""
     sliding_in_band: float | None
     """Share of samples with |s| within its band, outside of which |s| cannot have grown."""
     residual_um: Percentiles | None
-    """Magnitude of x less its prediction (17), with the law's own force."""
+    """Magnitude of x minus its prediction (17), with the law's own force."""
     law_perturbation_mN: Percentiles | None
     """Magnitude of p̂ (6), with the law's own force and parameter set."""
     perturbation_error_mN: Percentiles | None
-    """Magnitude of p̃ (8), likewise, which K_S would have to exceed. If the force is estimated from
-    the same position and voltage, two models are compared."""
+    """Magnitude of p̃ (8) with the law's own force and parameter set; K_S would have to exceed it.
+    If the force is estimated from the same position and voltage, two models are compared."""
     true_perturbation_error_mN: Percentiles | None
     """Magnitude of p̃ (8) from the measured position, the applied voltage and the true force, with
     the law's parameter set; known only on a simulated rig, null on a real one."""
@@ -360,7 +362,7 @@ COMMON: dict[str, Any] = {
     "unanswered_ticks": 0,
     "dropped_messages": 0,
 }
-"""Part of the examples."""
+"""Members of closed-loop results in the examples."""
 
 
 class MotionResult(ClosedLoopResult):
@@ -387,20 +389,20 @@ class MotionResult(ClosedLoopResult):
     """Name under which the pose is taught, to be stored in a recipe."""
     target_um: float | None
     target_error_um: float | None
-    """Position less the target."""
+    """Position minus the target."""
     drift_um: float | None
     """Peak-to-peak drift of the position while a part was held."""
     held_at_end: bool
 
 
 ARMS = (("", "arm"), ("second_", "second arm"))
-"""What names of figures begin with, and the arm that they are of."""
+"""Prefixes of the names of figures, each with the arm that the figures describe."""
 
 
 def confirmations(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield what confirms the figures of a result or makes them doubtful.
+    """Yield the facts that confirm the figures of a result or make them doubtful.
 
-    Each is stated in few words, and then with numbers or what to do; that may be empty.
+    Each fact is a short statement and a text with numbers or a remedy, which may be empty.
     """
     goal = result.get("goal")
     if goal is not None:

@@ -1,4 +1,4 @@
-"""Tables of what is known of a rig, and of the jobs that may start on it.
+"""Tables of the states of a rig, and of the jobs that may start in them.
 
 ``RIG_STATES`` lists the states of the actuator, ``PART`` how far its report of a part can be
 trusted, ``OCCUPANTS`` what can use the rig, and ``MOTION`` how the arm moves. The supervisor, the
@@ -31,10 +31,10 @@ class RigStateEntry(NamedTuple):
 
     meaning: str
     may_start: bool
-    """Whether the actuator allows a job to start. A held part, a running job or a failing program
+    """True if the actuator allows a job to start. A held part, a running job or a failing program
     may still prevent it."""
     may_move: bool
-    """Whether the actuator allows the stage to move. While it is armed, the program decides and
+    """True if the actuator allows the stage to move. While it is armed, the program decides and
     reports when it rests."""
     remedy: str = ""
     """What a person can do about the state; empty if nothing needs to be done."""
@@ -80,19 +80,20 @@ _UNTOLD: Mapping[ReportedPart, Mapping[Certainty, Certainty]] = {
     reported: dict.fromkeys(("known", "believed", "unknown"), "unknown")
     for reported in ("none", "held")
 }
-"""Nothing is known of the part, whatever the actuator reported last."""
+"""Certainty in states in which nothing is known of the part, whatever the actuator reported last.
+"""
 _EMPTY: Mapping[Certainty, Certainty] = {
     "known": "known",
     "believed": "believed",
     "unknown": "believed",
 }
-"""No failure makes an empty gripper hold a part."""
+"""Certainty of an empty gripper: no failure makes it hold a part."""
 _UNCONFIRMED: Mapping[Certainty, Certainty] = {
     "known": "believed",
     "believed": "believed",
     "unknown": "unknown",
 }
-"""No voltage is written, so a held part cannot be confirmed."""
+"""Certainty of a held part in states in which no voltage is written that could confirm it."""
 
 PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = {
     "unknown": _UNTOLD,
@@ -106,18 +107,18 @@ PART: Mapping[RigState, Mapping[ReportedPart, Mapping[Certainty, Certainty]]] = 
     "ramping": _UNTOLD,
     "latched": _UNTOLD,
 }
-"""Certainty of the part: by the actuator's last state, the part it reported, and the certainty from
-the age of that report."""
+"""Certainty of the part, by the actuator's last state, the part it reported, and the certainty that
+follows from the age of that report."""
 
 
 class OccupantEntry(NamedTuple):
-    """What can use a rig, and which jobs can start then."""
+    """User of a rig, and the jobs that can start meanwhile."""
 
     meaning: str
     may_start: bool
-    """Whether a job that needs an empty gripper can start."""
+    """True if a job that needs an empty gripper can start."""
     may_take_over: bool
-    """Whether a job that begins with a held part can start."""
+    """True if a job that begins with a held part can start."""
 
 
 OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
@@ -142,7 +143,7 @@ OCCUPANTS: Mapping[Occupant, OccupantEntry] = {
 
 
 class MotionEntry(NamedTuple):
-    """How the arm moves, and whether the stage may move meanwhile."""
+    """Motion of the arm, and whether the stage may move meanwhile."""
 
     meaning: str
     may_move: bool

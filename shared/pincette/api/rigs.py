@@ -40,8 +40,8 @@ class ExchangeTimes(Model):
     median_s: float
     worst_s: float
     held_s: float = 0.0
-    """Time for which a device server holds answers back before it forwards them whole; 0 where
-    none was found."""
+    """Time for which a device server holds replies back before it forwards them whole; 0 if none
+    was found."""
     line_baud: int = 0
     """Estimated rate of the serial line behind a device server where it is slower than the rig file
     states; 0 where it is not."""
@@ -64,15 +64,15 @@ class Program(Model):
 
     name: str
     alive: bool
-    """Whether the program's liveliness token is visible."""
+    """True if the program's liveliness token is visible."""
     version: str | None
     age_s: float | None
     """Time since its newest sample."""
     epoch: int | None
     missed: int | None
-    """Number of samples that it skipped since its start."""
+    """Number of samples that the program has skipped since its start."""
     refused: int | None
-    """Number of messages that it refused since its start."""
+    """Number of messages that the program has refused since its start."""
     instrument: InstrumentCounts | None = None
     """Failed exchanges with its instruments; null if it has none or has not reported a status."""
     exchanges: list[ExchangeTimes] = Field(default_factory=list["ExchangeTimes"])
@@ -80,9 +80,9 @@ class Program(Model):
     detail: str
     """State of the program in words, for people."""
     faults: list[FaultView] = Field(default_factory=list["FaultView"])
-    """The same as codes and numbers, for programs."""
+    """Faults in ``detail`` as codes and numbers, for programs."""
     trouble: str
-    """Why the program cannot be relied on; empty if it can."""
+    """Reason why the program cannot be relied on; empty if it can."""
 
 
 class Latch(Model):
@@ -105,7 +105,7 @@ class Latch(Model):
     words: str = ""
     """The cause for people, with the name of the silent program."""
     clear: str
-    """What clears the latch; empty if there is nothing to clear."""
+    """Action that clears the latch; empty if there is nothing to clear."""
 
 
 STANDING = {
@@ -129,12 +129,14 @@ class Standing(Model):
     state_age_s: float | None
     """Time since the last message of the actuator; null if there was none."""
     part: PartState
-    """Whether a part is held; also unknown if the output's own watchdog may have released it."""
+    """State of the part: held or not, or unknown; also unknown if the output's own watchdog may
+    have released it."""
     part_certainty: Certainty
     """Certainty of the part; at most ``believed`` for a held part while no voltage is written that
     could be confirmed."""
     part_age_s: float | None
-    """Time since the output confirmed the voltage of a held part; otherwise as ``state_age_s``."""
+    """Time since the output confirmed the voltage of a held part; otherwise the same as
+    ``state_age_s``."""
 
 
 class LimitValue(Model):
@@ -178,12 +180,12 @@ class Newest(Model):
     force_uncertainty_mN: float | None
     """Expanded uncertainty of that force."""
     zero_age_s: float | None
-    """Time since the force was zeroed; null where it has no zero."""
+    """Time since the force was zeroed; null if it has no zero."""
     voltage_V: float | None
     """Applied voltage; null while the output has not confirmed it."""
     second_x_um: float | None = None
-    """Position of the second arm, as the members that follow; null on a rig with one arm. All
-    others are of the first arm."""
+    """Position of the second arm. This member and those that follow are null on a rig with one arm;
+    all others describe the first arm."""
     second_force_mN: float | None = None
     second_voltage_V: float | None = None
 
@@ -195,7 +197,8 @@ class Queue(Model):
 
     length: int
     halted: str
-    """Why the queue is halted; empty if the next job starts by itself. A person resumes it."""
+    """Reason why the queue is halted; empty if the next job starts automatically. A person resumes
+    the queue."""
     capacity: int
 
 
@@ -208,12 +211,12 @@ class QueueRequest(Model):
     model_config = example(type="move", job="20260301-120000-1f0c", position=1)
 
     type: QueueOrder
-    """Resume with the next job, stop all waiting jobs, or move one of them."""
+    """Change to make: resume with the next job, stop all waiting jobs, or move one of them."""
     job: str | None = Field(default=None, max_length=100)
-    """With ``move``: the waiting job."""
+    """Waiting job to be moved; only with ``move``."""
     position: Annotated[int, Field(ge=1, le=100), WHOLE] = 1
-    """With ``move``: new place of the job, 1 for the next; larger numbers than the length mean the
-    last place."""
+    """New place of the job, 1 for the next; larger numbers than the length mean the last place.
+    Only with ``move``."""
 
 
 class SafeToMove(Model):
@@ -229,7 +232,7 @@ class SafeToMove(Model):
 
 
 class Rig(Model):
-    """A rig: its programs, whether a job can start, and if not, why."""
+    """A rig: its programs, and whether a job can start or why it cannot."""
 
     model_config = example(
         name="demo",
@@ -271,21 +274,21 @@ class Rig(Model):
     latch: Latch
     newest: Newest | None
     part: PartState
-    """Whether the gripper holds a part, as the actuator was last told; see ``standing``."""
+    """State of the part: held or not, or unknown; ``standing`` states how certain it is."""
     standing: Standing
     safe_to_move: SafeToMove
     claim: Claim | None = None
-    """Who has claimed the rig; null: nobody."""
+    """Claim on the rig; null if nobody has claimed it."""
     active_job: str | None
     queue: Queue
     can_start: bool
-    """Whether a job can start that needs an empty gripper."""
+    """True if a job can start that needs an empty gripper."""
     startable: list[str]
     """Kinds of job that can start: while a part is held and no job holds it, hold and release."""
     reasons: list[str]
-    """Why a job cannot start, in words."""
+    """Reasons why a job cannot start, in words."""
     warnings: list[str]
-    """What a person should see to, though jobs can start."""
+    """Matters that a person should attend to, though jobs can start."""
     allowed_actions: list[RigAction]
 
 
@@ -298,7 +301,7 @@ class RigList(Model):
 
 
 class ResetRequest(Model):
-    """Clear the actuator's latch; says that a person has seen the cause."""
+    """Request to clear the actuator's latch; it states that a person has seen the cause."""
 
     model_config = example(acknowledge=True)
 
@@ -306,7 +309,7 @@ class ResetRequest(Model):
 
 
 class Stopped(Model):
-    """How an emergency stop or a reset was taken."""
+    """Result of an emergency stop or a reset."""
 
     model_config = example(
         rig="demo", cause="estop", acknowledged=True, detail="", supervisor="3f9c0a51b2d47e68"
@@ -315,14 +318,14 @@ class Stopped(Model):
     rig: str
     cause: str
     acknowledged: bool
-    """Whether the actuator has confirmed."""
+    """True if the actuator has confirmed the stop or reset."""
     detail: str
     supervisor: str = ""
     """Identifier of the supervisor that replied, as in the page check; empty over the bus."""
 
 
 class StoppedList(Model):
-    """How an emergency stop of every rig was taken: each has confirmed."""
+    """Result of an emergency stop of every rig: each has confirmed."""
 
     model_config = example(
         rigs=[

@@ -51,7 +51,7 @@ class TransitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """A state: its meaning, where each event leads, and its deadline."""
+    """A state of a job: its meaning, the next state for each event, and its deadline."""
 
     meaning: str
     events: Mapping[Event, JobState] = field(default_factory=dict[Event, JobState])
@@ -59,7 +59,7 @@ class State:
     """Deadline of the state; every state that ends in -ing has one. When it passes, the event is
     ``overdue``."""
     beyond: Beyond = ""
-    """What the deadline is added to; see ``BEYOND``."""
+    """Duration that is added to the deadline; see ``BEYOND``."""
     actions: tuple[ActionType, ...] = ()
     """Actions that are offered; one with a need is offered only while it is met, see ``NEEDS``."""
 
@@ -77,7 +77,7 @@ _MOVING: Mapping[Event, JobState] = {
     "overdue": "aborting",
     "interrupt": "interrupted",
 }
-"""Events of every job whose program is loaded."""
+"""Transitions of every job whose program is loaded."""
 
 STATES: Mapping[JobState, State] = {
     "queued": State(
@@ -199,7 +199,7 @@ BEYOND: Mapping[Beyond, str] = {
     "letting_go": "unload and retreat as planned, where on_stop asks for them",
     "freeze": "the actuator's freeze and ramp",
 }
-"""Description of what a deadline is added to."""
+"""Description of the durations that are added to deadlines."""
 
 NEEDS: Mapping[ActionType, Need] = {"release": "held", "continue": "waiting"}
 """Condition under which an action is offered: a part is held, or the program waits for a person."""
@@ -238,7 +238,7 @@ OUTCOMES: Mapping[str, str] = {
     "position_step": "the position of a held part stepped forwards without a voltage: slip or "
     "sensor; the voltage was kept until the part was let go, the force is one of two readings",
 }
-"""Ends of a program, by the controller's code."""
+"""Meanings of the ways in which a program can end, by the controller's outcome code."""
 GOOD_OUTCOMES = ("gripped", "tracked", "released", "moved")
 
 

@@ -10,7 +10,7 @@ from pincette.api.plans import MotionPlan, Plan
 from pincette.api.requests import Label, LabelName, OnAbort, OnStop
 
 REQUEST: dict[str, Any] = {"kind": "grip", "force_mN": 20.0}
-"""Part of the examples."""
+"""Request in the examples of several models."""
 
 
 class TrajectorySummary(Model):
@@ -32,7 +32,7 @@ class TrajectorySummary(Model):
     request: dict[str, Any]
     created_at: str
     stale: list[str]
-    """What has changed since, in words; empty if a job can still be made of it."""
+    """Changes since the plan was stored, in words; empty if a job can still be made of it."""
 
 
 class Trajectory(TrajectorySummary):
@@ -76,14 +76,14 @@ class TrajectoryStart(Model):
     model_config = example(autostart=True, labels={"part": "bead 12"})
 
     autostart: bool = False
-    """Whether the job begins as soon as it is ready, without the action ``start``."""
+    """True if the job begins as soon as it is ready, without the action ``start``."""
     queue: bool = False
-    """Whether to wait while another job has the rig, instead of being refused."""
+    """True to wait while another job has the rig, instead of being refused."""
     labels: dict[LabelName, Label] = Field(default_factory=dict, max_length=16)
     on_stop: OnStop | None = None
-    """For a grip or a track: what a stop does with a held part."""
+    """Action on a held part when the job is stopped; only for a grip or a track."""
     on_abort: OnAbort | None = None
-    """For a grip or a track: what an abort does with a held part."""
+    """Action on a held part when the job is aborted; only for a grip or a track."""
 
 
 class SampleColumn(Model):
@@ -110,7 +110,7 @@ class TrajectorySamples(Model):
     digest: str
     period_s: float
     cut: str
-    """Why the samples do not reach the end of the plan; empty if they do."""
+    """Reason why the samples do not reach the end of the plan; empty if they do."""
     columns: list[SampleColumn]
     samples: dict[str, list[float] | list[str]]
     """Columns of equal length, by name."""
