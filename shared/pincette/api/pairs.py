@@ -104,8 +104,8 @@ class PairResult(JobResult):
     force_mN: Tracking | None
     """Mean of both estimated forces minus F_r; null if no zero was taken."""
     true_place_um: Tracking | None
-    """True q minus its reference over the same time, from the true positions of the tips, which only
-    a simulated rig knows."""
+    """True q minus its reference over the same time, from the true positions of the tips, which
+    only a simulated rig knows."""
     true_force_mN: Tracking | None
     difference_mN: float | None
     """Mean of F̂_1 - F̂_2 over the same time: 0 if nothing else holds the part."""

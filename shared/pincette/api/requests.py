@@ -35,7 +35,7 @@ def check_one_hold(hold_s: float | None, *, until_released: bool) -> None:
 class JobRequest(BaseModel, frozen=True):
     """Members of every job request."""
 
-    # Descriptions of members are told over REST, and on the command line.
+    # Descriptions of members are shown over REST and on the command line.
     model_config = {**CONFIG, "use_attribute_docstrings": True}
 
     kind: str

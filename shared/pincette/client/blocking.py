@@ -1,8 +1,8 @@
 """The blocking client: the methods of the asynchronous one, run to their end by the caller.
 
 Over a ``BlockingConnection`` a coroutine of the client never suspends. One ``send(None)`` runs it
-from begin to end in the caller's thread: no event loop, no second thread, and so the same in a
-script, in a thread and in a notebook whose event loop runs already.
+to its end in the caller's thread, without an event loop or a second thread. It therefore works in a
+script, in a thread, and in a notebook whose event loop is already running.
 """
 
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
@@ -99,30 +99,30 @@ def iterator(
 
 
 class JobHandle(Blocking[AsyncJobHandle]):
-    """One job: its state, its actions, its result."""
+    """One job: its state, its actions and its result."""
 
     @property
     def job(self) -> Job:
-        """As of the newest answer of the supervisor."""
+        """Job in the newest reply of the supervisor."""
         return self.asynchronous.job
 
     @property
     def id(self) -> str:
-        """Its name."""
+        """Identifier of the job."""
         return self.job.id
 
     @property
     def state(self) -> JobState:
-        """As of the newest answer; ``refresh`` asks again."""
+        """State of the job in the newest reply; ``refresh`` requests a new one."""
         return self.job.state
 
     @property
     def ended(self) -> bool:
-        """Whether it had ended by then."""
+        """True if the job had ended in the newest reply."""
         return self.asynchronous.ended
 
     def _repr_html_(self) -> str:
-        """Return a table of the newest answer, with the picture of the record of an ended job."""
+        """Return a table of the newest reply, with the plot of the record if the job has ended."""
         picture = None
         if self.ended:
             with suppress(ClientError):
@@ -130,11 +130,11 @@ class JobHandle(Blocking[AsyncJobHandle]):
         return job_html(self.job, picture)
 
     def patient(self, patience_s: float) -> "JobHandle":
-        """Return the same job with another patience, in s, while no supervisor answers."""
+        """Return the same job with another retry time, in s, while no supervisor replies."""
         return JobHandle(self.asynchronous.patient(patience_s))
 
     def result(self) -> JobResult | None:
-        """Return its result; None if it has not moved."""
+        """Return the result of the job; None if it has not moved."""
         return self.asynchronous.result()
 
     refresh = blocking(AsyncJobHandle.refresh)
@@ -173,19 +173,19 @@ def _reached(found: tuple[AsyncJobHandle, Progress | None]) -> tuple[JobHandle, 
 
 
 class RigHandle(Blocking[AsyncRigHandle]):
-    """One rig: its state, its plans, its jobs, its emergency stop."""
+    """One rig: its state, its plans, its jobs and its emergency stop."""
 
     @property
     def name(self) -> str:
-        """Its name in the rig file."""
+        """Name of the rig in its rig file."""
         return self.asynchronous.name
 
     def _repr_html_(self) -> str:
-        """Return a table of its state now, with the force and its uncertainty."""
+        """Return a table of the rig's present state, with the force and its uncertainty."""
         return rigs_html({self.name: self.status()})
 
     def patient(self, patience_s: float) -> "RigHandle":
-        """Return the same rig with another patience, in s, while no supervisor answers."""
+        """Return the same rig with another retry time, in s, while no supervisor replies."""
         return RigHandle(self.asynchronous.patient(patience_s))
 
     state = blocking(AsyncRigHandle.state)
@@ -219,7 +219,7 @@ class RigHandle(Blocking[AsyncRigHandle]):
 
 
 class Supervisor(Blocking[AsyncSupervisor]):
-    """Entry point: ``Supervisor(url).rig()``; parameters as of ``AsyncSupervisor``."""
+    """Entry point: ``Supervisor(url).rig()``; same parameters as ``AsyncSupervisor``."""
 
     def __init__(
         self,
@@ -241,11 +241,11 @@ class Supervisor(Blocking[AsyncSupervisor]):
 
     @property
     def transport(self) -> Transport:
-        """Sends the calls; its clock and its sleep may be replaced."""
+        """Transport that sends the calls; its clock and its sleep may be replaced."""
         return self.asynchronous.transport
 
     def _repr_html_(self) -> str:
-        """Return a table of the rigs that it serves."""
+        """Return a table of the rigs that the supervisor serves."""
         now = self.patient(0.0).within(NEWS_S)
         return rigs_html({rig.name: status_of(rig) for rig in now.rigs()})
 
@@ -261,13 +261,13 @@ class Supervisor(Blocking[AsyncSupervisor]):
         self.close()
 
     def patient(self, patience_s: float) -> "Supervisor":
-        """Return the same supervisor with another patience, in s, while it does not answer."""
+        """Return the same supervisor with another retry time, in s, while it does not reply."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.patient(patience_s)
         return other
 
     def within(self, timeout_s: float) -> "Supervisor":
-        """Return the same supervisor with another time limit of one reply, in s."""
+        """Return the same supervisor with another time limit for each reply, in s."""
         other = Supervisor.__new__(Supervisor)
         other.asynchronous = self.asynchronous.within(timeout_s)
         return other

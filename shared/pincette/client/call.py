@@ -1,4 +1,4 @@
-"""One call over REST as data: what to send, how to read the answer, and whether to repeat it."""
+"""One REST call as data: request, reader of its reply, and whether it may be repeated."""
 
 import math
 import ssl
@@ -23,21 +23,21 @@ from pincette.core.validation_wording import refusal
 
 BASE = "/api/v1"
 PATIENCE_S = 120.0
-"""Default time, in s, for which a call that is safe to repeat is repeated while nobody replies.
+"""Default time, in s, for which a repeatable call is repeated while nobody replies.
 
-It is longer than a supervisor needs that is restarted. Calls that are safe to repeat are those that
-only read, plans, a ``start``, which has an Idempotency-Key, and everything that stops.
+It is longer than the restart of a supervisor. Repeatable calls are those that only read, plans, a
+``start``, which has an Idempotency-Key, and everything that stops.
 """
 PLANNING_S = 170.0
-"""Time, in s, that a plan may take beyond other replies: searches for gains are long."""
+"""Additional time limit for the reply to a plan, in s: searches for gains take long."""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.1, 2.0
 OPERATOR_MAX, KEY_MAX = 80, 200
 CLAIM_MIN, CLAIM_MAX = 16, 200
 UNSENT = (httpx.ConnectError, httpx.ConnectTimeout, httpx.PoolTimeout)
-"""Errors after which the supervisor cannot have seen the call."""
+"""Errors after which the supervisor cannot have received the request."""
 
 GATEWAY = (502, 503, 504)
-"""Statuses by which a proxy says that it has, or had, no line to the supervisor."""
+"""Statuses with which a proxy reports that it cannot reach, or has lost, the supervisor."""
 LOOK = "look before you send it again"
 
 T = TypeVar("T")
@@ -46,7 +46,7 @@ M = TypeVar("M", bound=BaseModel)
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[T]):
-    """One request and the reader of its answer."""
+    """One request and the reader of its reply."""
 
     method: str
     path: str
@@ -55,14 +55,14 @@ class Call(Generic[T]):
     body: Any = None
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
     repeatable: bool = False
-    """Whether a second call has no further effect, as when the first answer was lost."""
+    """True if repeating the call has no further effect, for example after a lost reply."""
     kept_s: float = 0.0
-    """How long the supervisor may delay its answer, in s."""
+    """Time for which the supervisor may delay its reply, in s."""
     look: str = LOOK
-    """If no answer has come: how to see whether the request was accepted."""
+    """Instruction, if no reply has arrived, how to see whether the request was accepted."""
 
     def details(self, timeout_s: float) -> dict[str, Any]:
-        """Return arguments of ``httpx.Client.request``."""
+        """Return the arguments for ``httpx.Client.request``."""
         details: dict[str, Any] = {
             "method": self.method,
             "url": self.path,
@@ -77,11 +77,11 @@ class Call(Generic[T]):
 
     @property
     def changes(self) -> bool:
-        """Whether it is to change something."""
+        """True if the call may change something."""
         return self.method != "GET" and "dry_run" not in self.query
 
     def answer(self, response: httpx.Response) -> T:
-        """Read an answer.
+        """Read a reply.
 
         Raises
         ------
@@ -102,7 +102,7 @@ class Call(Generic[T]):
 
 
 class Attempts:
-    """Times at which a call without an answer is repeated: soon, then less often, and bounded."""
+    """Times at which a call without a reply is repeated, at growing intervals and not forever."""
 
     def __init__(
         self,
@@ -113,20 +113,20 @@ class Attempts:
         clock: Callable[[], float],
         look: str | None = None,
     ) -> None:
-        """``look``: how to see whether a call that changes something was taken."""
+        """``look``: instruction how to see whether a call that changes something was accepted."""
         self._what, self._repeatable, self._look = what, repeatable, look
         self._patience_s, self._clock = patience_s, clock
         self._delivered = False
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Start again: the next failure is the first of a row."""
+        """Reset the delays: the next failure counts as the first one."""
         self._delay_s, self._first_s = FIRST_DELAY_S, None
 
     def delay_s(self, error: httpx.TransportError) -> float:
-        """How long to wait before the next attempt; raises NoAnswerError if there is none."""
+        """Return the delay before the next attempt, in s; raises NoAnswerError if there is none."""
         unsent = isinstance(error, (*UNSENT, httpx.UnsupportedProtocol))
-        # One of several attempts is enough: the supervisor may have gone since.
+        # One delivered attempt is enough: the supervisor may have ended since.
         self._delivered = self._delivered or (self._look is not None and not unsent)
         if isinstance(error, httpx.UnsupportedProtocol) or not (self._repeatable or unsent):
             raise self._no_answer(error) from error
@@ -155,7 +155,7 @@ class Attempts:
 
 
 def _is_mistrust(error: BaseException | None) -> bool:
-    """Return whether a supervisor's certificate is not believed; that does not pass by itself."""
+    """Return whether the certificate of the supervisor is not trusted; no retry can change that."""
     while error is not None:
         if isinstance(error, ssl.SSLCertVerificationError):
             return True
@@ -166,18 +166,18 @@ def _is_mistrust(error: BaseException | None) -> bool:
 def identity_headers(
     operator: str | None, key: str | None, claim: str | None = None
 ) -> dict[str, str]:
-    """Return headers that name the caller; raises ValueError if a header cannot carry a value."""
+    """Return headers that identify the caller; raises ValueError if a value does not fit."""
     headers: dict[str, str] = {}
     if operator is not None:
         if not operator.isprintable() or not operator.strip() or len(operator) > OPERATOR_MAX:
             raise ValueError(
                 f"operator = {operator!r}: 1 to {OPERATOR_MAX} printable characters are wanted"
             )
-        # A header carries ASCII alone; what has a meaning there is encoded, too.
+        # A header carries only ASCII; characters with a meaning there are encoded, too.
         headers["X-Operator"] = quote(operator, safe=" ,;:!?()[]/@+*'&$=-_.~")
     if key is not None:
         if not _is_printable(key, KEY_MAX) or " " in key:
-            # The message leaves the key out: it is a secret.
+            # The message does not contain the key, which is a secret.
             raise ValueError(
                 f"the key is not valid: 1 to {KEY_MAX} characters without blanks are wanted"
             )
@@ -197,12 +197,12 @@ def _is_printable(text: str, most: int) -> bool:
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:
-    """Return the reader of an answer that is a model; unknown fields are ignored."""
+    """Return a function that reads a model from a reply; it ignores unknown fields."""
     return lambda response: kind.model_validate_json(response.content, extra="ignore")
 
 
 def get(path: str, kind: type[M], **query: str | float | None) -> Call[M]:
-    """Return a call that reads; members of the query that are None are left out."""
+    """Return a call that only reads; query members that are None are left out."""
     given = {name: value for name, value in query.items() if value is not None}
     return Call("GET", path, model(kind), given, repeatable=True)
 
@@ -213,7 +213,7 @@ def post(path: str, kind: type[M], body: Any = None, *, repeatable: bool = False
 
 
 def require_supervisor(response: httpx.Response) -> None:
-    """Raise GatewayError where a proxy has answered, which knows nothing of the supervisor."""
+    """Raise GatewayError if a proxy has replied in place of the supervisor."""
     kind = response.headers.get("content-type", "").partition(";")[0]
     if response.status_code in GATEWAY and kind not in (MEDIA_TYPE, "application/json"):
         raise GatewayError(
@@ -222,7 +222,7 @@ def require_supervisor(response: httpx.Response) -> None:
 
 
 def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:
-    """Raise InvalidRequestError for a number that JSON cannot carry: not a number, or infinite."""
+    """Raise InvalidRequestError for a number that JSON cannot represent: NaN or infinity."""
     if isinstance(tree, float) and not math.isfinite(tree):
         named = next((part for part in reversed(path) if not part.isdigit()), "the value")
         unit = unit_of(named)
@@ -238,12 +238,12 @@ def require_finite(tree: Any, path: tuple[str, ...] = ()) -> None:
 
 
 def content(response: httpx.Response) -> bytes:
-    """Return the reader of an answer that is a file."""
+    """Return the content of a reply that is a file."""
     return response.content
 
 
 def _unreadable(error: ValueError) -> str:
-    """Return what is wrong with an answer, in words of pincette."""
+    """Return what is wrong with a reply, in words of pincette."""
     if not isinstance(error, ValidationError):
         return str(error).partition("\n")[0]
     found = error.errors(include_url=False)[0]

@@ -1,4 +1,4 @@
-"""Errors between a program and its supervisor, in words that a person can act on."""
+"""Errors between a program and its supervisor, with texts that tell a person what to do."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
@@ -11,59 +11,59 @@ from pincette.api.problems import TYPE
 
 
 class ClientError(Exception):
-    """An error that the caller must handle; its text says what to do."""
+    """An error that the caller must handle; its text states the remedy."""
 
     code = "client-error"
-    """Stable name of the error for programs; for a refusal that of its problem document."""
+    """Stable code of the error for programs; for a refusal, the code of its problem document."""
 
     @property
     def cancelled(self) -> bool:
-        """Whether a motion did not come to its end because a caller has stopped it."""
+        """True if a motion did not reach its end because a caller stopped it."""
         return False
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Codes and numbers of the error as JSON, for programs that pass it on."""
+        """Codes and numbers of the error as JSON values, for programs that pass it on."""
         return {"code": self.code}
 
 
 class NoAnswerError(ClientError):
-    """Nobody answers at the address, or the line broke before the answer was complete."""
+    """No reply from the address, or the connection broke before the reply was complete."""
 
     code = "no-answer"
 
     def __init__(self, words: str, *, delivered: bool = False, silent: bool = False) -> None:
         super().__init__(words)
         self.silent = silent
-        """True where a connection was made, but no reply came in time."""
+        """True if a connection was made, but no reply came in time."""
         self.delivered = delivered
-        """Whether the request may have been accepted although no answer has come."""
+        """True if the request may have been accepted although no reply has come."""
 
 
 class GatewayError(httpx.TransportError):
-    """A program between client and supervisor has answered in its place."""
+    """A program between client and supervisor has replied in place of the supervisor."""
 
 
 class WhichRigError(ClientError):
-    """The request does not name one of several rigs."""
+    """The request does not name a rig, and the supervisor serves several."""
 
     code = "which-rig"
 
 
 class ForeignAnswerError(ClientError):
-    """The answer is not that of a supervisor of this version."""
+    """The reply is not one of a supervisor of this version."""
 
     code = "foreign-answer"
 
 
 class WaitTimeoutError(ClientError, TimeoutError):
-    """The job has not ended within the time that was given; it goes on."""
+    """The job has not ended within the time limit; it continues."""
 
     code = "wait-timeout"
 
 
 class InfeasiblePlanError(ClientError):
-    """A plan breaks limits; nothing has been asked to move."""
+    """A plan violates limits; no motion was requested."""
 
     code = "limit-violation"
 
@@ -71,17 +71,17 @@ class InfeasiblePlanError(ClientError):
         words = [f"  {one.message}" for one in violations]
         super().__init__("\n".join(["the plan breaks a limit:", *words]))
         self.violations = violations
-        """Limits that the plan breaks, with pointer, quantity, value and limit."""
+        """Limits that the plan violates, with pointer, quantity, value and limit."""
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Its code, and each violation with quantity, value and limit."""
+        """Code of the error, and each violation with quantity, value and limit."""
         violations = [one.model_dump(mode="json") for one in self.violations]
         return {"code": self.code, "violations": violations}
 
 
 class JobEndedError(ClientError):
-    """A job has ended before it reached what the caller waits for."""
+    """A job has ended before it reached the state that the caller waits for."""
 
     code = "job-failed"
 
@@ -98,19 +98,19 @@ class JobEndedError(ClientError):
         self.force_mN = force_mN
         """Force with which the part is held now, in mN; None if none is held, or it is unknown."""
         self.asked_mN = asked_mN
-        """Force that the job was asked for, in mN; None if it was asked for none."""
+        """Force that the job requested, in mN; None if it requested none."""
         if self.cancelled:
             self.code = "cancelled"
 
     @property
     def cancelled(self) -> bool:
-        """Whether a caller has stopped the job, and no fault, lease or guard has."""
+        """True if a caller stopped the job, as opposed to a fault, a lease or a guard."""
         ending = self.job.ending
         return self.stopped and (ending is None or ending.code == "requested")
 
     @property
     def stopped(self) -> bool:
-        """Whether it was stopped because somebody asked for that."""
+        """True if the job ended in the state ``stopped``."""
         return self.job.state == "stopped"
 
     @property
@@ -120,7 +120,7 @@ class JobEndedError(ClientError):
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Its code, the job's outcome, and the ending with trip, faults and numbers."""
+        """Code of the error, outcome of the job, and its ending with trip, faults and numbers."""
         ending = self.job.ending
         return {
             "code": self.code,
@@ -134,7 +134,7 @@ class JobEndedError(ClientError):
 
 
 class ForceNotReachedError(JobEndedError):
-    """The force held is not the one that was asked for, within its tolerance."""
+    """The force held differs from the requested one by more than its tolerance."""
 
     code = "force-not-reached"
 
@@ -146,18 +146,18 @@ class RigLatchedEndError(JobEndedError):
 
     @property
     def cancelled(self) -> bool:
-        """Never: a person must look at the rig."""
+        """False: a person must look at the rig."""
         return False
 
 
 class DamagedFileError(ClientError):
-    """A file of a record does not have the SHA-256 that the supervisor states."""
+    """The SHA-256 of a file of a record differs from the one that the supervisor states."""
 
     code = "damaged-file"
 
 
 class ProblemError(ClientError):
-    """The supervisor has refused: its problem document (RFC 9457)."""
+    """The supervisor has refused the request, with a problem document (RFC 9457)."""
 
     def __init__(self, status: int, problem: Mapping[str, Any], place: str = "") -> None:
         self.status = status
@@ -171,7 +171,7 @@ class ProblemError(ClientError):
 
     @property
     def violations(self) -> Sequence[Mapping[str, Any]]:
-        """Limits that the plan breaks: pointer, quantity, value, limit, unit, at_s, message."""
+        """Limits that the plan violates: pointer, quantity, value, limit, unit, at_s, message."""
         return self._members("violations")
 
     @property
@@ -181,17 +181,17 @@ class ProblemError(ClientError):
 
     @property
     def reasons(self) -> Sequence[str]:
-        """Why the rig cannot, each in words."""
+        """Reasons why the rig cannot carry out the request, in words."""
         return self._members("reasons")
 
     @property
     def allowed_actions(self) -> Sequence[str]:
-        """What the state of the job allows instead."""
+        """Actions that the state of the job allows instead."""
         return self._members("allowed_actions")
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Its code, and the violations and faults of the request that it states."""
+        """Code of the error, and the violations and faults of the request that it states."""
         return {"code": self.code, "violations": self.violations, "errors": self.errors}
 
     def _members(self, name: str) -> Any:
@@ -199,7 +199,7 @@ class ProblemError(ClientError):
         return cast("list[Any]", found) if isinstance(found, list) else []
 
     def _words(self) -> str:
-        """Return its title, then each fault in a line, or its detail."""
+        """Return the title, followed by one line for each fault, or by the detail."""
         entries: list[Any] = [*self.violations, *self.errors, *self.reasons]
         faults = [str(_told(entry)) for entry in entries]
         if faults:
@@ -208,19 +208,19 @@ class ProblemError(ClientError):
 
 
 class LimitViolationError(ProblemError):
-    """The plan breaks a limit of the rig; ``violations`` name value, unit and limit."""
+    """The plan violates a limit of the rig; ``violations`` state value, unit and limit."""
 
 
 class InvalidRequestError(ProblemError):
-    """The request cannot be understood, or names what there is not."""
+    """The request is invalid, or names something that does not exist."""
 
 
 class RigBusyError(ProblemError):
-    """Another job has the rig, or too many wait; it may be asked for again later."""
+    """Another job has the rig, or too many jobs wait; a later request may succeed."""
 
 
 class PartHeldError(ProblemError):
-    """A part is held: release it, or go on holding it."""
+    """A part is held: release it, or continue to hold it."""
 
     @property
     def job(self) -> str | None:
@@ -229,7 +229,7 @@ class PartHeldError(ProblemError):
 
     @property
     def labels(self) -> Mapping[str, str]:
-        """Labels of that job."""
+        """Labels of the job that holds the part."""
         found: Any = self.problem.get("labels")
         return cast("dict[str, str]", found) if isinstance(found, dict) else {}
 
@@ -240,21 +240,21 @@ class PartHeldError(ProblemError):
 
     @property
     def codes(self) -> dict[str, Any]:
-        """Its code, with the job that holds the part, the job's labels and the force."""
+        """Code of the error, the job that holds the part, its labels and the force."""
         held = {"job": self.job, "labels": dict(self.labels), "force_mN": self.force_mN}
         return {**super().codes, **held}
 
 
 class NothingHeldError(ProblemError):
-    """No part is held: there is nothing to hold or to release."""
+    """No part is held, so none can be held further or released."""
 
 
 class RigLatchedError(ProblemError):
-    """The rig is latched: a person must look, and reset it."""
+    """The rig is latched: a person must look at it and reset it."""
 
 
 class RigNotReadyError(ProblemError):
-    """The rig cannot move; ``reasons`` say why."""
+    """The rig cannot move; ``reasons`` state why."""
 
 
 class NotPermittedError(ProblemError):
@@ -262,11 +262,11 @@ class NotPermittedError(ProblemError):
 
 
 class RequestStoppedError(ProblemError):
-    """The request was stopped by its Idempotency-Key before it had a job."""
+    """The request was stopped by its Idempotency-Key before it had created a job."""
 
     @property
     def cancelled(self) -> bool:
-        """Always: nothing has moved."""
+        """True: nothing has moved."""
         return True
 
 
@@ -301,13 +301,13 @@ RAISED: Mapping[str, type[ProblemError]] = {
 
 
 def refused(status: int, code: str, title: str, detail: str, **members: Any) -> ProblemError:
-    """Return the error of a request that the client itself refuses, as a supervisor would."""
+    """Return the error of a request that the client refuses, as the supervisor would refuse it."""
     raised = RAISED.get(code, ProblemError)
     return raised(status, {"type": TYPE + code, "title": title, "detail": detail, **members})
 
 
 def _told(entry: Any) -> Any:
-    """Return the words of a fault, or all of it where it has none."""
+    """Return the message of a fault, or the whole fault if it has none."""
     if isinstance(entry, dict):
         fault = cast("dict[str, Any]", entry)
         return fault.get("message", fault)
@@ -315,7 +315,7 @@ def _told(entry: Any) -> Any:
 
 
 def problem_of(response: httpx.Response) -> ProblemError:
-    """Return the error that an answer is; its body must have been read."""
+    """Return the error for a reply of the supervisor; its body must have been read."""
     place = f"{response.request.method} {response.request.url}"
     try:
         tree: Any = response.json()

@@ -1,7 +1,7 @@
-"""Follow a motion to what an orchestrator waits for: a part that is held, or that is released.
+"""Follow a motion until an orchestrator's goal: a part that is held, or that is released.
 
-What is reached is decided by the job's own state and by the force that the job was asked for. A
-phase alone does not show it: a job that is stopped while it loads holds its part too, with less.
+The job's own state and the force that the job requested decide whether the goal is reached. A phase
+alone is not enough: a job that is stopped during the load also holds its part, with less force.
 """
 
 from collections.abc import AsyncGenerator
@@ -28,29 +28,29 @@ if TYPE_CHECKING:
 LOOK_S = 0.1
 TERMINAL = frozenset(name for name, state in STATES.items() if state.terminal)
 ENDING = frozenset({"stopping", "aborting"})
-"""States of a job that will not reach any more what it was asked for."""
+"""States of a job that can no longer reach its goal."""
 BEGUN = ("queued", "preparing", "ready", "running")
 LETTING_GO = ("unload", "retreat")
-"""Phases in which a job lets its part go."""
+"""Phases in which a job releases its part."""
 RESTS_S = 30.0
-"""Longest wait for a stopped motion to come to rest, in s."""
+"""Longest wait until a stopped motion rests, in s."""
 LATCHED = ("frozen", "ramping", "latched")
 TOLERANCE = 0.02
-"""Tolerance of a force whose request has none, as a share of the force asked for. The stated
-uncertainty of the force is the tolerance where it is larger."""
+"""Tolerance of a force whose request has none, as a share of the requested force. The stated
+uncertainty of the force is the tolerance if it is larger."""
 SETTLES_S = 5.0
-"""Time for which a hold may be outside the tolerance before it has failed, in s."""
+"""Time for which a hold may be outside the tolerance before it counts as failed, in s."""
 
 
 def require_feasible(plan: JobPlan) -> JobPlan:
-    """Return a plan that may be run; raises InfeasiblePlanError, with each limit it breaks."""
+    """Return a plan that may be run; raises InfeasiblePlanError with each violated limit."""
     if not plan.feasible:
         raise InfeasiblePlanError(plan.violations)
     return plan
 
 
 def left_s(now: Progress) -> float | None:
-    """Time left until a motion has come to its hold, or to its end where it has a planned one."""
+    """Return the time until a motion begins its hold, or until its end if that is planned, in s."""
     return now.hold_in_s if now.remaining_s is None else now.remaining_s
 
 
@@ -79,12 +79,12 @@ async def _progress_and_state(job: "AsyncJobHandle") -> AsyncGenerator[tuple[Pro
 
 
 def force_asked_mN(job: Job) -> float | None:
-    """Return the force that a job was asked to hold, in mN; None if it was asked for none."""
+    """Return the force that a job requested, in mN; None if it requested none."""
     return _number(job.values.get("force_mN"))
 
 
 def force_tolerance_mN(job: Job, uncertainty_mN: float | None) -> float:
-    """Return how far the force held may be from the one asked for, in mN."""
+    """Return the largest allowed difference of the force held from the requested one, in mN."""
     stated_mN = _number(job.request.get("force_tolerance_mN"))
     if stated_mN is not None:
         return stated_mN
@@ -92,7 +92,7 @@ def force_tolerance_mN(job: Job, uncertainty_mN: float | None) -> float:
 
 
 def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -> bool:
-    """Return whether a force held is the one that a job was asked for, within its tolerance."""
+    """Return whether the force held is the one that a job requested, within its tolerance."""
     asked_mN = force_asked_mN(job)
     if asked_mN is None:
         return True
@@ -102,7 +102,7 @@ def is_reached(job: Job, force_mN: float | None, uncertainty_mN: float | None) -
 
 
 def is_on_its_way(job: Job, force_mN: float) -> bool:
-    """Return whether a job that runs holds a part with a force until its release, or will do so."""
+    """Return whether a running job holds a part with a force until its release, or will do so."""
     now, asked_mN = job.progress, force_asked_mN(job)
     if job.state not in BEGUN or (now is not None and now.phase in LETTING_GO):
         return False
@@ -125,9 +125,9 @@ def _is_endless(job: Job) -> bool:
 def kept_at_rest(job: Job, force_mN: float) -> Progress | None:
     """Return the progress of a job that keeps its part with a force after a stop or in a pause.
 
-    The same request is then reached without a motion. The reference of the job's law and the
-    force must both be the one given, within the stated uncertainty or 2 % of it; else this returns
-    None.
+    The same request is then fulfilled without a motion. The reference of the job's law and the
+    force must both equal the given force, within the stated uncertainty or 2 % of it; otherwise
+    this returns None.
     """
     now, paused = job.progress, job.state == "paused" and _is_endless(job)
     if now is None or not now.held or not (paused or job.state == "stopped"):
@@ -139,9 +139,9 @@ def kept_at_rest(job: Job, force_mN: float) -> Progress | None:
 
 
 async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Yield the progress of a job until it holds the force that it was asked for, settled.
+    """Yield the progress of a job until it holds the requested force, settled.
 
-    The last progress has the force held. A job that was asked for no force holds whatever there is.
+    The last progress contains the force held. A job that requested no force may hold any.
     """
     began_s: float | None = None
     async with aclosing(_progress_and_state(job)) as moments:
@@ -162,7 +162,7 @@ async def to_hold(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator
 
 
 async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
-    """Yield the progress of a job until it has succeeded, with the force that it was asked for."""
+    """Yield the progress of a job until it has succeeded with the force that it requested."""
     async for now in progress(job):
         yield now
     found = job.job = await job.patient(PATIENCE_S).refresh()
@@ -173,7 +173,7 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
         return
     held_mN = _number(result["force_held_mN"])
     uncertainty_mN = _number(result.get("force_uncertainty_mN"))
-    # A hold that is too short to settle has no mean force, but it was played as planned.
+    # A hold that is too short to settle has no mean force, but was played as planned.
     unsettled = held_mN is None and not _was_let_go(found)
     if not unsettled and not is_reached(found, held_mN, uncertainty_mN):
         raise _not_reached(found, held_mN, uncertainty_mN)
@@ -182,8 +182,8 @@ async def to_success(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
 async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenerator[Progress]:
     """Yield the progress of a job until its part is free and the rig accepts the next job.
 
-    The record may be written later. ``job`` may have ended already, as one that was stopped with
-    the part held and is released then.
+    The record may be written later. ``job`` may have ended already, for example if it was stopped
+    with the part held and is released now.
     """
     had_ended, transport = job.ended, transport.patient(PATIENCE_S)
     while True:
@@ -203,7 +203,7 @@ async def to_release(transport: Transport, job: "AsyncJobHandle") -> AsyncGenera
 
 
 async def _ended(transport: Transport, job: "AsyncJobHandle") -> JobEndedError:
-    """Return the error of a job that has ended too early; a latch of the rig comes first."""
+    """Return the error for a job that has ended too early; a latch of the rig takes precedence."""
     rig = await _rig(transport.patient(PATIENCE_S), job)
     found = job.job = await job.patient(PATIENCE_S).refresh()
     if rig.latch.state in LATCHED and found.state != "succeeded":
@@ -229,17 +229,17 @@ def _not_reached(
 
 
 def _has_released(job: Job) -> bool:
-    """Return whether a job that has ended was the one that released its part."""
+    """Return whether an ended job was the one that released its part."""
     return job.state == "succeeded" or _was_let_go(job)
 
 
 def _was_let_go(job: Job) -> bool:
-    """Return whether the part was let go by the action ``release``."""
+    """Return whether the part was released by the action ``release``."""
     return any(one.type == "release" and one.applied_at is not None for one in job.actions)
 
 
 def _number(value: Any) -> float | None:
-    """Return a value as a number; None if it is none."""
+    """Return a value as a number; None if it is not a number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value)

@@ -18,50 +18,50 @@ from pincette.client.streaming import Download
 from pincette.client.transport import Transport
 
 SAFE_TO_REPEAT: tuple[ActionType, ...] = ("start", "pause", "stop", "abort")
-"""Actions whose second call has no further effect: a job starts once, and the others bring a rig
-to rest. A second ``resume``, ``continue`` or ``release`` could act on what came since."""
+"""Actions that have no further effect if they are repeated: a job starts once, and the others bring
+a rig to rest. A second ``resume``, ``continue`` or ``release`` could act on a later state."""
 LONGEST_WAIT_S = 30.0
 
 
 class AsyncJobHandle:
-    """One job: its state, its actions, its result."""
+    """One job: its state, its actions and its result."""
 
     def __init__(self, transport: Transport, job: Job) -> None:
         self._transport = transport
         self.job = job
-        """The job in the newest answer of the supervisor."""
+        """Job in the newest reply of the supervisor."""
 
     @property
     def id(self) -> str:
-        """Its name."""
+        """Identifier of the job."""
         return self.job.id
 
     @property
     def state(self) -> JobState:
-        """As of the newest answer; ``refresh`` asks again."""
+        """State of the job in the newest reply; ``refresh`` requests a new one."""
         return self.job.state
 
     @property
     def ended(self) -> bool:
-        """Whether it had ended by then."""
+        """True if the job had ended in the newest reply."""
         return STATES[self.job.state].terminal
 
     def __repr__(self) -> str:
         return f"<job {job_line(self.job)}>"
 
     def patient(self, patience_s: float) -> "AsyncJobHandle":
-        """Return the same job with another patience, in s, while no supervisor answers."""
+        """Return the same job with another retry time, in s, while no supervisor replies."""
         return AsyncJobHandle(self._transport.patient(patience_s), self.job)
 
     async def refresh(self, wait_s: float = 0.0) -> Job:
-        """Ask for its state; with ``wait_s`` the answer comes then, or as soon as it has ended."""
+        """Request the state of the job; with ``wait_s``, wait up to this time for its end."""
         query: dict[str, str | float] = {"wait": "terminal", "timeout_s": wait_s} if wait_s else {}
         path = f"/jobs/{self.id}"
         call = Call("GET", path, model(Job), query, repeatable=True, kept_s=wait_s)
         return self._update(await self._transport.send(call))
 
     async def wait(self, timeout_s: float | None = None) -> Job:
-        """Wait for its end; raises WaitTimeoutError after ``timeout_s``."""
+        """Wait for the end of the job; raises WaitTimeoutError after ``timeout_s``."""
         clock = self._transport.clock
         until_s = None if timeout_s is None else clock() + timeout_s
         while not self.ended:
@@ -74,7 +74,7 @@ class AsyncJobHandle:
         return self.job
 
     async def recorded(self, timeout_s: float = LONGEST_WAIT_S) -> Job:
-        """Wait until its record is written, which goes on after its end; for a limited time."""
+        """Wait until the record is written, possibly after the job's end, up to ``timeout_s``."""
         query: dict[str, str | float] = {"wait": "recorded", "timeout_s": timeout_s}
         call = Call("GET", f"/jobs/{self.id}", model(Job), query, repeatable=True, kept_s=timeout_s)
         return self._update(await self._transport.send(call))
@@ -84,15 +84,15 @@ class AsyncJobHandle:
         return await self.act("start")
 
     async def pause(self) -> Job:
-        """Come to rest at the next safe point; a held part stays held with its force."""
+        """Pause at the next safe point; a held part stays held with its force."""
         return await self.act("pause")
 
     async def resume(self) -> Job:
-        """Go on after a pause."""
+        """Resume after a pause."""
         return await self.act("resume")
 
     async def stop(self) -> Job:
-        """Stop; a held part stays held until ``release``."""
+        """Stop the job; a held part stays held until ``release``."""
         return await self.act("stop")
 
     async def abort(self) -> Job:
@@ -104,28 +104,28 @@ class AsyncJobHandle:
         return await self.act("release")
 
     async def proceed(self) -> Job:
-        """Go on with a job that waits for a person: the action ``continue``."""
+        """Continue a job that waits for a person: the action ``continue``."""
         return await self.act("continue")
 
     async def act(self, action: ActionType) -> Job:
-        """Ask for an action by its name."""
+        """Request an action by its name."""
         path, repeatable = f"/jobs/{self.id}/actions", action in SAFE_TO_REPEAT
         call = post(path, Job, {"type": action}, repeatable=repeatable)
         return self._update(await self._transport.send(call))
 
     async def describe(self, **said: Any) -> Job:
-        """Say more of it: sample, batch, operator, notes, labels, pinned; also after its end."""
+        """Change sample, batch, operator, notes, labels or pinned, possible also after the end."""
         path = f"/jobs/{self.id}"
         call = Call("PATCH", path, model(Job), body=said, repeatable=True)
         return self._update(await self._transport.send(call))
 
     async def delete_record(self) -> Job:
-        """Delete the files of its record; the job and its result stay."""
+        """Delete the files of the record; the job and its result stay."""
         call = Call("DELETE", f"/jobs/{self.id}/record", model(Job))
         return self._update(await self._transport.send(call))
 
     def events(self, after: int = 0) -> AsyncGenerator[Event]:
-        """Return events of the job until it has ended, each once, with those of the past."""
+        """Return the events of the job until it has ended, each once, including past ones."""
 
         async def ended() -> bool:
             await self.refresh()
@@ -134,12 +134,12 @@ class AsyncJobHandle:
         return self._transport.events(f"/jobs/{self.id}/events", after, ended)
 
     def to_hold(self) -> AsyncGenerator[Progress]:
-        """Progress until the part is held, settled, with the force that was asked for.
+        """Yield the progress until the part is held with the requested force, settled.
 
         Raises
         ------
         JobEndedError
-            It has ended or was stopped before; RigLatchedEndError where the rig was latched.
+            The job ended or was stopped before; RigLatchedEndError if the rig was latched.
         ForceNotReachedError
             The force held stays outside the tolerance of the request; without one, outside its
             stated uncertainty or 2 % of the force.
@@ -147,24 +147,24 @@ class AsyncJobHandle:
         return following.to_hold(self._transport, self)
 
     def to_success(self) -> AsyncGenerator[Progress]:
-        """Progress until it has succeeded with the force asked for; raises as ``to_hold``."""
+        """Yield the progress until the job has succeeded with its force; raises as ``to_hold``."""
         return following.to_success(self._transport, self)
 
     def to_release(self) -> AsyncGenerator[Progress]:
-        """Progress until nothing is held and the arm rests; raises as ``to_hold``."""
+        """Yield the progress until nothing is held and the arm rests; raises as ``to_hold``."""
         return following.to_release(self._transport, self)
 
     def result(self) -> JobResult | None:
-        """Return its result; None if it has not moved."""
+        """Return the result of the job; None if it has not moved."""
         return result_of(self.job)
 
     async def artifacts(self) -> list[Artifact]:
-        """Return files of its record."""
+        """Return the files of the record."""
         found = await self._transport.send(get(f"/jobs/{self.id}/artifacts", ArtifactList))
         return found.artifacts
 
     async def picture(self) -> bytes | None:
-        """Return the picture of its record as PNG; None where there is none."""
+        """Return the plot of the record as PNG; None if there is none."""
         known = job_kinds().get(self.job.kind)
         if known is None or known.plot not in {file.name for file in await self.artifacts()}:
             return None
@@ -172,7 +172,7 @@ class AsyncJobHandle:
         return await self._transport.send(Call("GET", path, content, repeatable=True))
 
     async def download(self, name: str, folder: str | Path = ".") -> Path:
-        """Download one file of its record; it appears only when it is complete.
+        """Download one file of the record; the file appears only when it is complete.
 
         Raises
         ------

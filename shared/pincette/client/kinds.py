@@ -1,7 +1,7 @@
 """Models of plans and results, by the kind of job.
 
-A kind that is installed at the supervisor alone is read by what all plans and results have; its
-other members are there as they came.
+If a kind is installed only at the supervisor, the members common to all plans and results are
+validated; the others are kept as received.
 """
 
 from typing import cast
@@ -16,7 +16,7 @@ from pincette.api.results import JobResult
 
 
 def plan_of(answer: httpx.Response) -> JobPlan:
-    """Read a plan of any kind, which a supervisor may have made of another one."""
+    """Read a plan of the kind that it states; members of an unknown kind stay as received."""
     plan = JobPlan.model_validate_json(answer.content, extra="allow")
     known = job_kinds().get(plan.kind)
     if known is None:
@@ -27,7 +27,7 @@ def plan_of(answer: httpx.Response) -> JobPlan:
 
 
 def result_of(job: Job) -> JobResult | None:
-    """Return the result of a job; None where it has not moved."""
+    """Return the result of a job; None if the job has not moved."""
     if job.result is None:
         return None
     known = job_kinds().get(job.kind)

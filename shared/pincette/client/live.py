@@ -1,4 +1,4 @@
-"""Samples of a rig one by one, each once, out of the batches in which they come."""
+"""Samples of a rig one by one, each once, from the batches in which they arrive."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -9,21 +9,21 @@ from pincette.api.live import LiveBatch
 from pincette.client.errors import ForeignAnswerError
 
 ON_THE_WAY_S = 0.5
-"""Age of samples that the first batch may bring as the newest: it waits for its messages."""
+"""Age of the newest samples that the first batch may contain, since it waits for its messages."""
 
 
 class LiveSample(NamedTuple):
-    """One sample of a rig; a value is None where nothing is known of it."""
+    """One sample of a rig; unknown values are None."""
 
     epoch: int
     """Random number of the arming; samples with the same number belong together."""
     seq: int
     t_s: float
-    """Since the arming."""
+    """Time since the arming, in s."""
     playing: bool
-    """Whether a program plays; else only position and voltage are known."""
+    """True if a program plays; otherwise only position and voltage are known."""
     phase: str
-    """Empty while no program plays."""
+    """Name of the phase; empty while no program plays."""
     x_um: float | None
     x_r_um: float | None
     force_mN: float | None
@@ -35,12 +35,12 @@ class LiveSample(NamedTuple):
     second_force_mN: float | None = None
     second_voltage_V: float | None = None
     place_um: float | None = None
-    """Of the part that two arms hold; None on a rig of one arm."""
+    """Place of the part that two arms hold, in µm; None on a rig with one arm."""
     place_r_um: float | None = None
 
 
 class LiveBookmark:
-    """Position of a listener across broken connections: each one sends the last minute."""
+    """Position of a listener across broken connections; each connection sends the last minute."""
 
     def __init__(self, path: str, past_s: float) -> None:
         self.path = path
@@ -49,7 +49,7 @@ class LiveBookmark:
         self._from_s: float | None = None
 
     def read(self, data: str) -> Iterator[LiveSample]:
-        """Yield samples of an event that have not come before; raises ForeignAnswerError."""
+        """Yield the samples of an event that have not come before; raises ForeignAnswerError."""
         try:
             batch = LiveBatch.model_validate_json(data, extra="ignore")
         except ValidationError as error:

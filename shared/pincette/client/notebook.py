@@ -1,4 +1,4 @@
-"""Texts and tables of jobs and rigs, as consoles and notebooks show them."""
+"""Texts and tables of jobs and rigs for consoles and notebooks."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ HEADINGS = ("rig", "state", "part", "force", "job")
 
 
 def force_text(force_mN: Any, uncertainty_mN: Any) -> str:
-    """Return a force with its expanded uncertainty; empty where it is not known."""
+    """Return a force with its expanded uncertainty as text; empty if it is not known."""
     if force_mN is None:
         return ""
     spread = "" if uncertainty_mN is None else f" ± {uncertainty_mN:.2f}"
@@ -21,7 +21,7 @@ def force_text(force_mN: Any, uncertainty_mN: Any) -> str:
 
 
 def job_facts(job: Job) -> dict[str, str]:
-    """Return what a job shows, by its name; what is not known is left out."""
+    """Return the facts about a job that are shown, by name, without unknown ones."""
     now, result = job.progress, job.result or {}
     held_mN, uncertainty_mN = result.get("force_held_mN"), result.get("force_uncertainty_mN")
     if held_mN is None and now is not None and not result:
@@ -39,12 +39,12 @@ def job_facts(job: Job) -> dict[str, str]:
 
 
 def job_line(job: Job) -> str:
-    """Return a job in one line."""
+    """Return a summary of a job in one line."""
     return f"{job.id}: {job.kind}, {', '.join(job_facts(job).values())}"
 
 
 def job_html(job: Job, picture: bytes | None) -> str:
-    """Return a job as a table with the picture of its record, if it has one."""
+    """Return a job as an HTML table, with the plot of its record if it has one."""
     rows = "".join(
         f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in job_facts(job).items()
     )
@@ -56,7 +56,7 @@ def job_html(job: Job, picture: bytes | None) -> str:
 
 
 def rigs_html(rigs: Mapping[str, RigStatus]) -> str:
-    """Return the states of rigs by their names as a table."""
+    """Return the states of rigs as an HTML table, by name."""
     head = "".join(f"<th>{one}</th>" for one in HEADINGS)
     rows = "".join(_row(_rig_cells(name, status)) for name, status in rigs.items())
     return f"<table><tr>{head}</tr>{rows}</table>"

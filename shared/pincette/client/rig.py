@@ -26,7 +26,7 @@ from pincette.client.transport import Transport
 
 
 class AsyncRigHandle:
-    """One rig: its state, its plans, its jobs, its emergency stop."""
+    """One rig: its state, its plans, its jobs and its emergency stop."""
 
     def __init__(self, transport: Transport, name: str) -> None:
         self._transport, self.name = transport, name
@@ -35,17 +35,17 @@ class AsyncRigHandle:
         return f"<rig {self.name}>"
 
     def patient(self, patience_s: float) -> "AsyncRigHandle":
-        """Return the same rig with another patience, in s, while no supervisor answers."""
+        """Return the same rig with another retry time, in s, while no supervisor replies."""
         return AsyncRigHandle(self._transport.patient(patience_s), self.name)
 
     async def state(self) -> Rig:
-        """Return programs, interlocks, limits, latch, newest samples."""
+        """Return the programs, interlocks, limits, latch and newest samples of the rig."""
         return await self._transport.send(get(f"/rigs/{self.name}", Rig))
 
     async def status(self, limit_s: float = NEWS_S) -> RigStatus:
         """Return the state of the rig for display, after ``limit_s`` at the latest.
 
-        Without a reply by then everything is unknown, and ``reasons`` say why.
+        If no reply has arrived by then, everything is unknown and ``reasons`` state why.
 
         Raises:
             NotPermittedError: no key was sent, or one that may not read the rig.
@@ -59,19 +59,19 @@ class AsyncRigHandle:
             return unknown_status(str(error))
 
     async def can_start(self) -> list[str]:
-        """Return reasons why no job can start; empty if one can."""
+        """Return the reasons why no job can start; empty if one can."""
         rig = await self.state()
         return [] if rig.can_start else rig.reasons or ["the rig gives no reason"]
 
     async def plan(self, request: JobRequest | str, **fields: Any) -> JobPlan:
-        """Return what a job would do, feasible or not; nothing moves."""
+        """Return the plan of a job, feasible or not; nothing moves."""
         body = self._body(request, fields)
         query = {"dry_run": "true"}
         call = Call("POST", "/jobs", plan_of, query, body, repeatable=True, kept_s=PLANNING_S)
         return await self._transport.send(call)
 
     async def plot(self, request: JobRequest | str, **fields: Any) -> bytes:
-        """Return a picture of what a grip, a track or a move would do, as PNG; nothing moves."""
+        """Return a plot of a planned grip, track or move as PNG; nothing moves."""
         body = self._body(request, fields)
         call = Call(
             "POST", "/trajectories/plot", content, body=body, repeatable=True, kept_s=PLANNING_S
@@ -86,23 +86,23 @@ class AsyncRigHandle:
         idempotency_key: str | None = None,
         **fields: Any,
     ) -> AsyncJobHandle:
-        """Start a job, once, however often the connection breaks meanwhile.
+        """Start a job exactly once, however often the connection breaks meanwhile.
 
         Parameters
         ----------
         request
             A kind of job, with its fields as keywords, or a model of ``pincette.api``.
         autostart
-            Whether it begins as soon as it is ready; otherwise it waits for ``start``.
+            True if the job begins as soon as it is ready; otherwise it waits for ``start``.
         idempotency_key
-            A key of the job, for a program that may itself be restarted; one is made if left out.
+            Key of the job, for a program that may itself be restarted; generated if left out.
 
         Raises
         ------
         ProblemError
             The supervisor refuses: a limit, a latch, a rig that is not ready, another job.
         NoAnswerError
-            No answer has come; where it is ``delivered``, the job may have been taken: start it
+            No reply has come; if it is ``delivered``, the job may have been accepted: start it
             again with the same key.
         """
         body = self._body(request, {"autostart": autostart, **fields})
@@ -128,24 +128,24 @@ class AsyncRigHandle:
         idempotency_key: str | None = None,
         **fields: Any,
     ) -> tuple[AsyncJobHandle, Progress | None]:
-        """Start the job that brings a part to a force, from whatever an own job has left.
+        """Start the job that brings a part to a force, whatever an own job has left.
 
-        A free arm grips. A part that an own job holds at rest is loaded or unloaded to the force by
-        a job ``hold``. Nothing starts where an own job holds the force already, or is on its way to
-        it. An own job that is paused without a part is stopped first.
+        If the arm is free, the job grips. If an own job holds a part at rest, a job ``hold`` loads
+        or unloads the part to the force. Nothing starts if an own job already holds the force or is
+        on its way to it. An own job that is paused without a part is stopped first.
 
         Parameters
         ----------
         own
             Label of the caller's jobs, and its text; None: any text.
         hold_s
-            Time for which the force is held; None: until the release.
+            Time for which the force is held, in s; None: until the release.
 
         Returns
         -------
         job, progress
-            The job to follow; and the progress of a stopped or paused one that holds the force, of
-            which nothing is to be followed.
+            The job to follow; and the progress of a stopped or paused job that holds the force
+            already, so that there is nothing to follow.
 
         Raises
         ------
@@ -165,14 +165,14 @@ class AsyncRigHandle:
     async def plan_reach(
         self, force_mN: float, *, own: tuple[str, str | None], hold_s: float | None = None
     ) -> JobPlan:
-        """Plan what ``reach`` would start; nothing moves."""
+        """Plan the job that ``reach`` would start; nothing moves."""
         _, kind = await self._toward(force_mN, own, hold_s)
         return await self.plan(kind or "hold", force_mN=force_mN, **_held_for(hold_s))
 
     async def _toward(
         self, force_mN: float, own: tuple[str, str | None], hold_s: float | None
     ) -> tuple[AsyncJobHandle | None, str]:
-        """Return the own job that has the rig, and the kind to start; empty where none need be."""
+        """Return the own job that has the rig, and the kind of job to start; empty: none needed."""
         active = await self.active_job()
         if active is None or not _is_own(active.job, own):
             return None, "grip"
@@ -182,19 +182,22 @@ class AsyncRigHandle:
         return active, "hold" if rests_with_part(active.job) else "grip"
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Return jobs, the newest first; filters are those of ``AsyncSupervisor.jobs`` but rig."""
+        """Return jobs, newest first.
+
+        Filters are those of ``AsyncSupervisor.jobs`` except ``rig``.
+        """
         return await jobs(self._transport, limit, rig=self.name, **filters)
 
     async def job(self, name: str) -> AsyncJobHandle:
-        """Return one job by its id."""
+        """Return one job by its identifier."""
         found = await self._transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self._transport, found)
 
     async def stop(self, idempotency_key: str) -> Job | None:
-        """Stop what a key of ``start`` has begun, before its job is there, too.
+        """Stop the job that a key of ``start`` creates, also before the job exists.
 
-        Returns the job; None where none had come of the key. None comes of it any more: a
-        ``start`` with it that still waits for its answer raises ProblemError ``key-stopped``.
+        Returns the job; None if the key had created none. The key creates no job any more: a
+        ``start`` with it that still waits for its reply raises ProblemError ``key-stopped``.
         """
         return await stop(self._transport, idempotency_key)
 
@@ -209,9 +212,9 @@ class AsyncRigHandle:
         Raises
         ------
         NothingHeldError
-            Nothing is held, and no job is under way that could grip a part.
+            Nothing is held, and no running job could grip a part.
         RigBusyError
-            A job is under way that holds no part yet.
+            A running job holds no part yet.
         """
         state = await self.state()
         if state.active_job is not None:
@@ -229,33 +232,35 @@ class AsyncRigHandle:
         return await self.start("release", idempotency_key=idempotency_key, **fields)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
-        """Events of the rig as they come, after a number; new ones only if it is left out."""
+        """Yield the events of the rig as they arrive, after a number; without it only new ones."""
         return events(self._transport, f"/rigs/{self.name}/events", after)
 
     def live(self, past_s: float = 0.0) -> AsyncGenerator[LiveSample]:
-        """Samples of the rig as they come; before them those of the last ``past_s``, 60 s at most.
+        """Yield the samples of the rig as they arrive, after those of the last ``past_s`` (max.
 
-        The supervisor sends 60 a second at most: of a faster rig every second, third … sample.
+        60 s).
+
+        The supervisor sends at most 60 samples a second: of a faster rig every second, third … one.
         """
         return self._transport.live(f"/rigs/{self.name}/live", past_s)
 
     async def estop(self) -> Stopped:
-        """Stop at once: a held part is kept, a free arm ramps, the actuator latches."""
+        """Stop at once: a held part is kept, a free arm ramps to rest, the actuator latches."""
         call = post(f"/rigs/{self.name}/estop", Stopped, repeatable=True)
         return await self._transport.send(call)
 
     async def reset(self) -> Stopped:
-        """Clear the latch; the caller has seen the cause."""
+        """Clear the latch; the caller confirms that a person has seen the cause."""
         call = post(f"/rigs/{self.name}/reset", Stopped, {"acknowledge": True})
         return await self._transport.send(call)
 
     async def claim(self, lease_s: float = 60.0, note: str = "") -> Claim:
-        """Claim the rig with the supervisor's ``claim``, or renew that; others begin nothing.
+        """Claim the rig with the supervisor's ``claim``, or renew it; others can start nothing.
 
         Raises
         ------
         ProblemError
-            ``rig-claimed``: it is somebody else's.
+            ``rig-claimed``: another client has claimed the rig.
         """
         body = {"lease_s": lease_s, "note": note}
         path = f"/rigs/{self.name}/claim"
@@ -264,7 +269,7 @@ class AsyncRigHandle:
         )
 
     async def give_back(self, *, force: bool = False) -> Rig:
-        """End the claim on the rig; with ``force`` also somebody else's, who can read of it."""
+        """End the claim on the rig; with ``force`` also another client's, which can read of it."""
         query: dict[str, str | float] = {"force": "true"} if force else {}
         path = f"/rigs/{self.name}/claim"
         return await self._transport.send(Call("DELETE", path, model(Rig), query, repeatable=True))
@@ -275,21 +280,21 @@ class AsyncRigHandle:
         return await self._transport.send(call)
 
     async def move(self, job: str, position: int = 1) -> Rig:
-        """Give a queued job another place; 1 is the next."""
+        """Move a queued job to another place; 1 is the next."""
         body = {"type": "move", "job": job, "position": position}
         call = post(f"/rigs/{self.name}/queue/actions", Rig, body, repeatable=True)
         return await self._transport.send(call)
 
     async def timing(self) -> LoopTiming:
-        """Lateness and execution time of each program since it was armed."""
+        """Return the lateness and execution time of each program since it was armed."""
         return await self._transport.send(get(f"/rigs/{self.name}/timing", LoopTiming))
 
     async def model(self) -> ModelView:
-        """Return the model in use, and its versions."""
+        """Return the model in use and its versions."""
         return await self._transport.send(get(f"/rigs/{self.name}/model", ModelView))
 
     async def checklist(self) -> Checklist:
-        """Return the calibrations in the order to make them, and which is next."""
+        """Return the calibrations in the order in which to run them, and the next one."""
         return await self._transport.send(get(f"/rigs/{self.name}/checklist", Checklist))
 
     async def use_model(self, version: int) -> ModelView:
@@ -299,7 +304,7 @@ class AsyncRigHandle:
         return await self._transport.send(call)
 
     async def learning(self) -> LearnedList:
-        """Return what the programs of the rig have learned across their cycles."""
+        """Return the corrections that the rig's programs have learned across their cycles."""
         path, found = f"/rigs/{self.name}/learning", list[LearnedProgram]()
         before: str | None = None
         while True:
@@ -309,7 +314,7 @@ class AsyncRigHandle:
                 return LearnedList(rig=page.rig, programs=found)
 
     async def erase_learning(self, program: str | None = None) -> Erased:
-        """Forget what one program has learned, or every one."""
+        """Delete the learned corrections of one program, or of all programs."""
         path = f"/rigs/{self.name}/learning" + ("" if program is None else f"/{program}")
         return await self._transport.send(Call("DELETE", path, model(Erased), repeatable=True))
 
@@ -342,7 +347,7 @@ def _held_for(hold_s: float | None) -> dict[str, Any]:
 
 
 async def stop(transport: Transport, idempotency_key: str) -> Job | None:
-    """Stop what a key has begun."""
+    """Stop the job that a key creates."""
     body = {"idempotency_key": idempotency_key}
     call = post("/jobs/stop", StoppedRequest, body, repeatable=True)
     return (await transport.send(call)).job
@@ -353,7 +358,7 @@ PAGE = 500
 
 
 async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[AsyncJobHandle]:
-    """Return jobs of one rig or of all, the newest first; page by page where there are many."""
+    """Return jobs of one rig or of all, newest first, read page by page if there are many."""
     found: list[Job] = []
     while len(found) < limit:
         size = min(PAGE, limit - len(found))
@@ -366,7 +371,7 @@ async def jobs(transport: Transport, limit: int, **filters: str | int) -> list[A
 
 
 def events(transport: Transport, path: str, after: int | None) -> AsyncGenerator[Event]:
-    """Return events at a path, after a number; without one, after the newest that there is."""
+    """Return events at a path, after a number; without it, after the newest event."""
     read, query = model(EventList), {"limit": 1}
     newest = Call("GET", f"{path}/list", lambda answer: read(answer).newest, query, repeatable=True)
     return transport.events(path, newest if after is None else after)

@@ -1,4 +1,4 @@
-"""The state of a rig for orchestrators: from one table, with its age."""
+"""State of a rig for orchestrators, from one table, with its age."""
 
 import asyncio
 from collections.abc import Callable
@@ -13,30 +13,30 @@ if TYPE_CHECKING:
     from pincette.client.rig import AsyncRigHandle
 
 NEWS_S = 1.0
-"""Age of the newest reply of the supervisor from which the state of a rig is unknown, in s."""
+"""Age of the supervisor's newest reply beyond which the state of a rig is unknown, in s."""
 
 
 class RigStatus(NamedTuple):
     """State of a rig for display, as far as it is known."""
 
     state: RigState
-    """State of the actuator; ``unknown`` without news."""
+    """State of the actuator; ``unknown`` without a recent reply."""
     part: PartState
-    """Whether a part is held; ``unknown`` without news."""
+    """State of the part: held or not; ``unknown`` without a recent reply."""
     ready: bool
-    """Whether the rig takes commands: it is not latched, and all of its programs work.
+    """True if the rig accepts commands: it is not latched, and all its programs work.
 
-    A rig that holds a part, or that a job has, is ready: the part can be released.
+    A rig that holds a part, or that a job uses, is also ready: the part can be released.
     """
     can_start: bool
-    """Whether a grip can start now."""
+    """True if a grip can start now."""
     reasons: list[str]
-    """Why no grip can start; empty if one can."""
+    """Reasons why no grip can start; empty if one can."""
     job: str | None
-    """Id of the job that has the rig."""
+    """Identifier of the job that has the rig."""
     newest: Newest | None
     age_s: float | None
-    """Time since the actuator was last heard, in s; None if it is not known."""
+    """Time since the last message of the actuator, in s; None if it is not known."""
 
 
 def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
@@ -58,7 +58,7 @@ def status_of(rig: Rig, age_s: float = 0.0) -> RigStatus:
 
 
 def unknown_status(why: str, age_s: float | None = None) -> RigStatus:
-    """Return the state of a rig of which nothing is known, and why."""
+    """Return the state of a rig of which nothing is known, with the reason."""
     return RigStatus(
         state="unknown",
         part="unknown",
@@ -72,7 +72,7 @@ def unknown_status(why: str, age_s: float | None = None) -> RigStatus:
 
 
 class RigWatch:
-    """The newest state of a rig that is read repeatedly; unknown after ``NEWS_S`` without news."""
+    """Newest state of a rig that is read repeatedly; unknown after ``NEWS_S`` without a reply."""
 
     def __init__(self, rig: "AsyncRigHandle", clock: Callable[[], float] = monotonic) -> None:
         self._handle, self._clock = rig.patient(0.0), clock
@@ -82,7 +82,7 @@ class RigWatch:
         self._why = f"rig {rig.name}: no reply of the supervisor yet"
 
     async def read(self) -> RigStatus:
-        """Read the rig once, and return its state. Raises nothing if there is no reply."""
+        """Read the rig once, and return its state. A missing reply raises nothing."""
         async with self._turn:  # so that no older reply comes after a newer one
             try:
                 rig = await self._handle.state()
@@ -95,7 +95,7 @@ class RigWatch:
 
     @property
     def status(self) -> RigStatus:
-        """The state as far as it is known now."""
+        """Return the state of the rig as far as it is known now."""
         if self._rig is None:
             return unknown_status(self._why)
         age_s = self._clock() - self._heard_at_s

@@ -15,11 +15,12 @@ from pincette.core.files import make_folder, publish
 
 MEDIA_TYPE = "text/event-stream"
 SILENCE_S = 30.0
-"""Longer than three keep-alive comments are apart: the connection is dead."""
+"""Time without any message after which a stream counts as broken, in s; it is longer than three
+intervals of keep-alive comments."""
 
 
 class Download:
-    """A file that appears in its folder only when it is complete and its SHA-256 is right."""
+    """A file that appears in its folder only when it is complete and its SHA-256 is correct."""
 
     def __init__(self, name: str, folder: Path, sha256: str | None) -> None:
         if Path(name).name != name:
@@ -30,19 +31,19 @@ class Download:
         self._file: BinaryIO | None = None
 
     def begin(self) -> None:
-        """Start from the first byte, whatever came before."""
+        """Start again from the first byte."""
         self.discard()
         self._digest = hashlib.sha256()
         self._file = self._part.open("wb")
 
     def write(self, block: bytes) -> None:
-        """Append a block."""
+        """Append a block of bytes."""
         assert self._file is not None
         self._digest.update(block)
         self._file.write(block)
 
     def finish(self) -> Path:
-        """Move the file to its path; raises DamagedFileError if its SHA-256 is another."""
+        """Move the file to its path; raises DamagedFileError if its SHA-256 differs."""
         assert self._file is not None
         self._file.close()
         found = self._digest.hexdigest()
@@ -55,7 +56,7 @@ class Download:
         return self._path
 
     def discard(self) -> None:
-        """Remove what an attempt has written."""
+        """Remove the data of an attempt."""
         if self._file is not None:
             self._file.close()
             self._part.unlink(missing_ok=True)
@@ -64,7 +65,7 @@ class Download:
 def stream_details(
     path: str, timeout_s: float, headers: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return arguments of ``httpx.Client.stream`` for server-sent events."""
+    """Return the arguments for ``httpx.Client.stream`` to read server-sent events."""
     return {
         "method": "GET",
         "url": path,
@@ -74,24 +75,24 @@ def stream_details(
 
 
 def require_stream(response: httpx.Response) -> None:
-    """Raise ForeignAnswerError if the answer is no stream of events."""
+    """Raise ForeignAnswerError if the reply is not a stream of events."""
     found = response.headers.get("content-type", "").partition(";")[0]
     if found != MEDIA_TYPE:
         raise ForeignAnswerError(f"{response.request.url}: {found or 'nothing'}, no events")
 
 
 class Bookmark:
-    """The number of the newest durable event that was read."""
+    """Number of the newest stored event that was read."""
 
     def __init__(self, path: str, after: int) -> None:
         self.path, self.number = path, after
 
     def details(self, timeout_s: float) -> dict[str, Any]:
-        """Return arguments of ``httpx.Client.stream``."""
+        """Return the arguments for ``httpx.Client.stream``."""
         return stream_details(self.path, timeout_s, {"Last-Event-ID": str(self.number)})
 
     def read(self, message: ServerSentEvent) -> Event | None:
-        """Return the event; None for one that was read before, and for a keep-alive."""
+        """Return the event; None for an event that was read before and for a keep-alive."""
         if not message.data:
             return None
         try:

@@ -21,7 +21,7 @@ from pincette.client.rig import PAGE, AsyncRigHandle, events, jobs, stop
 from pincette.client.transport import AsyncConnection, Transport, client_settings
 
 TIMEOUT_S = 10.0
-"""Default time limit of one reply, in s."""
+"""Default time limit for each reply, in s."""
 
 ExportForm = Literal["csv", "parquet", "numbers.csv", "numbers.csv-metadata.json"]
 
@@ -32,23 +32,23 @@ class AsyncSupervisor:
     Parameters
     ----------
     url
-        Such as ``http://127.0.0.1:8000``.
+        Address of the supervisor, such as ``http://127.0.0.1:8000``.
     timeout_s
-        How long one answer may take, in s.
+        Time limit for each reply, in s.
     patience_s
-        How long a call that is safe to repeat is repeated while no supervisor answers, in s.
+        Time for which a repeatable call is repeated while no supervisor replies, in s.
     operator
-        The name that is kept with every action; left out, the supervisor keeps the address.
+        Name that is stored with every action; if left out, the supervisor stores the address.
     key
-        For a supervisor that requires one; the caller is then known by the key's name.
+        Key for a supervisor that requires one; the caller is then known by the key's name.
     authority
-        File of a certificate that is believed over ``https://``, beside those of this machine:
-        ``authority.crt`` of ``pincette security``.
+        File of a certificate that is trusted over ``https://``, in addition to those of this
+        machine: ``authority.crt`` of ``pincette security``.
     claim
-        A secret of at least 16 characters, made up by the caller: ``rig.claim`` claims a rig with
+        Secret of at least 16 characters, chosen by the caller: ``rig.claim`` claims a rig with
         it, and every call carries it.
     transport
-        Replaces the network, as in tests.
+        Replacement of the network, as in tests.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class AsyncSupervisor:
         settings = client_settings(url, operator, key, authority, claim)
         connection = AsyncConnection(httpx.AsyncClient(**settings, transport=transport))
         self.transport = Transport(url, connection, timeout_s, patience_s)
-        """Sends the calls; its clock and its sleep may be replaced."""
+        """Transport that sends the calls; its clock and its sleep may be replaced."""
 
     def __repr__(self) -> str:
         return f"<supervisor {self.transport.url}>"
@@ -94,39 +94,39 @@ class AsyncSupervisor:
         await self.transport.close()
 
     def patient(self, patience_s: float) -> "AsyncSupervisor":
-        """Return the same supervisor with another patience, in s, while it does not answer."""
+        """Return the same supervisor with another retry time, in s, while it does not reply."""
         other = copy(self)
         other.transport = self.transport.patient(patience_s)
         return other
 
     def within(self, timeout_s: float) -> "AsyncSupervisor":
-        """Return the same supervisor with another time limit of one reply, in s."""
+        """Return the same supervisor with another time limit for each reply, in s."""
         other = copy(self)
         other.transport = self.transport.within(timeout_s)
         return other
 
     async def rigs(self) -> list[Rig]:
-        """Return every rig that it serves."""
+        """Return every rig that the supervisor serves."""
         return (await self.transport.send(get("/rigs", RigList))).rigs
 
     async def rig(self, name: str | None = None) -> AsyncRigHandle:
-        """Return a rig by its name; raises WhichRigError if there are several and none is named."""
+        """Return a rig by its name; raises WhichRigError if none is named and there are several."""
         return AsyncRigHandle(self.transport, name or _only(await self.rigs()))
 
     async def job(self, name: str) -> AsyncJobHandle:
-        """Return a job by its id, of any rig."""
+        """Return a job of any rig by its identifier."""
         found = await self.transport.send(get(f"/jobs/{name}", Job))
         return AsyncJobHandle(self.transport, found)
 
     async def stop(self, idempotency_key: str) -> Job | None:
-        """Stop what a key has begun: its job, which is returned, or the request for one.
+        """Stop the job that a key of ``start`` has created, and return it; None if there is none.
 
-        No job comes of the key any more; None: none had come of it.
+        In both cases the key creates no job any more.
         """
         return await stop(self.transport, idempotency_key)
 
     async def jobs(self, limit: int = 50, **filters: str | int) -> list[AsyncJobHandle]:
-        """Return jobs of every rig, the newest first.
+        """Return jobs of every rig, newest first.
 
         Filters are rig, state, kind, outcome, label (``name=value``), text, created_from,
         created_to (ISO 8601 with a time zone), and before (a job's id).
@@ -136,13 +136,16 @@ class AsyncSupervisor:
     async def export(self, form: ExportForm = "csv", **filters: str | int) -> bytes:
         """Return many jobs as one table, by the filters of ``jobs``.
 
-        ``numbers.csv`` has numbers alone; ``numbers.csv-metadata.json`` says what they mean.
+        ``numbers.csv`` contains only numbers; ``numbers.csv-metadata.json`` describes its columns.
         """
         call = Call("GET", f"/jobs/export.{form}", content, filters, repeatable=True)
         return await self.transport.send(call)
 
     def events(self, after: int | None = None) -> AsyncGenerator[Event]:
-        """Events of every rig as they come, after a number; new ones only if it is left out."""
+        """Yield the events of every rig as they arrive, after a number.
+
+        Without it only new ones.
+        """
         return events(self.transport, "/events", after)
 
     async def estop(self) -> StoppedList:
@@ -150,7 +153,7 @@ class AsyncSupervisor:
         return await self.transport.send(post("/estop", StoppedList, repeatable=True))
 
     async def proposals(self, limit: int = 50) -> list[Proposal]:
-        """Return what calibrations propose, the newest first."""
+        """Return the proposals of calibrations, newest first."""
         found: list[Proposal] = []
         before: str | None = None
         while len(found) < limit:
@@ -163,11 +166,11 @@ class AsyncSupervisor:
         return found
 
     async def proposal(self, calibration: str) -> Proposal:
-        """Return what one calibration proposes, beside what is in use."""
+        """Return the proposal of one calibration, with the values in use."""
         return await self.transport.send(get(f"/calibrations/{calibration}", Proposal))
 
     async def decide(self, calibration: str, decision: Literal["accept", "discard"]) -> Proposal:
-        """Accept what a calibration proposes, or discard it."""
+        """Accept or discard the proposal of a calibration."""
         call = post(f"/calibrations/{calibration}/actions", Proposal, {"type": decision})
         return await self.transport.send(call)
 
@@ -199,7 +202,10 @@ class AsyncSupervisor:
         open: bool | None = None,  # noqa: A002 - the name of the query over REST
         before: int | None = None,
     ) -> AlarmList:
-        """Return alarms, the newest first; of one rig, open ones, those before a number."""
+        """Return alarms, newest first.
+
+        Optionally of one rig, only open ones, or before a number.
+        """
         only = None if open is None else str(open).lower()
         found: list[Alarm] = []
         while True:
@@ -212,16 +218,16 @@ class AsyncSupervisor:
                 return page.model_copy(update={"alarms": found})
 
     async def acknowledge(self, alarm: int) -> Alarm:
-        """Say that a person has seen an alarm; a second call changes nothing."""
+        """Acknowledge an alarm that a person has seen; a second call changes nothing."""
         path, body = f"/alarms/{alarm}/actions", {"type": "acknowledge"}
         return await self.transport.send(post(path, Alarm, body, repeatable=True))
 
     async def session(self) -> Session:
-        """Return the caller and its permissions, as the supervisor knows them."""
+        """Return the caller and its permissions, as the supervisor sees them."""
         return await self.transport.send(get("/session", Session))
 
     async def audit(self, limit: int = 50, before: int | None = None) -> list[AuditEntry]:
-        """Return requests that change something, the newest first; those before a number."""
+        """Return requests that changed something, newest first; optionally before a number."""
         found: list[AuditEntry] = []
         while len(found) < limit:
             size = min(PAGE, limit - len(found))
@@ -232,7 +238,7 @@ class AsyncSupervisor:
         return found
 
     async def audit_chain(self, link: str | None = None) -> AuditChain:
-        """Return whether the audit log is whole, and holds a newest link that was noted before."""
+        """Return whether the audit log is intact, and contains a link that was noted before."""
         return await self.transport.send(get("/audit/chain", AuditChain, link=link))
 
 

@@ -1,6 +1,6 @@
 """Transport of calls to a supervisor: over asyncio, or blocking.
 
-Both repeat what may be repeated.
+Both repeat calls that may be repeated.
 """
 
 import asyncio
@@ -29,39 +29,39 @@ from pincette.client.live import LiveBookmark, LiveSample
 from pincette.client.streaming import Bookmark, Download, require_stream, stream_details
 
 NO_CONTENT = 204
-"""Status of a stream of which nothing can follow, as of a job that is over."""
+"""Status of a stream that has ended for good, such as that of an ended job."""
 
 T = TypeVar("T")
 
 
 class AsyncConnection:
-    """Over asyncio: other tasks run while one waits."""
+    """Connection over asyncio: other tasks run while a call waits."""
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
 
     async def request(self, details: dict[str, Any]) -> httpx.Response:
-        """Send a request and read the whole answer."""
+        """Send a request and read the whole reply."""
         return await self._http.request(**details)
 
     @asynccontextmanager
     async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
-        """Send a request; the body is read later, that of a refusal at once."""
+        """Send a request; the body is read later, but that of a refusal at once."""
         async with self._http.stream(**details) as response:
             if response.is_error:
                 await response.aread()
             yield response
 
     def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
-        """Return the body, block by block."""
+        """Yield the body block by block."""
         return response.aiter_bytes()
 
     def messages(self, response: httpx.Response) -> AsyncIterator[ServerSentEvent]:
-        """Return the body as server-sent events."""
+        """Yield the body as server-sent events."""
         return EventSource(response).aiter_sse()
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait."""
+        """Wait for a time in s."""
         await asyncio.sleep(duration_s)
 
     async def close(self) -> None:
@@ -70,25 +70,25 @@ class AsyncConnection:
 
 
 class BlockingConnection:
-    """Blocking: no coroutine of it ever suspends, so ``blocking.run`` needs no event loop."""
+    """Blocking connection: its coroutines never suspend, so that no event loop is needed."""
 
     def __init__(self, http: httpx.Client) -> None:
         self._http = http
 
     async def request(self, details: dict[str, Any]) -> httpx.Response:
-        """Send a request and read the whole answer."""
+        """Send a request and read the whole reply."""
         return self._http.request(**details)
 
     @asynccontextmanager
     async def stream(self, details: dict[str, Any]) -> AsyncGenerator[httpx.Response]:
-        """Send a request; the body is read later, that of a refusal at once."""
+        """Send a request; the body is read later, but that of a refusal at once."""
         with self._http.stream(**details) as response:
             if response.is_error:
                 response.read()
             yield response
 
     async def blocks(self, response: httpx.Response) -> AsyncIterator[bytes]:
-        """Yield the body, block by block."""
+        """Yield the body block by block."""
         for block in response.iter_bytes():
             yield block
 
@@ -98,7 +98,7 @@ class BlockingConnection:
             yield message
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait."""
+        """Wait for a time in s."""
         time.sleep(duration_s)
 
     async def close(self) -> None:
@@ -121,19 +121,19 @@ class Transport:
         self.sleep: Callable[[float], Awaitable[None]] = connection.sleep
 
     def patient(self, patience_s: float) -> "Transport":
-        """Return the same connection with another patience, in s."""
+        """Return the same connection with another retry time, in s."""
         other = copy(self)
         other.patience_s = patience_s
         return other
 
     def within(self, timeout_s: float) -> "Transport":
-        """Return the same connection with another time limit of one reply, in s."""
+        """Return the same connection with another time limit for each reply, in s."""
         other = copy(self)
         other.timeout_s = timeout_s
         return other
 
     async def send(self, call: Call[T]) -> T:
-        """Send a call, again if that is safe, and read the answer."""
+        """Send a call, again if it may be repeated, and read the reply."""
         look = call.look if call.changes else None
         attempts = self._attempts(call.method, call.path, repeatable=call.repeatable, look=look)
         while True:
@@ -146,7 +146,7 @@ class Transport:
                 return call.answer(response)
 
     async def download(self, call: Call[bytes], file: Download) -> Path:
-        """Stream the body of an answer into a file."""
+        """Stream the body of a reply into a file."""
         attempts = self._attempts(call.method, call.path, repeatable=True)
         try:
             while True:
@@ -168,7 +168,7 @@ class Transport:
         after: int | Call[int],
         ended: Callable[[], Awaitable[bool]] | None = None,
     ) -> AsyncGenerator[Event]:
-        """Events as they come, each once and without a gap, over as many connections as needed.
+        """Yield events as they come, each once and without a gap, across broken connections.
 
         ``after`` is the number of the last known event, or the call that returns it. ``ended``
         decides whether a stream that the supervisor has closed is complete.
@@ -195,7 +195,7 @@ class Transport:
             await self.sleep(FIRST_DELAY_S)
 
     async def live(self, path: str, past_s: float) -> AsyncGenerator[LiveSample]:
-        """Yield samples as they come, each once, over as many connections as needed."""
+        """Yield samples as they come, each once, across broken connections."""
         bookmark = LiveBookmark(path, past_s)
         attempts = self._attempts("GET", path, repeatable=True)
         while True:
@@ -242,8 +242,10 @@ def client_settings(
     authority: Path | None,
     claim: str | None = None,
 ) -> dict[str, Any]:
-    """Arguments of ``httpx.Client`` and ``httpx.AsyncClient``; raises ClientError for a bad URL,
-    and for an authority that cannot be read."""
+    """Return arguments of ``httpx.Client`` and ``httpx.AsyncClient``.
+
+    Raises ClientError for an invalid URL, and for a certificate authority that cannot be read.
+    """
     headers = identity_headers(operator, key, claim)
     try:
         base_url = httpx.URL(url.rstrip("/") + BASE)

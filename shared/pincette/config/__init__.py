@@ -46,8 +46,8 @@ PLACES = {
     "tables": ("Table",),
     "toml_file": ("ConfigError",),
 }
-"""Modules and their names. All of them take a third of a second to load, and the help of a command
-needs the laws or the orders of a simulated rig alone."""
+"""Modules and the names that they define. Loading all of them takes a third of a second, while the
+help of a command needs only the laws or the commands of a simulated rig."""
 
 
 def __getattr__(name: str) -> Any:

@@ -17,17 +17,17 @@ class BusAddresses:
 
     @property
     def router_at(self) -> tuple[str, int]:
-        """Host and port of the router, whosever it is."""
+        """Host and port of the router, whichever rig it belongs to."""
         return (self.host, self.port) if self.router is None else _address(self.router)
 
     @property
     def upstream_at(self) -> tuple[str, int] | None:
-        """Host and port of the laboratory server's router; None where there is none."""
+        """Host and port of the laboratory server's router; None if there is none."""
         return None if self.upstream is None else _address(self.upstream)
 
     @property
     def apart(self) -> bool:
-        """Return whether supervisor and recorder use another router than the loop."""
+        """Return whether supervisor and recorder use a router other than the loop's."""
         return self.upstream is not None and self.served_at == "upstream"
 
     @property

@@ -20,7 +20,7 @@ class Question:
     unit: str
     default: Value
     where: str
-    """Where the answer is found."""
+    """Place where a person finds the answer."""
 
     @property
     def flag(self) -> str:

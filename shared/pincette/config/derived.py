@@ -1,6 +1,6 @@
-"""What control derives from a rig file: free response, observer, limits, rig of plans.
+"""Quantities of control derived from a rig file: free response, observer, limits, planned rig.
 
-Several programs work with the same parts of a rig file; each part is made of it here alone.
+Several programs need the same derived quantities; each quantity is derived only here.
 """
 
 from math import inf
@@ -39,13 +39,13 @@ X_START_UM = 0.0
 """Position of the arm at zero voltage, which the sensor offset of the rig file defines."""
 
 CREEP_REACH = 10.0
-"""Ratio of the time up to which creep is known to the longest identified creep time."""
+"""Ratio of the age up to which creep is known to the longest identified creep time."""
 
 
 def free_response(model: Model) -> FreeResponse:
     """Return x_1 at 0 V of an arm that no program has followed yet: as identified, else a line.
 
-    The arm is poled where the voltages of its identification are known, else unpoled.
+    The arm is poled if the voltages of its identification are known, otherwise unpoled.
     """
     taught, recorded = model.free_response, model.recorded_response
     if recorded is not None:
@@ -64,7 +64,7 @@ def free_response(model: Model) -> FreeResponse:
 
 
 def begin_memory(model: Model) -> HysteresisState | None:
-    """Return the memory with which the free response begins; None: that of an unpoled arm."""
+    """Return the initial memory of the free response; None: that of an unpoled arm."""
     taught = model.free_response
     if taught is None or taught.taught_V is None:
         return None
@@ -81,10 +81,10 @@ def conditioning_V(rig: RigFile) -> float | None:
 def approach_tells(rig: RigFile) -> bool:
     """Return whether the approach of a free arm may narrow an unknown past.
 
-    It does not show what the past makes of the force: arms of relays come by the same way from
-    pasts that differ by several mN. So neither an arm that strokes can condition is believed by it,
-    nor one without voltages below rest. It counts only beside a model whose identified voltages are
-    not known.
+    The approach does not show how the past affects the force: arms with relay hysteresis approach
+    in the same way after pasts that differ by several mN. The approach is therefore not trusted for
+    an arm that strokes can condition, nor for one without voltages below rest. It counts only with
+    a model whose identified voltages are not known.
     """
     taught = rig.model.free_response
     if rig.limits.voltage_min_V >= 0.0:
@@ -93,7 +93,7 @@ def approach_tells(rig: RigFile) -> bool:
 
 
 def _strokes(model: Model) -> int:
-    """Return the number of conditioning strokes that the model in use was measured after."""
+    """Return the number of conditioning strokes before the measurement of the model in use."""
     branch = None if model.free_response is None else model.free_response.branch
     return STROKES if branch is None else branch.strokes
 
@@ -110,7 +110,7 @@ def rest_samples(period_s: float) -> int:
 
 
 def residual(model: Model) -> ResidualTable | None:
-    """Return the residual of x_1 along the armed program, the only one sent with an arming."""
+    """Return the residual of x_1 along the armed program; an arming contains only this one."""
     return model.residuals[0].table() if len(model.residuals) == 1 else None
 
 
@@ -250,13 +250,13 @@ def creep_percent_per_decade(model: Model) -> float:
 
 
 def return_error_um(model: Model) -> float:
-    """Return the standard error of x_1 on the way back from a press; 0 if it is not known."""
+    """Return the standard error of x_1 on the return from a press, in µm; 0 if it is not known."""
     free = model.free_response
     return 0.0 if free is None or free.return_error_um is None else free.return_error_um
 
 
 def turn_error_um_per_V(model: Model) -> float:
-    """Return the standard error of the slope of x_1 just after a turn; 0 where it is not known."""
+    """Return the standard error of the slope of x_1 just after a turn, in µm/V; 0 if not known."""
     free = model.free_response
     return 0.0 if free is None else free.turn_error_um_per_V or 0.0
 
@@ -264,7 +264,7 @@ def turn_error_um_per_V(model: Model) -> float:
 def creep_known_s(model: Model) -> float:
     """Return the age of a zero up to which the free response follows creep, in s.
 
-    It is ``CREEP_REACH`` times the longest creep time identified, and infinite without one.
+    It is ``CREEP_REACH`` times the longest identified creep time, and infinite if there is none.
     """
     free = model.free_response
     if free is None or not free.creep_times_s:

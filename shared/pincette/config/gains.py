@@ -1,4 +1,4 @@
-"""Gains for a rig file: whether a law may run on it, and which gains suit it best."""
+"""Gains for a rig file: whether a law may run on the rig, and which gains suit it best."""
 
 from functools import lru_cache
 from math import sqrt
@@ -33,21 +33,22 @@ from pincette.control.stability.worst_case import (
 )
 
 TUNED_HZ = 0.5
-"""Frequency of the sinusoid that gains are tuned on, that of the paper."""
+"""Frequency of the sinusoid on which gains are tuned, in Hz: that of the paper."""
 TUNED_CYCLES = 2
 LOAD_S = 1.0
 LOWEST_SHARE = 0.3
 """Trough of that sinusoid, as a share of the grip's force."""
 TOUCH_S = 2.0
-"""Duration of the motion to the voltage of first touch, and of the rest there."""
+"""Duration of the motion to the voltage of first touch, and of the rest there, in s."""
 STIFFNESS_ERROR = 0.01
 """Relative error of an identified contact stiffness."""
 DELAY_PERIODS = 0.25
-"""Middle of the range of delays that the stability assessment covers."""
+"""Middle of the range of delays that the stability assessment covers, in periods."""
 NOISE_SEED = 1
 LEAST_WAY_V = 0.1
 LEAST_SLOPE = 0.05
-"""Smallest slope that a response may have, as a share of the model's, whatever is stated."""
+"""Smallest slope that a response may have, as a share of the model's slope, whatever error is
+stated."""
 
 
 def judged(rig: RigFile, settings: LawSettings) -> Assessment:
@@ -62,9 +63,10 @@ def tuned(
     *,
     grid: Grid | None = None,
 ) -> Tuning:
-    """Search the gains of a scheme on the rig's model, reproducibly; raises ValueError.
+    """Search for the gains of a scheme on the rig's model, reproducibly; raises ValueError.
 
-    ``parameter_set`` None is the identified one where the model has an identified response.
+    If ``parameter_set`` is None, the set is the identified one if the model has an identified
+    response.
     """
     given = None if grid is None else tuple((name, tuple(each)) for name, each in grid.items())
     of_set = parameter_set or default_set(identified=rig.model.free_response is not None)
@@ -146,7 +148,7 @@ def _tuning_rig(rig: RigFile, samples: int, parameter_set: ParameterSet) -> Tuni
 
 
 def _force_error_mN(rig: RigFile) -> float:
-    """Return the error of the free response, as a force."""
+    """Return the error of the free response as a force, in mN."""
     model = rig.model
     taught = model.recorded_response or model.free_response
     if taught is not None:
@@ -175,11 +177,12 @@ def intervals(rig: RigFile, parameter_set: ParameterSet = "consistent") -> Inter
 
 
 def slope_factors(rig: RigFile) -> tuple[float, float]:
-    """Return the smallest and largest ratio of the response's true slope to its model's.
+    """Return the smallest and largest ratio of the response's true slope to the model's slope.
 
-    They follow from the stated error of the model, E(w) at a way w of the voltage, at two standard
-    errors over d_p·w; and from the stroke of presses as measured, over the model's. At ways below
-    ``LEAST_WAY_V`` E is what noise and creep leave between two visits, and no slope.
+    They follow from the stated error E(w) of the model for a travel w of the voltage, as two
+    standard errors over d_p·w; and from the measured stroke of presses over the model's stroke. For
+    travels below ``LEAST_WAY_V``, E is the effect of noise and creep between two visits, and not of
+    a slope.
     """
     taught = rig.model.free_response
     if taught is None:

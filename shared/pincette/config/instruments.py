@@ -1,4 +1,4 @@
-"""The two instruments of a rig: driver, address and range."""
+"""The two kinds of instrument of a rig: driver, address and range."""
 
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -15,7 +15,7 @@ NO_RFC2217 = (
 
 
 def _reachable(url: str) -> str:
-    """Return a url that a link can open, with a lower-case scheme: a device, or a host and port."""
+    """Return a valid URL with a lower-case scheme: a device, or a host and port."""
     scheme, separator, rest = url.partition("://")
     url = f"{scheme.lower()}{separator}{rest}" if separator else url
     if url.startswith("rfc2217://"):
@@ -35,28 +35,29 @@ Url = Annotated[str, AfterValidator(_reachable)]
 Options = dict[str, str | int | float | bool]
 """Options of one driver, which validates them itself."""
 SerialNumber = Annotated[str, Field(max_length=60)]
-"""Serial number on the name plate of an instrument; empty: not known."""
+"""Serial number on the name plate of an instrument; empty if it is not known."""
 
 
 class Sensor(Table):
     """The position sensor: driver, address, and range in µm."""
 
     driver: str
-    """Name as listed by ``pincette doctor --drivers``."""
+    """Name of the driver, as listed by ``pincette doctor --drivers``."""
     url: Url
-    """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
+    """Address: a device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
-    """Of the instrument; stored with each calibration."""
+    """Serial number of the instrument; stored with each calibration."""
     minimum_um: float
-    """A reading below this value is invalid."""
+    """Lower end of the range; a reading below it is invalid."""
     maximum_um: float
-    """A reading above this value is invalid."""
+    """Upper end of the range; a reading above it is invalid."""
     offset_um: float = 0.0
-    """Subtracted from the reading, so that the arm at rest is near zero."""
+    """Offset that is subtracted from the reading, so that the arm at rest is near zero."""
     direction: Literal[1, -1] = 1
-    """+1 if closing the gripper raises the reading."""
+    """Direction of the reading: +1 if closing the gripper increases it."""
     timeout_s: Positive = 0.1
-    """Longest exchange with the instrument; in real time at most 0.8 of a control period."""
+    """Time limit of an exchange with the instrument; in real time at most 0.8 of a control period.
+    """
     noise_um: NotNegative
     """Noise of the reading (r.m.s.) as identified; it enters the force uncertainty."""
     drift_um_per_min: NotNegative = 0.0
@@ -73,13 +74,13 @@ class Output(Table):
     """The voltage output that drives the amplifier."""
 
     driver: str
-    """Name as listed by ``pincette doctor --drivers``."""
+    """Name of the driver, as listed by ``pincette doctor --drivers``."""
     url: Url
-    """A device, ``socket://HOST:PORT``, or the form that the driver documents."""
+    """Address: a device, ``socket://HOST:PORT``, or the form that the driver documents."""
     serial_number: SerialNumber = ""
-    """Of the instrument; stored with each calibration."""
+    """Serial number of the instrument; stored with each calibration."""
     timeout_s: Positive = 0.1
-    """Longest exchange with the instrument."""
+    """Time limit of an exchange with the instrument."""
     record: str | None = None
     """File that records every byte to and from the instrument."""
     step_V: NotNegative = 0.0
@@ -89,13 +90,15 @@ class Output(Table):
     output rounds by itself, the error of the free response grows with each small to-and-fro.
     """
     shaping: bool = False
-    """Write each step of the voltage in three parts (1/4, 1/2, 1/4), which do not excite the mode
-    of the arm. For outputs that time the parts with a clock of their own, such as "nidaqmx"."""
+    """True writes each step of the voltage in three parts (1/4, 1/2, 1/4), which do not excite the
+    mode of the arm. It is meant for outputs that time the parts with their own clock, such as
+    "nidaqmx"."""
     shaping_interval_s: Positive | None = None
     """Time between two parts of a step. Default: half a period of the mode, half-way between that
     of the free arm, which the calibrations frequency_response and output_timing find, and that of
     the arm pressing the part."""
     on_silence: Literal["safe", "holds", "unstated"] = "unstated"
-    """What the hardware does by itself if its host stops sending: go to a safe value, or hold."""
+    """Behaviour of the hardware if its host stops sending: it goes to a safe value, or holds the
+    last one."""
     options: Options = Field(default_factory=Options)
     """Options of this driver."""

@@ -32,13 +32,14 @@ Condition = Literal["auto", "always", "never"]
 class Grip(Table):
     """Defaults of a grip job; a request may replace each.
 
-    The three speeds are those of a gentle grip and of other jobs.
+    The three speeds apply to a gentle grip and to other jobs.
     """
 
     profile: Literal["quick", "gentle"] | None = None
-    """``quick``: the load begins at the touch without a stop, and the contact line is followed as
-    it is identified; ``gentle``: the arm stops at the touch, and the line is identified over the
-    load. None: quick if the free response is identified and the force is large enough."""
+    """Profile of the motion. ``quick``: the load begins at the touch without a stop, and the
+    contact line is followed as it is identified; ``gentle``: the arm stops at the touch, and the
+    line is identified over the load. None: quick if the free response is identified and the force
+    is large enough."""
     force_mN: Positive = 20.0
     """Held force; compressive forces are positive."""
     hold_s: Positive = 4.0
@@ -48,23 +49,23 @@ class Grip(Table):
     approach_um_per_s: Positive = 20.0
     """Speed until just before the contact."""
     seek_um_per_s: Positive = 4.0
-    """Speed from there until the part is touched."""
+    """Speed from just before the contact until the part is touched."""
     contact_force_mN: Positive = 2.0
-    """Estimated force that counts as touch."""
+    """Estimated force that counts as a touch."""
     zero_s: Positive = 0.4
     """Time at rest before the arm moves, in which the force estimate is set to zero; at least 10
     periods."""
     condition: Condition = "auto"
-    """Whether a grip or a path begins with conditioning strokes to the lowest voltage identified.
-    They bring the hysteresis of the arm to a known state and compare its stroke with that of the
-    calibration. ``auto``: if the model in use allows them. ``always``: a plan is refused if it does
-    not. ``never``: earlier motion may falsify the force by some mN."""
+    """Use of conditioning strokes to the lowest identified voltage at the beginning of a grip or a
+    path. They bring the hysteresis of the arm to a known state and compare its stroke with that of
+    the calibration. ``auto``: if the model in use allows them. ``always``: a plan is refused if it
+    does not. ``never``: earlier motion may falsify the force by some mN."""
     quick: QuickGrip = QuickGrip()
     """Speeds of a quick grip."""
 
 
 class Track(Table):
-    """Defaults of a track job; a request may replace each. Other values are those of a grip."""
+    """Defaults of a track job; a request may replace each. Other defaults are those of a grip."""
 
     shape: Shape = "sinusoid"
     """Shape of the path."""

@@ -36,7 +36,7 @@ def law_definition(scheme: str) -> LawDefinition:
 
 
 def installed_laws() -> dict[str, LawDefinition]:
-    """Return the usable laws of one arm by name; a broken one is left out."""
+    """Return the usable laws of one arm by name; faulty ones are left out."""
     found: dict[str, LawDefinition] = {}
     for scheme in plugins.names(plugins.LAWS):
         try:
@@ -92,7 +92,8 @@ class Law(Table):
     or those of the rig with the free response in place of the line d·u ("identified"). Default:
     "identified" if the model in use has an identified free response, else "consistent"."""
     force_age: ForceAge = "planned"
-    """F_k: the newest estimate unchanged, or extrapolated to k by the change of F_r."""
+    """Force F_k of the law: the newest estimate unchanged, or extrapolated to k by the change of
+    F_r."""
 
     @model_validator(mode="after")
     def _of_an_installed_law(self) -> "Law":
@@ -115,14 +116,14 @@ class Law(Table):
         ``RigFile.law_set`` says which set is used.
         """
         definition = law_definition(self.scheme)
-        # What the file leaves out is the product's default, in the printed set as well.
+        # Gains that the file leaves out have the product's defaults, in the printed set as well.
         of_set: ParameterSet = "consistent" if used == "printed" else used
         gains = {each.name: each.value(of_set) for each in definition.parameters} | self.gains
         return definition.settings(used, force_age=self.force_age, **gains)
 
 
 def _faults(definition: LawDefinition, gains: dict[str, float]) -> dict[str, tuple[object, str]]:
-    """Return each gain that the law does not have or accept, with its value and the reason."""
+    """Return the gains that the law does not have or accept, each with its value and the reason."""
     parameters = {parameter.name: parameter for parameter in definition.parameters}
     faults: dict[str, tuple[object, str]] = {}
     for name, value in gains.items():

@@ -1,4 +1,4 @@
-"""Limits of a rig, and what the actuator does on a fault."""
+"""Limits of a rig, and the reaction of the actuator to a fault."""
 
 from pydantic import Field, model_validator
 
@@ -39,7 +39,7 @@ class Limits(Table):
 
 
 class Safety(Table):
-    """What the actuator does on a fault, and when."""
+    """Reaction of the actuator to faults, and the thresholds of these faults."""
 
     command_age_periods: float = Field(default=2.5, ge=1.5, le=10)
     """Age at which a command is too old. The actuator trips if no newer command arrives by then."""
@@ -54,22 +54,24 @@ class Safety(Table):
     program gently. Above ``force_factor`` times ``force_max_mN`` of estimated force the actuator
     releases, whatever the command."""
     force_samples: int = Field(default=3, ge=1, le=50)
-    """Samples in a row above that force before a trip; the guard needs this time to act."""
+    """Number of successive samples above that force before a trip; the guard needs this time to
+    act."""
     following_um: Positive = 3.0
-    """Largest distance of the arm from the law's desired position while that rests."""
+    """Largest distance of the arm from the law's desired position while the desired position rests.
+    """
     following_s: NotNegative = 0.05
     """Additional distance for each µm/s at which the desired position moves, up to the speed of
     the arm at the slew limit."""
     following_for_s: float = Field(default=0.12, gt=0.0, le=2.0)
-    """How long the distance may be exceeded; a sample within it takes back one beyond it. If a
-    part is lost at ``force_max_mN``, the arm jumps by s_p·F; the slew limit corrects that in
-    s_p·F/(d_p·slew), 0.1 s with the demo's numbers."""
+    """Time for which the distance may be exceeded; a sample within the distance cancels one beyond
+    it. If a part is lost at ``force_max_mN``, the arm jumps by s_p·F; the slew limit corrects that
+    in s_p·F/(d_p·slew), 0.1 s with the demo's numbers."""
     position_margin: float = Field(default=0.1, ge=0.0, le=1.0)
-    """Share of the range of ``limits.position_*`` by which a measured position may lie outside."""
+    """Margin by which a measured position may lie outside ``limits.position_*``, as a share of
+    their range."""
     position_samples: int = Field(default=3, ge=1, le=50)
-    """Samples in a row outside that range before the actuator trips."""
+    """Number of successive samples outside that range before the actuator trips."""
     lease_s: float = Field(default=10.0, ge=0.0, le=600.0)
-    """In real time the controller stops a program, as its job defines, if no message from the
-    supervisor arrives for this long; 0: it plays to its end. The default tolerates a slow
-    disk, but not a supervisor that has died.
-    """
+    """Time without a message from the supervisor after which, in real time, the controller stops a
+    program as its job defines; 0: it plays to its end. The default tolerates a slow disk, but not a
+    supervisor that has died."""

@@ -1,4 +1,4 @@
-"""Model of the arm for the controller and the estimator, and the law's gains."""
+"""Model of the arm for the controller and the estimator."""
 
 import hashlib
 from dataclasses import asdict
@@ -24,7 +24,7 @@ USUAL_DELAY = 0.65
 Row = Annotated[tuple[float, ...], Field(strict=False)]
 
 UNEQUAL = 0.15
-"""Assumed difference of the stroke's change between two ways, as a share of that change."""
+"""Assumed difference of the stroke's change between two travels, as a share of that change."""
 ASSUMED_CREEP_PERCENT = 2.0
 """Assumed creep in % of a step per decade of time if it has not been measured; actuators have 1 to
 2."""
@@ -36,29 +36,31 @@ class Branch(Table):
     voltages_V: tuple[float, ...] = Field(strict=False)
     """Voltages of the rising branch, from the bottom of the conditioning strokes on."""
     added_um: tuple[float, ...] = Field(strict=False)
-    """Position less the model there, 0 at the bottom."""
+    """Position minus the model there, 0 at the bottom."""
     error_ways_V: tuple[float, ...] = Field(strict=False)
-    """Ways of the voltage since the zero of a conditioned grip at which the error is known."""
+    """Travels of the voltage since the zero of a conditioned grip at which the error is known."""
     errors_um: tuple[float, ...] = Field(strict=False)
-    """Standard error of the free response at these ways; it enters the force uncertainty."""
+    """Standard error of the free response at these travels; it enters the force uncertainty."""
     places_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Voltages of the places to which the way from the rest after the strokes was measured,
+    """Voltages of the places to which the travel from the rest after the strokes was measured,
     ascending."""
     way_ratios: tuple[Annotated[float, Field(gt=0.8, lt=1.25)], ...] = Field(
         default=(), strict=False
     )
-    """Ratio of the measured way to each of these places to the way from model and branch."""
+    """Ratio of the measured travel to each of these places to the travel that follows from model
+    and branch."""
     way_spread: NotNegative = 0.0
-    """Standard deviation of such a ratio from one conditioned way to the next."""
+    """Standard deviation of such a ratio from one conditioned travel to the next."""
     way_uneven: NotNegative = 0.0
-    """The same for a place that is 0.05 V or further from the measured ones."""
+    """Standard deviation of the ratio for a place that is 0.05 V or further from the measured ones.
+    """
     strokes: int = Field(default=STROKES, ge=STROKES, le=MOST_STROKES)
     """Number of conditioning strokes before the branch was measured."""
     rest_ratio: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Ratio of the measured way from the bottom to the rest after the strokes to the way from model
-    and branch."""
+    """Ratio of the measured travel from the bottom to the rest after the strokes to the travel that
+    follows from model and branch."""
     rest_spread: NotNegative = 0.0
-    """Standard deviation of that ratio from one conditioned way to the next."""
+    """Standard deviation of that ratio from one conditioned travel to the next."""
 
     @model_validator(mode="after")
     def _possible(self) -> "Branch":
@@ -112,7 +114,7 @@ class IdentifiedFreeResponse(Table):
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
     """Fading λ_i of each play; empty: no fading."""
     return_fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Fadings μ_i, which replace λ_i while a play returns to its middle; empty: the same."""
+    """Fadings μ_i, which replace λ_i while a play returns to its middle; empty: equal to λ_i."""
     curvature_um_per_V2: float = 0.0
     """Curvature q, the growth of the stroke with the square of the voltage."""
     squares_um_per_V2: tuple[float, ...] = Field(default=(), strict=False)
@@ -120,31 +122,32 @@ class IdentifiedFreeResponse(Table):
     cubes_um_per_V3: tuple[float, ...] = Field(default=(), strict=False)
     """Coefficient b_i of the cube of each play."""
     bent_V: tuple[float, float] = Field(default=(0.0, 0.0), strict=False)
-    """Voltages between which squares and cubes act; beyond, the response continues straight."""
+    """Voltages between which squares and cubes act; beyond them the response continues straight."""
     residual_um: NotNegative
     """Residual (r.m.s.) on free motion that was not used in the fit; it enters the force
     uncertainty."""
     press_gain: float = Field(default=1.0, gt=0.5, lt=2.0)
-    """Measured stroke divided by the model's, where parts are pressed; 1 if not measured."""
+    """Measured stroke divided by the model's stroke, where parts are pressed; 1 if not measured."""
     error_ways_V: tuple[float, ...] = Field(default=(), strict=False)
-    """Ways of the voltage since a zero at which the error is known; empty: the residual is used."""
+    """Travels of the voltage since a zero at which the error is known; empty: the residual is used.
+    """
     errors_um: tuple[float, ...] = Field(default=(), strict=False)
-    """Standard error of the free response at these ways; it enters the force uncertainty."""
+    """Standard error of the free response at these travels; it enters the force uncertainty."""
     return_error_um: NotNegative | None = None
-    """Standard error, in µm, of the free response at the place of the zero on the way back from a
-    press, from rehearsed grips. None: not known."""
+    """Standard error of the free response at the place of the zero, on the return from a press,
+    from rehearsed grips. None: not known."""
     turn_error_um_per_V: NotNegative | None = None
-    """Standard error, in µm/V, of the slope of the free response over the first 0.2 V after the
-    voltage of a press has turned down, from rehearsed grips. None: not known."""
+    """Standard error of the slope of the free response over the first 0.2 V after the voltage of a
+    press has turned down, from rehearsed grips. None: not known."""
     creep_percent_per_decade: NotNegative = ASSUMED_CREEP_PERCENT
     """Creep after a step in % of the step per decade of time. Beyond ten times the longest of
-    ``creep_times_s`` the uncertainty of the force grows by it; the default is assumed."""
+    ``creep_times_s``, this creep adds to the uncertainty of the force; the default is assumed."""
     taught_V: tuple[float, float] | None = Field(default=None, strict=False)
-    """Lowest and highest voltage of the motion from which it was identified; a job that presses is
-    refused beyond. None: not known, and not checked."""
+    """Lowest and highest voltage of the motion from which the response was identified; a job that
+    presses beyond them is refused. None: not known, and not checked."""
     branch: Branch | None = None
-    """Rising branch of the arm after conditioning strokes. Without it the strokes are followed by
-    the model alone, and a changed stroke of the arm is not found."""
+    """Rising branch of the arm after conditioning strokes. Without it only the model follows the
+    strokes, and a changed stroke of the arm is not detected."""
 
     @model_validator(mode="after")
     def _possible(self) -> "IdentifiedFreeResponse":
@@ -186,8 +189,8 @@ class IdentifiedFreeResponse(Table):
     def stroked(self, factor: float, piezo_um_per_V: float) -> "IdentifiedFreeResponse":
         """Return the same response with a stroke that is larger by a factor.
 
-        The stroke of an actuator is not proportional to the voltage, so a factor that was measured
-        over one way differs over others: the errors grow by ``UNEQUAL`` of it.
+        The stroke of an actuator is not proportional to the voltage, so that a factor measured over
+        one travel differs from that over others: the errors grow by ``UNEQUAL`` of the change.
         """
         unequal_um_per_V = UNEQUAL * abs(factor - 1.0) * piezo_um_per_V
 
@@ -218,7 +221,7 @@ class IdentifiedFreeResponse(Table):
         return self.model_copy(update=changed)
 
     def growth(self) -> ErrorGrowth | None:
-        """Return the error by way since a zero, or None if unknown.
+        """Return the error as a function of the travel since a zero, or None if it is unknown.
 
         Raises ValueError if impossible.
         """
@@ -248,15 +251,15 @@ class RecordedFreeResponse(Table):
     bottom_V: float
     """Voltage at which the ascending branch begins."""
     bottom_um: float
-    """Position at that voltage."""
+    """Position at ``bottom_V``."""
     top_V: float
     """Voltage at which the descending branch begins."""
     top_um: float
-    """Position at that voltage."""
+    """Position at ``top_V``."""
     ascending: tuple[float, ...] = Field(strict=False)
     """Shares of the height from bottom to top, at equal steps of the voltage."""
     descending: tuple[float, ...] = Field(strict=False)
-    """The same, from top to bottom."""
+    """Shares of the height from top to bottom, at equal steps of the voltage."""
     residual_um: NotNegative
     """Residual (r.m.s.) on free motion that was not recorded; it enters the force uncertainty."""
 
@@ -335,15 +338,16 @@ class Model(Table):
     creep_mN_per_decade: NotNegative = 0.3
     """Growth of the force uncertainty per decade of zero age."""
     forgotten_mN: NotNegative = 3.0
-    """Largest standard error of the force from a small to-and-fro of the voltage, which wears the
+    """Largest standard error of the force from a small to-and-fro of the voltage, which reduces the
     hysteresis."""
     forgotten_scale_V: Positive = 0.4
-    """Way of that to-and-fro since the zero, there or back, at which 63 % of it is reached."""
+    """Travel of that to-and-fro since the zero, in one direction, at which 63 % of that error is
+    reached."""
     force_filter_s: NotNegative = 0.03
     """Time constant of the law's low-pass over the force error."""
     output_delay_s: NotNegative | None = None
-    """Time from a sample until the voltage that answers it is applied, used by laws that look ahead
-    and by the observer "smooth". Default: 0.65 of a period."""
+    """Time from a sample until the voltage that responds to it is applied, used by laws that look
+    ahead and by the observer "smooth". Default: 0.65 of a period."""
     output_lag_s: NotNegative = 0.0
     """Time constant of a first-order lag between output and arm, such as an RC before the
     amplifier."""
@@ -352,15 +356,16 @@ class Model(Table):
     periods only; "smooth" is for short ones under a law that does not excite the mode, such as
     "fpbsmic"."""
     force_ages: Literal["matched", "printed"] = "matched"
-    """Whether (53) pairs x and x_1 of the same age, or as printed; see ``control.observers``."""
+    """Ages of x and x_1 in (53): matched, or as printed; see ``control.observers``."""
     force_rate_mN_per_s: Positive = 50.0
-    """Force rate that ``kalman`` assumes, r.m.s. over a period."""
+    """Force rate that ``kalman`` assumes, as r.m.s. over a period."""
     inverse_filter_s: NotNegative = 0.0005
-    """τ of 1/(τs + 1)² in ``inverse_dynamics``."""
+    """Time constant τ of the filter 1/(τs + 1)² in ``inverse_dynamics``."""
     free_response: IdentifiedFreeResponse | None = None
     """Identified free response."""
     recorded_response: RecordedFreeResponse | None = None
-    """Recorded free response, used instead. Without either the free response is a straight line."""
+    """Recorded free response, used in place of the identified one. Without either, the free
+    response is a straight line."""
 
     residuals: tuple[FreeResidual, ...] = Field(default=(), strict=False)
     """Residuals of the free response along programs, each measured by a run without the part."""
@@ -392,7 +397,7 @@ class Model(Table):
         return hashlib.sha256(self.model_dump_json(include=known).encode()).hexdigest()[:16]
 
     def output(self, period_s: float) -> OutputTiming:
-        """Return when a voltage acts on the arm, as measured or assumed."""
+        """Return the times at which a voltage acts on the arm, measured or assumed."""
         given_s = self.output_delay_s
         delay_s = USUAL_DELAY * period_s if given_s is None else given_s
         return OutputTiming(delay_s, self.output_lag_s)

@@ -22,7 +22,7 @@ class Webhook(Table):
     """File with the secret, whsec_ and base64, readable by its owner alone; relative to the data
     folder."""
     events: Topics = DEFAULT
-    """Events that it receives: job.ended, alarm.raised, alarm.cleared."""
+    """Events that the webhook receives: job.ended, alarm.raised, alarm.cleared."""
 
 
 class Mail(Table):
@@ -33,9 +33,9 @@ class Mail(Table):
     port: int = Field(default=587, ge=1, le=65535)
     """Port of the server: 587 for submission with STARTTLS, 465 for TLS from the first byte on."""
     security: Literal["starttls", "tls", "none"] = "starttls"
-    """``none`` is for a server on this machine."""
+    """Security of the connection; ``none`` is for a server on this machine."""
     user: str = ""
-    """Name for the sign-in; empty: none."""
+    """User name for the sign-in; empty: no sign-in."""
     password_file: str = ""
     """File with the password, readable by its owner alone; relative to the data folder."""
     sender: Address

@@ -13,7 +13,7 @@ from pincette.config.tables import NotNegative, Positive, Table
 
 
 def _place(text: str) -> str:
-    """Return where a program listens, as HOST:PORT."""
+    """Validate the address of a program as HOST:PORT."""
     try:
         parts = urlsplit(f"//{text}")
         if parts.hostname and parts.port and parts.netloc == text:
@@ -27,7 +27,7 @@ Place = Annotated[str, AfterValidator(_place)]
 
 
 class Bus(BusAddresses, Table):
-    """Where the programs listen: the router at ``port``, the others at the ports after it."""
+    """Addresses of the programs: the router is at ``port``, the others at the ports after it."""
 
     host: str = "127.0.0.1"
     """Address at which the programs listen and are reached."""
@@ -37,13 +37,13 @@ class Bus(BusAddresses, Table):
     """HOST:PORT of another rig's router that this rig joins. The rig then has no router of its own,
     and the supervisor there serves it. None: the rig has its own router."""
     listen: str | None = Field(default=None, exclude=True)
-    """Address on which the router listens, if other programs than those at ``host`` must reach it;
-    0.0.0.0: all addresses. None: ``host``. It concerns only the router's machine."""
+    """Address on which the router listens, if programs on other addresses than ``host`` must reach
+    it; 0.0.0.0: all addresses. None: ``host``. It concerns only the router's machine."""
     upstream: Place | None = None
     """HOST:PORT of a laboratory server's router, to which the rig's own router connects. None:
-    no such router."""
+    there is no such router."""
     served_at: Literal["upstream", "rig"] = "upstream"
-    """The router next to which supervisor, recorder and tools run, if there are two."""
+    """Router next to which supervisor, recorder and tools run, if there are two."""
     pki: str | None = Field(default=None, exclude=True)
     """Folder of certificates, relative to the rig file. None: links are not encrypted and not
     access-controlled. The path concerns only this machine: it is not sent, not recorded, and not
@@ -62,10 +62,10 @@ class Bus(BusAddresses, Table):
 
 
 class Recorder(Table):
-    """When a record is refused, when it is closed, and when old records are deleted."""
+    """Conditions under which a record is refused, closed or deleted."""
 
     min_free_MB: NotNegative = 200.0
-    """Free disk space below which no record is begun, and so no job."""
+    """Free disk space below which no record, and so no job, is begun."""
     silence_s: float = Field(default=10.0, ge=1.0)
     """Time without samples after which a record is closed as incomplete."""
     keep_days: Positive | None = None
@@ -78,29 +78,31 @@ HostName = Annotated[str, Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9.-]{0,252})$")]
 
 
 Behind = Literal["nothing", "container"]
-"""What prevents others from reaching a port, besides the program itself."""
+"""Protection of a port from other machines, besides that of the program itself."""
 CAMERA = r"^https?://[A-Za-z0-9.\-\[\]:]{1,255}(/[!#-%(-:=?-_a-z~]{0,1000})?$"
-"""Pattern of a camera's address, without characters that end an attribute of the page or a part of
-its policy."""
+"""Pattern of a camera's address. It excludes characters that end an attribute of the page or a part
+of its policy."""
 
 
 class Supervisor(Table):
     """Address of the supervisor, and access to it."""
 
     host: str = "127.0.0.1"
-    """Address at which it listens. Beyond loopback it starts only if there are keys."""
+    """Address at which the supervisor listens. Beyond loopback it starts only if there are keys."""
     port: int = Field(default=8000, ge=1, le=65535)
     """Port of REST and the page."""
     tls: bool = False
-    """REST and page over TLS, ``https://``, with the supervisor's certificate in ``[bus] pki``."""
+    """True serves REST and page over TLS, ``https://``, with the supervisor's certificate in
+    ``[bus] pki``."""
     names: tuple[HostName, ...] = Field(default=(), max_length=20, strict=False)
-    """Names by which it is reached besides its address; a request for any other name is refused."""
+    """Names by which clients reach the supervisor besides its address; a request for any other name
+    is refused."""
     behind: Behind = "nothing"
-    """``container``: you ensure that its port is published only on the loopback of the host. It
-    may then listen on every address of its container without keys."""
+    """``container``: you ensure that the port is published only on the loopback of the host. The
+    supervisor may then listen on every address of its container without keys."""
     keys: Literal["once_made", "always"] = "once_made"
-    """``once_made``: keys are required from the first ``pincette key add`` on. ``always``: also
-    before it, and if the whole data folder is lost."""
+    """When keys are required. ``once_made``: from the first ``pincette key add`` on. ``always``:
+    also before it, and if the whole data folder is lost."""
     clients_per_address: int = Field(default=1, ge=1, le=256)
     """Number of clients without a key behind one address, for example behind a reverse proxy. It
     multiplies the limits of an address: rate, requests under way, and streams. A key has limits of
@@ -109,10 +111,10 @@ class Supervisor(Table):
     """Addresses that are notified of ends of jobs and of alarms."""
     camera: Annotated[str, Field(pattern=CAMERA)] | None = None
     """Address of a camera's MJPEG stream, such as http://bench-camera:8081/stream, which the page
-    shows beside the charts. The browser fetches it directly, so it has neither user nor password.
-    """
+    shows beside the charts. The browser fetches it directly, so that it must need neither user nor
+    password."""
     mail: Mail | None = None
-    """Recipients of mails at ends of jobs and alarms; None: nobody."""
+    """Mail server and recipients for ends of jobs and alarms; None: no mails."""
 
     @property
     def url(self) -> str:
@@ -124,22 +126,22 @@ class Sila(Table):
     """Address of the SiLA 2 server, and access to it."""
 
     host: str = "127.0.0.1"
-    """Address at which it listens. Beyond loopback it starts only with a certificate and with
-    ``login``."""
+    """Address at which the server listens. Beyond loopback it starts only with a certificate and
+    with ``login``."""
     port: int = Field(default=50052, ge=1, le=65535)
-    """Port, by default that of SiLA's own examples."""
+    """Port of the server; the default is that of SiLA's own examples."""
     certificate: str | None = None
-    """File of its certificate (PEM), relative to the rig file; the private key is in the file of
-    the same name that ends with .key. None: no TLS."""
+    """File of the server's certificate (PEM), relative to the rig file; the private key is in the
+    file of the same name that ends with .key. None: no TLS."""
     discovery: bool = False
-    """Whether it is announced in the local network by mDNS."""
+    """True announces the server in the local network by mDNS."""
     login: bool = False
-    """Whether motions require a login with a key of the supervisor."""
+    """True if motions require a login with a key of the supervisor."""
     supervisor: str | None = None
     """Address of the supervisor, such as http://bench:8000. None: from ``[supervisor]``."""
     behind: Behind = "nothing"
-    """``container``: as in ``[supervisor]``; it may then listen on every address of its container
-    without a certificate."""
+    """``container``: as in ``[supervisor]``; the server may then listen on every address of its
+    container without a certificate."""
 
     @model_validator(mode="after")
     def _secure(self) -> "Sila":
@@ -165,21 +167,21 @@ class Foxglove(Table):
     """Address of the Foxglove WebSocket server, and access to it."""
 
     host: str = "127.0.0.1"
-    """Address at which it listens. Beyond loopback it starts only with a certificate."""
+    """Address at which the server listens. Beyond loopback it starts only with a certificate."""
     port: int = Field(default=8765, ge=1, le=65535)
-    """Port, by default the one that viewers suggest."""
+    """Port of the server; the default is the one that viewers suggest."""
     certificate: str | None = None
-    """File of its certificate (PEM), relative to the rig file; the private key is in the file of
-    the same name that ends with .key. None: no TLS."""
+    """File of the server's certificate (PEM), relative to the rig file; the private key is in the
+    file of the same name that ends with .key. None: no TLS."""
     supervisor: str | None = None
     """Address of the supervisor, which performs emergency stops. None: from ``[supervisor]``."""
     origins: tuple[Origin, ...] = Field(default=VIEWERS, max_length=20, strict=False)
-    """Web pages that may connect, such as https://viewer.example, besides those that this machine
-    serves. By default Foxglove's pages, and programs that load their pages from files, such as its
-    desktop program; a program without pages states none and may connect."""
+    """Web pages that may connect, such as https://viewer.example, in addition to those that this
+    machine serves. The default allows Foxglove's pages, and programs that load their pages from
+    files, such as its desktop program; a program without pages states no origin and may connect."""
     behind: Behind = "nothing"
-    """``container``: as in ``[supervisor]``; it may then listen on every address of its container
-    without a certificate."""
+    """``container``: as in ``[supervisor]``; the server may then listen on every address of its
+    container without a certificate."""
 
     @model_validator(mode="after")
     def _secure(self) -> "Foxglove":
@@ -190,7 +192,7 @@ class Foxglove(Table):
 
 
 def require_certificate(host: str, certificate: str | None, why: str) -> None:
-    """Raise ValueError if a server can be reached by others and has no certificate."""
+    """Raise ValueError if a server is reachable from other machines and has no certificate."""
     if certificate is None and not _is_loopback(host):
         raise ValueError(
             f"host = {host!r} without a certificate: {why}; state `certificate`, or listen on "
@@ -220,7 +222,7 @@ class Scheduling:
     """Scheduling settings of one program."""
 
     priority: int = PRIORITY
-    """Priority under SCHED_FIFO; 0: none."""
+    """Priority under SCHED_FIFO; 0: no fixed priority."""
     cores: tuple[int, ...] = ()
     """Processors to run on; empty: all."""
     timer_slack_s: float = 1e-6
@@ -238,18 +240,18 @@ class RealTime(Table):
     """
 
     priority: Priority | dict[Ticking, Priority] = PRIORITY
-    """Fixed priority (SCHED_FIFO), above all programs without one; 0: none is requested. In a table
-    by program, a program that is not named requests the default."""
+    """Fixed priority (SCHED_FIFO), above all programs without one; 0: no fixed priority is
+    requested. In a table by program, a program that is not named requests the default."""
     cores: Cores | dict[Ticking, Cores] = ()
     """Processors to run on, counted from 0; empty: any."""
     timer_slack_s: float = Field(default=1e-6, ge=0.0, le=1.0)
-    """How long the kernel may delay a wake-up of a program without a fixed priority, to combine it
-    with others; the Linux default is 50 µs. 0: the system's setting."""
+    """Time for which the kernel may delay a wake-up of a program without a fixed priority, to
+    combine it with others; the Linux default is 50 µs. 0: the system's setting."""
     cpu_latency_s: float | None = Field(default=None, ge=0.0, le=1.0)
-    """Longest time that any processor may take to wake from idling, while the program runs; with 0
-    none sleeps, and all need full power. Without it: the system's setting."""
+    """Longest time that any processor may take to wake from idling while the program runs; with 0
+    none sleeps, and all need full power. None: the system's setting."""
     lock_memory: bool = False
-    """Prevent the system from swapping out memory."""
+    """True prevents the system from swapping out the memory of the programs."""
     computing_s: float = Field(default=0.002, gt=0.0, le=1.0)
     """Time that programs and bus need from sample to command, without the instruments:
     two samples on the bus and four steps, with a margin for slow ones."""
@@ -259,7 +261,7 @@ class RealTime(Table):
     def of(self, *programs: str) -> Scheduling:
         """Return the settings of a program.
 
-        If it is composed, the highest priority and all processors.
+        A composed program gets the highest priority and all processors of its services.
         """
         names = cast(tuple[Ticking, ...], programs)
         priority, cores = self.priority, self.cores

@@ -23,7 +23,7 @@ ZERO_PERIODS = 10
 ROUNDING = 1e-6
 """Tolerance, in periods, of a product of two decimal numbers."""
 SHOWN, MOST_FAULTS = 300, 20
-"""Number of characters of a value shown in a fault, and of faults that are listed."""
+"""Number of characters of a value that a fault shows, and number of faults that are listed."""
 _SHORT = reprlib.Repr()
 _SHORT.maxstring, _SHORT.maxlevel = SHOWN, 3
 
@@ -55,7 +55,7 @@ def read_rig(path: Path) -> RigFile:
 
 
 def _check_zeros(rig: RigFile) -> None:
-    """Refuse a stated time for the zero of the force that is too short.
+    """Raise ConfigError if a stated time for the zero of the force is too short.
 
     Raises ConfigError. Rig files that programs send and records contain state all defaults, and are
     not refused for them.
@@ -72,7 +72,8 @@ def _check_zeros(rig: RigFile) -> None:
 
 
 CHOICES = {"law": "scheme", "sensor": "driver", "output": "driver"}
-"""Value on which the others of a table depend; in a sensor or output table only its options."""
+"""Value on which the other values of a table depend; in a sensor or output table only its options
+do."""
 
 
 def _fitting(below: Tree, above: Tree) -> Tree:

@@ -1,4 +1,4 @@
-"""The rig file: one frozen tree; unknown keys and impossible values are refused."""
+"""The rig file: one frozen tree; unknown keys and impossible values are rejected."""
 
 import hashlib
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class Rig(Table):
     """Name of the rig, its control period, its kind of time, and which services run together."""
 
     name: str = Field(pattern=f"^{RIG_NAME}$")
-    """Name of the rig in every key of the bus, in records, and in the supervisor."""
+    """Name of the rig: in every key of the bus, in records, and in the supervisor."""
     period_s: float = Field(default=0.02, gt=0, le=1.0)
     """Control period: one sample, one step of the law, one command."""
     time: Literal["real", "lockstep"] = "real"
@@ -52,7 +52,8 @@ class Rig(Table):
         default=(), strict=False
     )
     """Programs that run several services of the loop in one process: ``"loop"`` all of them,
-    ``"estimator+controller"`` those two. A service that is in none of them is its own program."""
+    ``"estimator+controller"`` those two. A service that is in none of them is a program of its own.
+    """
 
 
 class Part(Table):
@@ -71,7 +72,7 @@ class Part(Table):
 
 
 class Calibrating(Table):
-    """How long the result of a calibration is valid."""
+    """Validity of calibration results."""
 
     valid_days: Positive | None = None
     """Validity from the measurement on; None: unlimited."""
@@ -80,7 +81,7 @@ class Calibrating(Table):
 ROUNDING = 1e-6
 """Tolerance, in periods, of a quotient of two decimal numbers."""
 JOINED = "rigs"
-"""Folder of rigs that have joined another rig, inside that rig's folder."""
+"""Folder for rigs that have joined another rig, inside that rig's folder."""
 UNSHARED: Mapping[str, set[str] | bool] = {
     "rig": {"composed"},
     "bus": {"upstream", "served_at"},
@@ -157,7 +158,7 @@ class RigFile(Table):
 
     @property
     def arms(self) -> tuple["RigFile", ...]:
-        """Return one rig of a single arm for each arm; for a rig of one arm, itself."""
+        """Return one rig with a single arm for each arm; a rig of one arm returns itself."""
         second = self.second
         if second is None:
             return (self,)
@@ -175,7 +176,7 @@ class RigFile(Table):
 
     @property
     def lockstep(self) -> bool:
-        """Whether the rig paces the loop."""
+        """Return whether the simulated rig paces the loop."""
         return self.rig.time == "lockstep"
 
     @property
@@ -217,14 +218,17 @@ class RigFile(Table):
 
     @property
     def output_timing(self) -> OutputTiming:
-        """Return when a voltage acts on the arm; for a step in parts, when its middle one does."""
+        """Return the times at which a voltage acts on the arm.
+
+        For a step in parts, those of its middle part.
+        """
         timing = self.model.output(self.rig.period_s)
         shaping_s = self.shaping_s
         return timing if shaping_s is None else timing._replace(delay_s=timing.delay_s + shaping_s)
 
     @property
     def law_set(self) -> ParameterSet:
-        """Return the set of a law that names none: the rig file's, or what the model allows."""
+        """Return the parameter set of a law that names none: the rig file's or the model's."""
         return self.law.set or default_set(identified=self.model.free_response is not None)
 
     @property
@@ -252,7 +256,7 @@ class RigFile(Table):
 
     @property
     def joins(self) -> bool:
-        """Return whether it joins the router of another rig, whose supervisor then serves it."""
+        """Return whether the rig joins another rig's router, whose supervisor then serves it."""
         return self.bus.router is not None
 
     def home(self, data: Path) -> Path:
@@ -286,7 +290,7 @@ class RigFile(Table):
     def digest(self) -> str:
         """Return the digest on which all programs of a rig must agree.
 
-        Settings of upkeep are not part of it.
+        It does not cover settings of maintenance.
         """
         text = self.model_dump_json(exclude=UNSHARED)
         return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -20,17 +20,17 @@ class Operation:
     what: str
     meaning: str
     quantity: str = ""
-    """Name of its value, with the unit; empty: it has none."""
+    """Name of the operation's value, with the unit; empty: the operation has no value."""
     least: float = 0.0
     most: float = 0.0
     default: float | None = None
     """Default of the value; None: a value must be given."""
     lasts: bool = True
-    """Whether it is a fault, which lasts for a time and can be healed."""
+    """True if the operation is a fault, which lasts for a time and can be healed."""
 
     @property
     def valued(self) -> bool:
-        """Return whether it takes a value."""
+        """Return whether the operation takes a value."""
         return bool(self.quantity)
 
 
@@ -107,16 +107,16 @@ OPERATIONS: dict[str, tuple[Operation, ...]] = {
 OF_SECOND = frozenset({"second_sensor", "second_output"})
 """Targets that only a rig with two driven arms has."""
 OPTIONAL = frozenset({("part", "place")})
-"""Operations whose value may be left out, which then has a meaning of its own."""
+"""Operations whose value may be left out; leaving it out has a meaning of its own."""
 
 
 def operation_of(target: str, what: str) -> Operation | None:
-    """Return the row of the table; None if there is none."""
+    """Return the operation with a target and a name; None if there is none."""
     return next((one for one in OPERATIONS.get(target, ()) if one.what == what), None)
 
 
 def objection(order: SimCommand) -> str:
-    """Return why a command cannot be carried out, with the possible ones; empty if it can."""
+    """Return why a command cannot be carried out, with the possible ones; empty if it can be."""
     if order.target not in OPERATIONS:
         return f"no target {order.target!r}; targets are {', '.join(OPERATIONS)}"
     operation = operation_of(order.target, order.what)
@@ -149,14 +149,14 @@ class ScriptedOrder(Table):
     """An entry of [[simulation.script]]."""
 
     at_s: NotNegative
-    """Time in s, in the rig's time since the first voltage was written."""
+    """Time of the command since the first voltage was written, in s, in the rig's time."""
     target: str
     """``part``, ``weight``, ``arm``, ``sensor`` or ``output``; with two arms also ``second_sensor``
     and ``second_output``."""
     what: str
-    """The action or fault, as ``pincette rig`` lists it."""
+    """Name of the action or fault, as ``pincette rig`` lists it."""
     value: float | None = None
-    """In the unit of the action; None: its default."""
+    """Value in the unit of the action; None: its default."""
     for_s: Positive | None = None
     """Duration of a fault; None: until it is healed."""
 

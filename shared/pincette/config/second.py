@@ -14,24 +14,24 @@ from pincette.config.tables import Table
 
 Tree = dict[str, Any]
 OWN_OF_AN_ARM = ("free_response", "recorded_response", "residuals")
-"""Values of a model that are taught to one arm and are not valid for another."""
+"""Values of a model that are measured on one arm and are not valid for another."""
 
 
 class Second(Table):
     """A second driven arm opposite the first, on the same part.
 
-    x_1 and x_2 are both positive towards the part, so that the gripper has closed by x_1 + x_2.
-    Other tables hold for both arms.
+    x_1 and x_2 are both positive towards the part, so that the gripper has closed by x_1 + x_2. The
+    other tables apply to both arms.
     """
 
     sensor: Sensor
     """Sensor of this arm; its ``direction`` makes x_2 grow towards the part."""
     output: Output
     """Output of this arm: a module on a line of its own, or, with the url of ``[output]``, another
-    channel or another module on the same line. Then driver, ``timeout_s`` and ``record`` must be
-    the same."""
+    channel or another module on the same line. In the latter case driver, ``timeout_s`` and
+    ``record`` must be the same."""
     model: Model = Model()
-    """Model of this arm. Values that are left out are those of ``[model]``, except taught ones:
+    """Model of this arm. Values that are left out are those of ``[model]``, except measured ones:
     each arm has a free response of its own."""
     limits: Limits
     """Limits of this arm; values that are left out are those of ``[limits]``."""

@@ -1,7 +1,7 @@
-"""The simulated rig and its parts; the default of each switches its effect off.
+"""The simulated rig and its parts; the default of each value switches its effect off.
 
-"Instruments" are the facts that the project has collected from manuals and literature; what they do
-not state is marked as assumed.
+"Instruments" are the facts that the project has collected from manuals and literature; values that
+these do not state are marked as assumed.
 """
 
 from typing import Self
@@ -16,42 +16,42 @@ class Hysteresis(Table):
     """Bouc-Wen shape: dh/dt = A du/dt - b|du/dt|h - g du/dt|h|, y = d·u·(1 + κ·u) - h."""
 
     A_over_d: NotNegative
-    """1; fitted to a ±150 V actuator, instruments: 0.34."""
+    """1. Ratio A/d; fitted to a ±150 V actuator, instruments: 0.34."""
     b_times_U: NotNegative
-    """1; instruments: 1.04."""
+    """1. Product b·U; instruments: 1.04."""
     g_times_U: float
-    """1; instruments: 0.26."""
+    """1. Product g·U; instruments: 0.26."""
     full_drive_V: Positive
-    """V. U, the drive at which the shape is stated."""
+    """V. Drive U at which the shape is stated."""
     asymmetry: float = Field(default=0.0, gt=-1.0, lt=1.0)
-    """1. b is b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it falls;
-    assumed, |b| of both ways must stay above |g|."""
+    """1. Asymmetry of b: b·(1 + asymmetry) while the voltage rises, b·(1 - asymmetry) while it
+    falls; assumed, |b| in both directions must stay above |g|."""
     curvature_per_V: float = 0.0
-    """1/V. κ, by which the gain d·(1 + 2·κ·u) grows with the voltage; assumed."""
+    """1/V. Curvature κ, by which the gain d·(1 + 2·κ·u) grows with the voltage; assumed."""
 
 
 class Relays(Table):
     """Relays after Preisach: y = d·((1 - ρ)·u + ρ·P(u)) + d·κ·u², P with memory of past extremes.
 
-    Another class of hysteresis than that of ``[simulation.hysteresis]``, in its place. Small loops
-    close on themselves, and a past extreme is forgotten only as a larger swing passes it.
+    It replaces ``[simulation.hysteresis]`` by another class of hysteresis. Small loops close on
+    themselves, and a past extreme is forgotten only when a larger swing passes it.
     """
 
     loop_share: float = Field(ge=0.0, lt=1.0)
     """1. Width of the loop between -U and U over its stroke, without creep; sets ρ."""
     full_drive_V: Positive
-    """V. U, the drive at which the loop is stated."""
+    """V. Drive U at which the loop is stated."""
     coercive_share: Positive = 1.0
-    """1, of U. Relays rise at about this voltage, and fall at about minus this; fitted to a
-    measured stack: 1.1-1.7."""
+    """1. Voltage, as a share of U, near which relays rise, and near minus which they fall; fitted
+    to a measured stack: 1.1-1.7."""
     spread_share: Positive = 1.5
-    """1, of U. Spread of both, at least a fifth of coercive_share; of the same stack, 1.4 and more:
-    an actuator in its range is far from saturation."""
+    """1. Spread of both voltages, as a share of U, at least a fifth of coercive_share; for the same
+    stack, 1.4 and more: an actuator in its range is far from saturation."""
     centre_V: float = 0.0
-    """V. Voltage about which the thresholds lie: makes the loop asymmetric; of the same stack, the
-    middle of its range."""
+    """V. Voltage about which the thresholds lie; it makes the loop asymmetric; for the same stack,
+    the middle of its range."""
     curvature_per_V: float = 0.0
-    """1/V. κ, by which the gain grows with the voltage."""
+    """1/V. Curvature κ, by which the gain grows with the voltage."""
 
 
 class SecondMode(Table):
@@ -59,101 +59,101 @@ class SecondMode(Table):
 
     share: float = Field(default=0.0, ge=0.0, lt=1.0)
     """1. Share of the static deflection, by voltage or force; a cantilever loaded at its tip has
-    (1.875/4.694)⁴ = 0.0255; 0: there is none."""
+    (1.875/4.694)⁴ = 0.0255; 0: there is no second mode."""
     frequency_ratio: float = Field(default=6.27, gt=1.0)
-    """1, over the first mode's; instruments: near 6.27."""
+    """1. Ratio of its frequency to that of the first mode; instruments: near 6.27."""
     damping_ratio: Positive = 0.026
-    """1, as the first mode's, assumed."""
+    """1. Damping ratio of the mode; assumed equal to that of the first mode."""
 
 
 class Amplifier(Table):
-    """The amplifier between output and arm, all voltages counted at its input."""
+    """The amplifier between output and arm; all voltages are those at its input."""
 
     gain_ratio: Positive = 1.0
-    """1. Gain over the nominal one (20); assumed."""
+    """1. Ratio of the gain to the nominal one (20); assumed."""
     saturation_V: Positive | None = None
-    """V. EPA-104, instruments: ±200 V with a gain of 20, hence 10."""
+    """V. Saturation voltage. EPA-104, instruments: ±200 V with a gain of 20, hence 10."""
     slew_V_per_s: Positive | None = None
-    """V/s, assumed."""
+    """V/s. Slew limit; assumed."""
     bandwidth_hz: Positive | None = None
-    """Hz, -3 dB of a first-order lag; into the arm's capacitance, assumed."""
+    """Hz. Bandwidth, -3 dB of a first-order lag into the arm's capacitance; assumed."""
 
 
 class Drift(Table):
-    """Drift of the reading, slope·t + A·sin(2πt/T): of the room's heat between laser and gripper.
+    """Drift of the reading, slope·t + A·sin(2πt/T), from the room's heat between laser and gripper.
 
-    It is a function of time, not a random walk, so that the reading at a time is the same however
-    the time before was cut. All values are assumed.
+    It is a function of time, not a random walk, so that the reading at a time does not depend on
+    how the time before was divided. All values are assumed.
     """
 
     slope_um_per_s: float = 0.0
-    """µm/s, steady."""
+    """µm/s. Steady slope of the drift."""
     amplitude_um: NotNegative = 0.0
-    """µm. A."""
+    """µm. Amplitude A of the cycle."""
     cycle_s: Positive = 600.0
-    """s. T, the time of a room's air conditioning."""
+    """s. Period T of the room's air conditioning."""
 
 
 class Bead(Table):
     """A ball of glass between the arms."""
 
     radius_um: Positive = 700.0
-    """µm; paper: a bead of 1400 µm."""
+    """µm. Radius of the bead; paper: a bead of 1400 µm."""
     modulus_GPa: Positive | None = None
-    """GPa. E* of each face; 37.95 makes 25 nm at 1 mN with R = 25 µm (instruments), and glass on
-    glass has 37; None: rigid."""
+    """GPa. Effective modulus E* of each face; 37.95 makes 25 nm at 1 mN with R = 25 µm
+    (instruments), and glass on glass has 37; None: rigid."""
     adhesion_J_per_m2: NotNegative = 0.0
-    """J/m². w; instruments: 0.05-0.1."""
+    """J/m². Work of adhesion w; instruments: 0.05-0.1."""
     roughness: float = Field(default=1.0, ge=0.0, le=1.0)
-    """1. Pull-off force over its bound for smooth faces, 3/2·π·w·R; assumed."""
+    """1. Ratio of the pull-off force to its bound for smooth faces, 3/2·π·w·R; assumed."""
     density_kg_per_m3: Positive = 2500.0
-    """kg/m³, of glass; 1400 µm then weigh 0.035 mN (instruments)."""
+    """kg/m³. Density of glass; 1400 µm then weigh 0.035 mN (instruments)."""
     friction: Positive | None = None
-    """1. µ of the bead on each arm, assumed; None: it cannot fall."""
+    """1. Coefficient of friction µ of the bead on each arm; assumed; None: it cannot fall."""
     lift_after_s: NotNegative | None = None
-    """s. The part counts as lifted off the ground once the force has held its weight for so long,
-    and falls when it does not any more; None: it stays on the ground."""
+    """s. Time for which the force must have held the part's weight until the part counts as lifted
+    off the ground; it falls when the force no longer holds it; None: it stays on the ground."""
     break_force_mN: Positive | None = None
-    """mN. The part breaks above; assumed."""
+    """mN. Force above which the part breaks; assumed."""
     slip_force_mN: Positive | None = None
-    """mN. Above this force the face of the part gives way by ``slip_um``; None: it does not."""
+    """mN. Force above which the face of the part gives way by ``slip_um``; None: it does not."""
     slip_um: Positive = 1.0
-    """µm. Way by which the face gives way at once."""
+    """µm. Distance by which the face gives way at once."""
     slips: int = Field(default=1, ge=1)
-    """1. Number of times that it gives way."""
+    """1. Number of times that the face gives way."""
 
 
 class SecondArm(Table):
-    """The second arm of a simulated rig; what is not given is as the first arm's."""
+    """The second arm of a simulated rig; values that are left out are those of the first arm."""
 
     natural_frequency_rad_per_s: Positive | None = None
-    """rad/s, undamped."""
+    """rad/s. Undamped natural frequency."""
     damping_ratio: Positive | None = None
-    """1."""
+    """1. Damping ratio."""
     compliance_um_per_mN: Positive | None = None
-    """µm/mN. s_p."""
+    """µm/mN. Compliance s_p."""
     piezo_um_per_V: Positive | None = None
-    """µm/V at the amplifier's input."""
+    """µm/V. Free stroke per volt at the amplifier's input."""
     hysteresis: Hysteresis | None = None
-    """Of the arm's free motion; or"""
+    """Hysteresis of the arm's free motion; only one of this table and ``relays`` is allowed."""
     relays: Relays | None = None
-    """of another class than the first arm's."""
+    """Relay hysteresis of the arm's free motion, if it is of another class than the first arm's."""
     creep_per_decade: NotNegative | None = None
-    """1, per decade of time after a step."""
+    """1. Creep per decade of time after a step."""
     sensor_noise_um: NotNegative | None = None
-    """µm r.m.s., white, and independent of the first sensor's."""
+    """µm. Noise of the sensor, r.m.s., white, and independent of the first sensor's."""
     sensor_step_um: Positive | None = None
-    """µm, of the reading."""
+    """µm. Resolution of the reading."""
     drift: Drift | None = None
-    """Of the reading."""
+    """Drift of the reading."""
     output_step_V: Positive | None = None
-    """V, of the voltage output."""
+    """V. Resolution of the voltage output."""
     output_lag_s: NotNegative | None = None
-    """s, first-order, of the voltage output."""
+    """s. Time constant of a first-order lag of the voltage output."""
     amplifier: Amplifier | None = None
-    """Between output and arm."""
+    """Amplifier between output and arm."""
     bead_contact_um: float | None = None
-    """µm. Position of this arm's tip at which it touches the part where that lies at the start."""
+    """µm. Position of this arm's tip at which it touches the part at its initial place."""
 
     @model_validator(mode="after")
     def _one_class(self) -> Self:
@@ -166,19 +166,19 @@ class SecondArm(Table):
 
 
 class PairOfArms(Table):
-    """What lies between the two arms of a simulated rig, beside the numbers of the part."""
+    """Properties of what lies between the two arms of a simulated rig, besides the part."""
 
     face_mN_per_um: Positive = 80.0
     """mN/µm. Stiffness of the part's face at each arm; two of 80 yield as one spring of 40."""
     ground_mN_per_um: Positive = 5.0
-    """mN/µm. Stiffness with which the part sticks to its place, assumed."""
+    """mN/µm. Stiffness with which the part sticks to its place; assumed."""
     ground_slip_mN: NotNegative = 0.0
-    """mN. Force above which it slips there; 0: it lies loose."""
+    """mN. Force above which the part slips on the ground; 0: it lies loose."""
     pull_off_mN: tuple[NotNegative, NotNegative] = Field(default=(0.0, 0.0), strict=False)
-    """mN. Force at which the part comes off the first arm, and off the second."""
+    """mN. Forces at which the part comes off the first arm and off the second."""
     lands: bool = False
-    """Whether a lifted part that is released lies on the ground again at its old place, as on a
-    stage that has followed it; otherwise it falls and is gone."""
+    """True if a lifted part that is released returns to its old place on the ground, as on a stage
+    that has followed it; otherwise it falls and is gone."""
 
 
 class Simulation(Table):
@@ -194,61 +194,64 @@ class Simulation(Table):
     exponentially. A plain arm (one mode against a part without mass) has a constant input within
     it, so that a lag of the output leaves more ring than a finer step shows."""
     natural_frequency_rad_per_s: Positive
-    """rad/s, undamped, of the free driven arm's first mode; paper (54): 2437.8."""
+    """rad/s. Undamped natural frequency of the free driven arm's first mode; paper (54): 2437.8."""
     damping_ratio: Positive
-    """1, of that mode; paper (54): 0.026."""
+    """1. Damping ratio of that mode; paper (54): 0.026."""
     second_mode: SecondMode = SecondMode()
     """Second mode; by default the arm has one mode."""
     compliance_um_per_mN: Positive
-    """µm/mN. s_p, of the driven arm's tip, all modes together; paper (55): 0.46."""
+    """µm/mN. Compliance s_p of the driven arm's tip, all modes together; paper (55): 0.46."""
     piezo_um_per_V: Positive
-    """µm/V at the amplifier's input. d of y = d·u·(1 + κ·u) - h."""
+    """µm/V. Gain d of y = d·u·(1 + κ·u) - h, at the amplifier's input."""
     hysteresis: Hysteresis | None = None
-    """Of the arm's free motion; this table or that of the relays is required, and not both."""
+    """Hysteresis of the arm's free motion; exactly one of this table and ``relays`` is required."""
     relays: Relays | None = None
-    """Of the arm's free motion, in place of ``hysteresis``."""
+    """Relay hysteresis of the arm's free motion, in place of ``hysteresis``."""
     creep_per_decade: NotNegative
-    """1, per decade of time after a step; 0.01-0.02 by the literature."""
+    """1. Creep per decade of time after a step; 0.01-0.02 according to the literature."""
     sensor_noise_um: NotNegative
-    """µm r.m.s., white; 0.015-0.05 for a laser at this resolution."""
+    """µm. Noise of the sensor, r.m.s., white; 0.015-0.05 for a laser at this resolution."""
     sensor_step_um: Positive
-    """µm, of the reading; paper section VI.A: 0.025."""
+    """µm. Resolution of the reading; paper section VI.A: 0.025."""
     averaging_s: NotNegative = 0.0
-    """s. The reading is the mean position over this time; the LK-G5000's is up to 4^i samples."""
+    """s. Time over which the reading averages the position; the LK-G5000 averages up to 4^i
+    samples."""
     drift: Drift = Drift()
-    """Of the reading."""
+    """Drift of the reading."""
     output_step_V: Positive | None = None
-    """V, of the voltage output; None: that of the driver's instrument."""
+    """V. Resolution of the voltage output; None: that of the driver's instrument."""
     output_lag_s: NotNegative | None = None
-    """s, first-order, of the voltage output; None: that of the driver's instrument."""
+    """s. Time constant of a first-order lag of the voltage output; None: that of the driver's
+    instrument."""
     amplifier: Amplifier = Amplifier()
-    """Amplifier; by default the arm has the output's voltage."""
+    """Amplifier; by default the voltage at the arm is that of the output."""
     actuation_delay_s: NotNegative
-    """Lockstep: from the sample to the arrival of the voltage."""
+    """Lockstep: time from the sample to the arrival of the voltage."""
     pace: NotNegative = 0.0
     """1. Lockstep: highest speed as a multiple of real time; 0: as fast as the programs can."""
     bead: bool = True
-    """Whether a part is present at the start."""
+    """True if a part is present at the start."""
     bead_contact_um: float
-    """µm. Position of the driven arm's tip at the first touch, the passive arm at rest."""
+    """µm. Position of the driven arm's tip at the first touch, with the passive arm at rest."""
     environment_stiffness_mN_per_um: Positive
-    """mN/µm. The passive arm's; instruments: about 2.17."""
+    """mN/µm. Stiffness of the passive arm; instruments: about 2.17."""
     passive_natural_frequency_rad_per_s: Positive | None = None
-    """rad/s, of the passive arm alone; instruments: 388 Hz too. None: an arm without mass."""
+    """rad/s. Natural frequency of the passive arm alone; instruments: also 388 Hz. None: an arm
+    without mass."""
     passive_damping_ratio: Positive = 0.026
-    """1, of the passive arm alone; as the driven arm's, assumed."""
+    """1. Damping ratio of the passive arm alone; assumed equal to the driven arm's."""
     part: Bead = Bead()
     """The part."""
     second: SecondArm | None = None
     """The second arm of a rig with ``[second]``; by default equal to the first."""
     pair: PairOfArms | None = None
-    """What lies between both arms."""
+    """Properties of what lies between the two arms."""
     baud: int = Field(default=115200, ge=1200)
-    """Of the simulated serial lines, where the driver's options name none."""
+    """Baud rate of the simulated serial lines, where the driver's options state none."""
     truth: bool = True
-    """Whether the true position and force are published, for records and comparison."""
+    """True publishes the true position and force, for records and comparison."""
     scripts: bool = False
-    """Whether it accepts commands: `pincette rig`."""
+    """True accepts commands of `pincette rig`."""
     script: tuple[ScriptedOrder, ...] = Field(default=(), strict=False)
     """Commands that run at their times."""
 
@@ -276,7 +279,7 @@ class Simulation(Table):
 
     @property
     def pair_of_arms(self) -> PairOfArms:
-        """Return what lies between two arms."""
+        """Return the properties of what lies between two arms."""
         return self.pair or PairOfArms()
 
     @property

@@ -1,7 +1,7 @@
-"""The part of a rig file that leads to the rig's actuator and supervisor, for an emergency stop.
+"""The part of a rig file that an emergency stop needs to reach actuator and supervisor.
 
 It is read value by value, so that the rest of the file may be wrong or of a later version. This
-module loads no validation library: a stop does not wait for one.
+module loads no validation library, so that a stop does not wait for one.
 """
 
 from pathlib import Path
@@ -103,7 +103,7 @@ def read_for_stop(path: Path) -> StopFile:
 
 
 def _usable(kind: type[T], tables: Tree, name: str, path: Path, notes: list[str]) -> T | None:
-    """Return the usable values of a table, or None where one without a default is not usable."""
+    """Return the usable values of a table, or None if one without a default is not usable."""
     given: Any = tables.get(name)
     table = cast(Tree, given) if isinstance(given, dict) else {}
     values: Tree = {}

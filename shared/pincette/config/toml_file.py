@@ -11,7 +11,8 @@ from pincette.core.files import EncodingError, decoded
 
 Tree = dict[str, Any]
 MOST_BYTES = 4 * 2**20
-"""Upper bound of the size of a rig file; one with a measured free response is far smaller."""
+"""Largest allowed size of a rig file, in bytes; one with a measured free response is far smaller.
+"""
 BASE = "base"
 """Name of the value that names the base file. The values of that file apply where a rig file states
 none of its own."""
@@ -44,7 +45,8 @@ def read_tables(path: Path) -> Tree:
 def path_beside(path: Path, name: str) -> Path:
     """Return the path of a file that a rig file names.
 
-    The file is in the folder of the rig file, else in the folder of the file that a link points to.
+    The file is in the folder of the rig file, or else in the folder of the file that a link points
+    to.
     """
     here, there = path.parent / name, path.resolve().parent / name
     return there if there.exists() and not here.exists() else here
