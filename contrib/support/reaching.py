@@ -23,7 +23,7 @@ MOST = 1.02
 """Peak of a step, as a share of the higher one of its two forces."""
 MEAN_OF, NOISE_MN = 25, 0.1
 """Samples of which a mean of estimated forces is taken, and twice the r.m.s. of what noise of the
-sensor leaves in the peak of such means: found with 36 seeds of the simulation."""
+sensor leaves in the peak of such means: found with 25 seeds of the simulation."""
 SETTLED = 50
 """Samples of a hold in which a force could overshoot; later ones are noise alone."""
 NEAR_MN = 0.5
