@@ -449,7 +449,7 @@ def test_nothing_overlaps_on_a_narrow_screen(browser: Browser, desk: Harness) ->
         )
         assert set(heights) == {1}, "a time wraps"
         scope = seen.page.locator(".scope").bounding_box()
-        last = seen.page.locator(".strip:not([hidden])").last.bounding_box()
+        last = seen.page.locator("#charts .strip:not([hidden])").last.bounding_box()
         assert scope is not None
         assert last is not None
         assert last["y"] + last["height"] <= scope["y"] + scope["height"]
