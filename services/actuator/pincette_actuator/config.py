@@ -10,16 +10,16 @@ from pincette.control.safety.state import SafetyLimits
 GRACE_PERIODS = 50.0
 """Time from the arming within which the first command must come, in periods."""
 WAKE_PERIODS = 0.2
-"""About how often the actuator looks at its clock in real time."""
+"""Approximate interval, in periods, at which the actuator checks its clock in real time."""
 MOST_PERIODS = 0.25
-"""No longer than that between two looks, or a silent controller is noticed late."""
+"""Upper bound of that interval, in periods; a longer one would notice a silent controller late."""
 EXCUSED_PERIODS = 10.0
-"""Time of the actuator's own standstill that is subtracted from an age, in periods between
+"""Largest suspension of the actuator itself that is subtracted from an age, in periods between
 commands."""
 
 
 def configure(rig: RigFile) -> SafetyLimits:
-    """Take the actuator's part of a rig file; raises ConfigError."""
+    """Read the actuator's part of a rig file; raises ConfigError."""
     safety, period_s = rig.safety, rig.rig.period_s
     for arm, where in zip(rig.arms, ("", " of [second.limits]"), strict=False):
         limits = arm.limits

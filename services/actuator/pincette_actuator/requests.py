@@ -1,4 +1,4 @@
-"""Requests to the actuator: to be armed, to trip, to be reset."""
+"""Requests to the actuator: arm, trip, reset."""
 
 from msgspec.structs import replace
 
@@ -53,7 +53,7 @@ def _arm(limits: SafetyLimits, state: State, request: Arm, now: float) -> Answer
 
 
 def _answer(limits: SafetyLimits, before: State, state: State) -> Answer:
-    """Publish the state; in lockstep a tick that is under way does so at its own end.
+    """Publish the state; in lockstep a running tick does so at its own end.
 
     There a voltage that has moved outside a tick is put out at once.
     """

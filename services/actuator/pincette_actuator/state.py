@@ -1,4 +1,4 @@
-"""The actuator's state beside that of the safety rules, and its messages and device commands."""
+"""State of the actuator around the safety rules, and its messages and device commands."""
 
 from msgspec.structs import replace
 
@@ -14,24 +14,27 @@ from pincette.core.service import CheckWave, DeviceCommand, SetVoltage, Wave, Wr
 
 
 class State(SafetyState, frozen=True):
-    """The state of the safety module, and that of the service around it."""
+    """The state of the safety module, and of the service around it."""
 
     pending: Command | None = None
-    """A command that has overtaken its sample."""
+    """Command that arrived before its sample; None without one."""
     answered_seq: int = -1
     sweep: Sweep | None = None
     """Sweep that the instrument plays about the voltage of the first arm."""
 
     def settled(self) -> "State":
-        """Outside an arming nothing plays; what waits is judged when its sample comes, since in
-        lockstep that ends the tick."""
+        """Return the state without a sweep unless armed.
+
+        A command that waits is judged when its sample arrives, since in lockstep that ends the
+        tick.
+        """
         if self.mode == Mode.ARMED or self.sweep is None:
             return self
         return replace(self, sweep=None)
 
 
 def facts_of(command: Command) -> CommandFacts:
-    """Return what the safety rules know of a command."""
+    """Return the facts of a command that the safety rules check."""
     arms: list[ArmFacts] = []
     for arm in command.arms:
         arms.append(ArmFacts(arm.voltage_V, arm.force_mN, arm.x_d_um))
@@ -51,7 +54,7 @@ def facts_of(command: Command) -> CommandFacts:
 def applied_of(
     state: State, seq: int, command: Command | None = None, age_s: float = 0.0
 ) -> Applied:
-    """What became of tick ``seq``; ``command`` is the one that was taken for it, at that age."""
+    """Return the outcome of tick ``seq``; ``command`` was used for it, at age ``age_s``."""
     arms: list[ArmApplied] = []
     for arm in state.arms:
         arms.append(ArmApplied(arm.voltage_V, arm.limits_active))
@@ -86,7 +89,7 @@ def step_of(limits: SafetyLimits, step: ShapedStep) -> DeviceCommand:
 
 
 def order_of(state: State, before: State) -> DeviceCommand:
-    """Command to the instrument: a voltage ends a sweep, a sweep that it plays goes on."""
+    """Return the command to the instrument: a voltage ends a sweep, a playing sweep goes on."""
     if state.sweep is None:
         return SetVoltage(voltages_of(state))
     if state.sweep == before.sweep:

@@ -1,5 +1,4 @@
-"""The actuator as a service: commands and positions in, the instrument's voltage and what became
-of the tick out."""
+"""The actuator as a service: commands and positions in, the voltage and each outcome out."""
 
 from msgspec.structs import replace
 
@@ -46,8 +45,8 @@ from pincette_actuator.requests import handle
 from pincette_actuator.state import State, applied_of, facts_of, order_of, step_of, voltages_of
 
 ANSWER_PERIODS = 0.75
-"""Time, in periods, after which a tick without a command is answered with the voltage that is kept;
-at rest, where no command is accepted, it is answered at once."""
+"""Time, in periods, after which a tick without a command is answered with the kept voltage. At
+rest, where no command is accepted, it is answered at once."""
 
 Outputs = tuple[Message | DeviceCommand, ...]
 
@@ -67,12 +66,12 @@ def start(limits: SafetyLimits) -> State:
 
 
 def initialize_from_output(limits: SafetyLimits, state: State, found_V: tuple[float, ...]) -> State:
-    """Begin from the voltages that are put out, after a restart or a reset."""
+    """Begin from the voltages found at the output, after a restart or a reset."""
     return begun(limits, state, found_V)
 
 
 def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tuple[State, Outputs]:
-    """Take a command, note a sample, or let time pass."""
+    """Process a command, a sample, or the passing of time."""
     said, busy_s = inputs.device, 0.0
     if said is not None and isinstance(said, Busy):
         said, busy_s = None, said.busy_s
@@ -103,7 +102,7 @@ def step(limits: SafetyLimits, state: State, inputs: Inputs, now: float) -> tupl
         state, outputs = _let_pass(limits, before, state, now)
     if skipped < 0 or skipped == state.taken_seq:
         return state, outputs
-    # The estimate of a sample needs the voltage of the tick before it, seen here or not.
+    # The estimate of a sample needs the voltage of the tick before, even of a skipped one.
     return state, (*outputs[:-1], applied_of(state, skipped), *outputs[-1:])
 
 
@@ -117,7 +116,7 @@ def _measured(position: Position) -> tuple[float | None, ...]:
 def _device_said(
     limits: SafetyLimits, state: State, said: Fault | PutOut | Slept, now: float
 ) -> tuple[State, Outputs]:
-    """Trip by a fault of the output and ask where it stands; go on from what it answers."""
+    """Trip by a fault of the output and request its voltage; continue from what it reports."""
     if isinstance(said, Slept):
         state = suspended(limits, state, said.slept_s, now)
         return _answer_tick(limits, state, now)
@@ -125,7 +124,7 @@ def _device_said(
         state = found(limits, state, said.voltages_V, now).settled()
         return state, (applied_of(state, newest_seq(state.arrivals)),)
     if waits_for_read_back(limits, state) and said.code is FaultCode.INSTRUMENT_INVALID:
-        # It answers, but cannot say what it puts out: it stands where it was told last.
+        # The output cannot read its voltage back: it is taken to be the last commanded one.
         return _device_said(limits, state, PutOut(voltages_of(state)), now)
     state = _unconfirmed(state, said)
     state = trip(limits, state, Cause.DEVICE, now, faults=(said,))
@@ -143,8 +142,10 @@ def _unconfirmed(state: State, device: Fault) -> State:
 
 
 def _heard(state: State, command: Command) -> tuple[State, Command | None, CommandFacts | None]:
-    """Return which command is to be judged; one without authority, or repeated, displaces none that
-    waits."""
+    """Return the command to be judged.
+
+    A command without authority, or a repeated one, does not displace a waiting one.
+    """
     facts, waits = facts_of(command), state.pending
     if why := unheard(state, facts):
         state = turned_away(state, facts, why)
@@ -181,7 +182,7 @@ def _judge(
 def _let_pass(
     limits: SafetyLimits, before: State, state: State, now: float
 ) -> tuple[State, Outputs]:
-    """In real time: the age limit, the ramp, and ticks without a command."""
+    """Apply the age limit and the ramp in real time, and answer ticks without a command."""
     later = pass_time(limits, state, now)
     moved = later.arms is not before.arms and voltages_of(later) != voltages_of(before)
     if moved or later.mode != before.mode:
@@ -197,7 +198,7 @@ def _let_pass(
 
 
 def _answer_tick(limits: SafetyLimits, state: State, now: float) -> tuple[State, Outputs]:
-    """Answer the newest tick without a command; in lockstep the write is what ends the tick."""
+    """Answer the newest tick without a command; in lockstep the write ends the tick."""
     state = state.settled()
     seq = newest_seq(state.arrivals)
     echo = applied_of(state, seq)
@@ -223,7 +224,7 @@ def _wake_s(limits: SafetyLimits) -> float:
 
 
 def _timer_s(limits: SafetyLimits, state: State) -> float:
-    """Return the time to the next look at the clock; at rest nothing ages and no voltage moves."""
+    """Return the time to the next check of the clock; at rest nothing ages and no voltage moves."""
     if state.mode in AT_REST and not waits_for_read_back(limits, state):
         return max(SAMPLE_S, limits.age.wake_s)
     return limits.age.wake_s

@@ -1,8 +1,8 @@
-"""Actions on a program that plays, from the request to the tick in which they act.
+"""Actions on a running program, from the request to the tick in which they act.
 
-A person asks for them, or the lease that the supervisor has granted ends: it says how long a
-program plays on while nothing is heard of the supervisor. It is counted on the clock that the step
-is given. Its end is an action that is logged as a request, so that a replay, which has no such
+An operator requests them, or the lease granted by the supervisor ends. The lease is the time for
+which a program plays on without a message of the supervisor. It is counted on the clock that the
+step is given. Its end is an action that is logged as a request, so that a replay, which has no such
 clock, finds it in the record.
 """
 
@@ -28,11 +28,11 @@ from pincette_controller.player_state import (
 )
 
 ON_ITS_WAY = (Outcome.NONE, Outcome.GRIPPED, Outcome.TRACKED, Outcome.MOVED)
-"""Outcomes of a program that goes as planned so far."""
+"""Outcomes of a program that has gone as planned so far."""
 
 
 class RunningLease(FrozenRecord, frozen=True):
-    """A lease that runs, and the time at which it was granted last."""
+    """A running lease, and the time at which it was last renewed."""
 
     lease: Lease
     heard_s: float
@@ -40,7 +40,7 @@ class RunningLease(FrozenRecord, frozen=True):
 
 def stop(player: Player) -> Player:
     """Hold a part at the present F_r; without one, bring x_r to rest and end."""
-    # Out of a pause nothing moves, and neither does it where nothing is known of the contact.
+    # Nothing moves after a pause, or if nothing is known of the contact.
     resting, open_loop = player.pause.active, player.segment.open_loop
     law, speed = player.segment.law, 0.0 if resting else player.ref.speed_um_per_s
     player = replace(
@@ -62,9 +62,9 @@ def stop(player: Player) -> Player:
 
 
 def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ...], float]:
-    """Where a free arm comes to rest that is stopped, and in what time: never nearer to a part.
+    """Return the goal and time of a stop of a free arm, never nearer to a part.
 
-    It slows down over v·t/2, but not beyond the goal of its segment. A seek may touch at any
+    The arm slows down over v·t/2, but not beyond the goal of its segment. A seek may touch at any
     sample: its arm goes back to where the seek began, where it was free.
     """
     if player.felt is not None:
@@ -81,14 +81,14 @@ def _rest(player: Player, speed_um_per_s: float) -> tuple[tuple[float | None, ..
 
 
 def let_go(program: Program, player: Player) -> Player:
-    """Stop, with a held part unloaded, where the arm is then."""
+    """Stop where the arm is after it has unloaded a held part."""
     if not player.held:
         return stop(player)
     return release(program, replace(player, outcome=Outcome.STOPPED, ends_after=Phase.UNLOAD))
 
 
 def retract(program: Program, player: Player) -> Player:
-    """Stop, with a held part unloaded, and go back where the program has a retreat."""
+    """Stop, unload a held part, and go back if the program has a retreat."""
     if player.held:
         return release(program, replace(player, outcome=Outcome.STOPPED, ends_after=""))
     if not has_phase(program, Phase.RETREAT):
@@ -99,40 +99,40 @@ def retract(program: Program, player: Player) -> Player:
 
 
 def release(program: Program, player: Player) -> Player:
-    """Go on with the unload, from wherever a part is held."""
+    """Go to the unload from any phase in which a part is held."""
     return jump(program, player, Phase.UNLOAD, player.ref.x_um)
 
 
 def keep(player: Player) -> Player:
-    """End with the part held; the voltage stays as it is applied."""
+    """End with the part held; the applied voltage stays."""
     return replace(player, outcome=player.outcome or Outcome.STOPPED, ended=True, pause=NO_PAUSE)
 
 
 def may_keep(player: Player) -> bool:
-    """Return whether a part is held, and nothing moves."""
+    """Return whether a part is held at rest."""
     return player.held and (player.pause.active or player.segment.phase in KEPT)
 
 
 def waits(player: Player) -> bool:
-    """Whether the program waits for the action ``continue``; one that holds waits for another."""
+    """Return whether the program waits for ``continue``; in a hold it waits for another action."""
     endless = isinstance(player.segment, Drive) and player.segment.duration_s is None
     return endless and not player.held and not player.pause.active
 
 
 def pause(player: Player) -> Player:
-    """Request a pause; one that has begun goes on."""
+    """Request a pause; one that is active already goes on."""
     if player.pause.active:
         return player
     return replace(player, pause=replace(player.pause, requested=True))
 
 
 def resume(player: Player) -> Player:
-    """Go on with the segment's time where it stood, or withdraw the request."""
+    """Continue the segment from its paused time, or withdraw a request for a pause."""
     return replace(player, pause=Pause(over=player.pause.active))
 
 
 def action_objection(pending: Sequence[Action], player: Player | None, action: ActionCode) -> str:
-    """Why a program that plays does not take an action, beside those pending; empty: it does."""
+    """Return why a program rejects an action, given those pending; empty if it accepts it."""
     held = player is not None and player.held
     paused = player is not None and player.pause.active
     outcome = Outcome.NONE if player is None else player.outcome
@@ -157,7 +157,7 @@ def action_objection(pending: Sequence[Action], player: Player | None, action: A
 def act(
     program: Program, player: Player, pending: Sequence[Action], seq: int, x_um: float
 ) -> tuple[Player, tuple[Action, ...], list[Acted]]:
-    """Return the player after all due actions, the later ones, and what acted except a pause."""
+    """Perform all due actions; return the player, the later ones, and what acted except a pause."""
     acted: list[Acted] = []
     later: list[Action] = []
     for request in pending:
@@ -199,13 +199,16 @@ def _done(
 
 
 def acted_in_tick(acted: Sequence[Acted], before: Player, after: Player) -> tuple[Acted, ...]:
-    """What telemetry reports as having acted; ``before`` is the player at the start of the tick."""
+    """Return what telemetry reports as having acted.
+
+    ``before`` is the player at the tick's start.
+    """
     begun = after.pause.active and (not before.pause.active or Acted.RESUME in acted)
     return (*acted, Acted.PAUSE) if begun else tuple(acted)
 
 
 def lease_objection(lease: Lease, epoch: int, *, playing: bool, ended: bool) -> str:
-    """Why a lease is not granted in this epoch, whose lease may have ended; empty where it is."""
+    """Return why a lease is not granted in this epoch; empty if it is granted."""
     if lease.epoch != epoch:
         return f"lease of epoch {lease.epoch}, the controller is in {epoch}"
     if not playing:
@@ -218,7 +221,10 @@ def lease_objection(lease: Lease, epoch: int, *, playing: bool, ended: bool) -> 
 
 
 def lease_end(running: RunningLease, outcome: Outcome, now: float) -> Action | None:
-    """How a program is stopped whose lease has ended; None where it runs, or nothing is to do."""
+    """Return the action that stops a program whose lease has ended.
+
+    None if there is nothing to stop.
+    """
     if outcome == Outcome.STOPPED:  # there is nothing left to stop
         return None
     silent_s, length_s = now - running.heard_s, running.lease.length_s

@@ -1,7 +1,7 @@
-"""The arm's memory of its voltages, as the controller leads it for laws of the identified set.
+"""Memory of an arm's voltages in the controller, for laws of the identified set.
 
-It is led as the estimator leads its own, by the voltage applied in every tick of an epoch, whether
-a law plays or not, and is the same to the last bit.
+It is updated as the estimator updates its own, by the voltage applied in every tick of an epoch,
+whether a law plays or not, and is the same to the last bit.
 """
 
 from msgspec import field
@@ -13,21 +13,21 @@ from pincette.core.messages import Estimate
 
 
 class ArmMemory(FrozenRecord, frozen=True):
-    """The free response where it stands."""
+    """The free response in its present state."""
 
     response: FreeResponse
     model: FreeResponse
     """Initial ``response``, unpoled."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since the start, for another model to be led through."""
+    """Voltages since the start; a changed model replays them."""
     followed_seq: int = -1
-    """The sample up to which ``response`` has followed the voltage."""
+    """Newest sample up to which ``response`` has followed the voltage."""
 
     def follow(self, estimate: Estimate, voltage_V: float, period_s: float) -> "ArmMemory":
-        """Take in the voltage applied to this arm.
+        """Update the memory by the voltage applied to this arm.
 
-        Where it is missing, the next one counts for longer.
-        A sample that has been followed already is not followed again.
+        Where it is missing, the next one counts for longer. A sample that has been followed already
+        is not followed again.
         """
         if estimate.degraded or estimate.seq <= self.followed_seq:
             return self
@@ -40,7 +40,7 @@ class ArmMemory(FrozenRecord, frozen=True):
         )
 
     def armed(self, model: FreeResponse) -> "ArmMemory":
-        """Begin an epoch with a model; a changed model is first led through the past voltages."""
+        """Begin an epoch with a model; a changed model first replays the past voltages."""
         same = model == self.model
         response = self.response if same else self.past.replayed(model)
         return ArmMemory(response, model, self.past)

@@ -25,7 +25,7 @@ from pincette_controller.learning import check_cycle
 
 @dataclass(frozen=True, slots=True)
 class ArmConfig:
-    """An arm as identified, and its hard limits."""
+    """An identified arm, and its hard limits."""
 
     parameters: ArmParameters
     response: FreeResponse
@@ -36,21 +36,21 @@ class ArmConfig:
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
-    """The arms, and the laws that a program may name."""
+    """The arms of a rig, and the laws that its programs may name."""
 
     period_s: float
     arms: tuple[ArmConfig, ...]
     law: LawSettings
-    """The law of a program that names none."""
+    """Law of a program that names none."""
     installed: Mapping[str, LawDefinition]
     """Laws by name."""
     force_filter_s: float
     output: OutputTiming
     """Delay and lag of the voltage on its way to the arm."""
     steps: StepLimits
-    """Numbers by which a step of the position is judged."""
+    """Limits by which a step of the position is judged."""
     part_um_per_mN: float
-    """c, by which a part between two arms yields."""
+    """Compliance c of a part between two arms, in µm/mN."""
 
     def laws(self, program: Program) -> tuple[ControlLaw, ...]:
         """Return the laws of a program, in its order; raises ValueError where one is impossible."""
@@ -127,7 +127,7 @@ def check_program(config: ControllerConfig, program: Program) -> None:
 
 
 def configure(rig: RigFile) -> ControllerConfig:
-    """Take the controller's part of a rig file."""
+    """Read the controller's part of a rig file."""
     return ControllerConfig(
         period_s=rig.rig.period_s,
         arms=tuple(

@@ -1,7 +1,7 @@
-"""Control laws as the controller drives them: one interface for one arm and for two.
+"""Adaptors of the control laws for the controller: one interface for one arm and for two.
 
-The equations are in ``pincette.control.laws``. An adaptor takes from sample and references what its
-equations need, and turns what they want into the voltage of each arm.
+The equations are in ``pincette.control.laws``. An adaptor takes from sample and references the
+inputs of its equations, and turns their result into the voltage of each arm.
 """
 
 from dataclasses import dataclass
@@ -31,46 +31,47 @@ class ArmView(FrozenRecord, frozen=True):
     force_mN: float
     applied_V: float
     limited: int
-    """1 where the voltage cannot rise, -1 where it cannot fall, else 0."""
+    """1 if the voltage cannot rise, -1 if it cannot fall, else 0."""
     response: FreeResponse
     """Free response, followed up to this sample."""
     memory: HysteresisState | None
-    """Memory of an identified free response; None where nothing is identified."""
+    """Memory of an identified free response; None if no response is identified."""
 
 
 class Setpoint(FrozenRecord, frozen=True):
     """Goal of a law at the coming sample."""
 
     ref: Reference
-    """References; their speeds are those of the coming motion, 0 where it rests."""
+    """References; their speeds are those of the coming motion, 0 at rest."""
     pressed: bool
-    """Whether the force is an input of the law."""
+    """True if the force is an input of the law."""
     open_loop: bool
     """True if the voltage is given without a law."""
     seeks: bool
-    """Whether free arms look for the part."""
+    """True if free arms look for the part."""
     line: LoadLine | None
-    """Contact line of one pressed arm; None: not known, or free."""
+    """Contact line of one pressed arm; None if it is not known or the arm is free."""
     correction_um: float
-    """Learned correction that is added to x_r of one arm."""
+    """Learned correction that is added to x_r of one arm, in µm."""
 
 
 class Wanted(FrozenRecord, frozen=True):
-    """Voltages that a law requests, and its figures of the newest sample."""
+    """Voltages that a law requests, and its output at the newest sample."""
 
     voltages_V: tuple[float, ...]
     """Voltage of each arm, before any limit."""
     x_d_um: float
-    """Position that the law of one arm has wanted at the newest sample."""
+    """Position that the law of one arm wanted at the newest sample, in µm."""
     output: LawOutput
     """Output of the law, for telemetry."""
 
 
 class Handover(FrozenRecord, frozen=True):
-    """How the references continue where a segment, or another law, begins."""
+    """Continuation of the references where a segment, or another law, begins."""
 
     ref: Reference
-    """References of the newest sample; where the references begin anew, those of the coming one."""
+    """References of the newest sample; where the references start again, those of the coming one.
+    """
     pressed: bool
     anew: bool
     """True where the references start again in this tick, so that the law must be rebased."""
@@ -79,7 +80,7 @@ class Handover(FrozenRecord, frozen=True):
 
 
 UNSEEN = LawOutput(*(0.0,) * len(LawOutput.__struct_fields__))
-"""Output of a law that has no sliding function and sees nothing of the arm."""
+"""Output of a law that has no sliding function and does not observe the arm."""
 
 
 class ControlLaw(Protocol):
@@ -93,7 +94,7 @@ class ControlLaw(Protocol):
         ...
 
     def rebase(self, state: Any, arms: tuple[ArmView, ...], handover: Handover) -> Any:
-        """Return the state from which the next step changes no voltage by a bump."""
+        """Return the state from which the next step changes the voltages without a bump."""
         ...
 
     def step(self, state: Any, arms: tuple[ArmView, ...], setpoint: Setpoint) -> tuple[Any, Wanted]:
@@ -103,7 +104,7 @@ class ControlLaw(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OneArmLaw:
-    """A law of one arm: it regulates the position, with the force as an input."""
+    """A law of one arm, which regulates the position and has the force as an input."""
 
     law: Law
     arms: ClassVar[int] = 1
@@ -121,7 +122,7 @@ class OneArmLaw:
         )
 
     def rebase(self, state: LawState, arms: tuple[ArmView, ...], handover: Handover) -> LawState:
-        """Return the state from which the next step changes no voltage by a bump."""
+        """Return the state from which the next step changes the voltage without a bump."""
         (arm,), ref, pressed, before = arms, handover.ref, handover.pressed, handover.before
         other = before.law if isinstance(before, OneArmLaw) else self.law
         return one_arm.rebase(
@@ -166,23 +167,26 @@ class OneArmLaw:
 
 @dataclass(frozen=True, slots=True)
 class TwoArmsLaw:
-    """The law of two arms: it regulates place and opening, or place and force of a held part."""
+    """A law of two arms, which regulates place and opening, or place and force of a held part."""
 
     parameters: TwoArmParameters
     um_per_V: Pair
-    """Gain d_p of each arm."""
+    """Gain d_p of each arm, in µm/V."""
     period_s: float
     arms: ClassVar[int] = 2
 
     def start(self, arms: tuple[ArmView, ...]) -> TwoArmState:
-        """Return a state that takes what is missed at the next step as it finds it."""
+        """Return the initial state; the next step takes the present errors as it finds them."""
         _ = arms
         return two_arms.start()
 
     def rebase(
         self, state: TwoArmState, arms: tuple[ArmView, ...], handover: Handover
     ) -> TwoArmState:
-        """Begin anew where the references do; the step itself changes between force and opening."""
+        """Return a new state where the references start again.
+
+        The step handles force and opening.
+        """
         return self.start(arms) if handover.anew else state
 
     def step(
@@ -217,14 +221,14 @@ class TwoArmsLaw:
         return after, Wanted(voltages_V, 0.0, seen)
 
     def _free_um(self, arm: int, view: ArmView) -> float:
-        """Return H of the newest sample; without an identified response it is the line d_p·u."""
+        """Return H at the newest sample, in µm; without an identified response the line d_p·u."""
         response = view.response
         if isinstance(response, IdentifiedResponse):
             return displacement_um(response.model, response.memory)
         return self.um_per_V[arm] * response.voltage_V
 
     def _voltage_V(self, arm: int, view: ArmView, wanted_um: float) -> float:
-        """Return the voltage u = H⁻¹[X], a period ahead."""
+        """Return the voltage u = H⁻¹[X], one period ahead, in V."""
         response, d_p = view.response, self.um_per_V[arm]
         if isinstance(response, IdentifiedResponse):
             return voltage_for(

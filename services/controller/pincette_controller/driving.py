@@ -1,4 +1,4 @@
-"""Voltages from the references of a player: by the law of its segment, or without one."""
+"""Voltages from a player's references, by the law of its segment or without one."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from pincette_controller.felt import Arms
 from pincette_controller.player_state import Player
 
 RAISING, LOWERING = VOLTAGE_MAX | SLEW_UP, VOLTAGE_MIN | SLEW_DOWN
-"""Bits of ``limits_active`` that keep the voltage from rising, and from falling."""
+"""Bits of ``limits_active`` that prevent a rise, and a fall, of the voltage."""
 
 
 def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
@@ -27,7 +27,7 @@ def arm_view(estimate: ArmEstimate, memory: ArmMemory) -> ArmView:
 
 
 def at_measured(player: Player, arms: Arms, x_um: float) -> Player:
-    """Return the player with references where the arms are, as a segment without a law has them."""
+    """Return the player with references at the measured place, as in a segment without a law."""
     force_mN, opening_um = arms[0].force_mN, 0.0
     if player.felt is not None:
         force_mN = 0.5 * (force_mN + arms[1].force_mN)
@@ -66,7 +66,7 @@ def drive(
     if state is None:
         state = law_before.start(arms)
         if before.segment.presses:
-            # A part that is held already: its force is none that comes as a step.
+            # The force of a part that is held already does not arrive as a step.
             taken = Handover(before.ref, pressed=True, anew=True, before=law_before)
             state = law_before.rebase(state, arms, taken)
     handover = _handover(before, player, law_before)
@@ -79,23 +79,23 @@ def drive(
 
 
 def _handover(before: Player, player: Player, law_before: ControlLaw) -> Handover | None:
-    """Return how the law must be rebased before this step; None: it goes on as it is."""
+    """Return how the law must be rebased before this step; None if it continues."""
     segment = player.segment
     restarts = player.bump or segment.open_loop
     if restarts or player.segment.presses != before.segment.presses:
         ref = player.ref
         if player.bump and isinstance(segment, Press) and segment.follows:
-            # References that begin in motion: those of the newest sample, where it was touched.
+            # These references begin in motion, at the newest sample, which has the touch.
             ref = player.entry.ref
         return Handover(ref, player.segment.presses, restarts, law_before)
     if segment.law != before.segment.law:
-        # Only the law changes: the references go on, the newest sample belongs to those before.
+        # Only the law changes; the newest sample belongs to the references of the tick before.
         return Handover(before.ref, player.segment.presses, restarts, law_before)
     return None
 
 
 def _setpoint(player: Player, correction_um: float) -> Setpoint:
-    """Return what the law is to reach; in a pause, at the end and in open loop nothing moves."""
+    """Return the goal of the law; in a pause, at the end and in open loop nothing moves."""
     ref, segment, pressed = player.ref, player.segment, player.segment.presses
     rests = player.pause.active or player.ended
     if rests or segment.open_loop:

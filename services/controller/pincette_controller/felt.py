@@ -1,4 +1,4 @@
-"""Place of the arms, and what two arms have felt of a part since a segment began."""
+"""Place of the arms, and contact of two arms with a part since a segment began."""
 
 from math import exp
 
@@ -9,16 +9,17 @@ from pincette.control.record import FrozenRecord
 from pincette.core.messages.arms import ArmEstimate
 
 FELT_S = 0.03
-"""Time constant over which each side's force and tip are averaged to find a touch."""
+"""Time constant over which the force and tip of each side are averaged to find a touch, in s."""
 DRIFT_S = 1.0
-"""Time constant of the mean of each free side's force, which is the model's error along the way."""
+"""Time constant of the mean of each free side's force, in s; the mean is the model's error along
+the way."""
 
 Arms = tuple[ArmEstimate, ...]
 """Estimate of each arm at one sample."""
 
 
 def place_um(arms: Arms) -> float:
-    """Return the position of one arm, or the place q of a part between two."""
+    """Return the position of one arm, or the place q of a part between two, in µm."""
     if len(arms) == 1:
         return arms[0].x_um
     return 0.5 * (arms[0].x_um - arms[1].x_um)
@@ -28,24 +29,24 @@ class Felt(FrozenRecord, frozen=True):
     """Forces and tips of two arms since a segment began."""
 
     tips_um: Pair
-    """Tips at the newest sample."""
+    """Tips at the newest sample, in µm."""
     mean_mN: Pair = (0.0, 0.0)
-    """Force on each arm, averaged since the segment began."""
+    """Force on each arm, averaged since the segment began, in mN."""
     mean_um: Pair = (0.0, 0.0)
-    """Tip of each arm, averaged since the segment began."""
+    """Tip of each arm, averaged since the segment began, in µm."""
     drift_mN: Pair = (0.0, 0.0)
-    """Mean of each force since then, while nothing was touched."""
+    """Mean of each force since the segment began, without a touch, in mN."""
     felt_s: float = 0.0
-    """Time since then."""
+    """Time since the segment began, in s."""
     fresh: bool = True
-    """Whether nothing has been felt in this segment."""
+    """True if no sample of this segment has been added."""
 
     def entered(self) -> "Felt":
-        """Return the state at the begin of a segment, in which nothing has been felt."""
+        """Return the state at the begin of a segment, before its first sample."""
         return replace(self, fresh=True, drift_mN=(0.0, 0.0), felt_s=0.0)
 
     def follow(self, arms: Arms, period_s: float, most_drift_mN: float) -> "Felt":
-        """Take in the newest sample.
+        """Add the newest sample.
 
         What rises by more than ``most_drift_mN`` above the drift is a touch, which the drift does
         not follow; nor does it go further than that from 0.
@@ -57,7 +58,7 @@ class Felt(FrozenRecord, frozen=True):
             share = 1.0 - exp(-period_s / FELT_S)
             mean_mN = _towards(self.mean_mN, forces, share)
             mean_um = _towards(self.mean_um, tips, share)
-        # A mean first, then one over DRIFT_S.
+        # A plain mean at first, then an average over DRIFT_S.
         felt_s = self.felt_s + period_s
         share = max(period_s / felt_s, 1.0 - exp(-period_s / DRIFT_S))
         one, two = (

@@ -1,6 +1,6 @@
 """Guards that end a segment early: contact, too much force, a lost part, a position limit.
 
-Each guard holds for one arm and for two. Steps of the position and the contact line of a load are
+Each guard works for one arm and for two. Steps of the position and the contact line of a load are
 watched with one arm alone.
 """
 
@@ -34,15 +34,16 @@ from pincette_controller.taking_over import force_unknown, keep_as_it_is
 from pincette_controller.touching import RETREAT_S, seek, watch_way
 
 STOP_S = 0.3
-"""Time in which a stop brings x_r to rest."""
+"""Time in which a stop brings x_r to rest, in s."""
 FREE = 2.0
-"""Stated uncertainties within which the force of an arm that has lost its part lies."""
+"""Bound of the force of an arm that has lost its part, as a multiple of the stated uncertainty."""
 UNGUARDED = (Outcome.CONTACT, Outcome.SENSOR_JUMP, Outcome.POSITION_STEP)
-"""Outcomes after which a free way is not watched: it leads back, or the force is not known."""
+"""Outcomes after which a free way is not watched, because it leads back or the force is not known.
+"""
 CONFIRMED_PERIODS = 0.5
-"""Age, in periods, that a zero which answers the newest request stays below."""
+"""Upper bound, in periods, of the age of a zero that answers the newest request."""
 WATCHED = (*KEPT, Phase.SETTLE, Phase.TRACK)
-"""Phases in which a part can be lost; in a pause it can be in any."""
+"""Phases in which a part can be lost; during a pause any phase counts."""
 
 
 def guard(
@@ -53,7 +54,7 @@ def guard(
     period_s: float,
     limits: StepLimits | None = None,
 ) -> Player:
-    """Judge the newest sample; without ``limits`` no step of the position is looked for.
+    """Judge the newest sample; without ``limits`` steps of the position are not detected.
 
     ``x_um`` is the position of one arm, or the place of a part between two.
     """
@@ -105,7 +106,7 @@ def _watch_load(
     period_s: float,
     limits: StepLimits | None,
 ) -> Player:
-    """Follow the contact line of a load; unload where its force means nothing."""
+    """Follow the contact line of a load; unload if its force is too uncertain."""
     segment = player.segment
     player = replace(player, line=_line(program, player, estimate))
     to_mN = segment.to_mN if isinstance(segment, Press) else None
@@ -122,7 +123,7 @@ def _watch_load(
 
 
 def _listen(player: Player, estimate: ArmEstimate) -> Player:
-    """Take the sensor's noise from the samples of a rest without contact."""
+    """Measure the sensor's noise from the samples of a rest without contact."""
     if isinstance(player.segment, Rest):
         return with_slip(player, noise=player.slip.noise.follow(estimate.x_um))
     noise = player.slip.noise.left()
@@ -137,7 +138,7 @@ def _line(program: Program, player: Player, estimate: ArmEstimate) -> ContactLin
 
 
 def _too_much(program: Program, player: Player, arms: Arms) -> bool:
-    """Return whether a force is beyond its limit; within a sweep the force is unknown."""
+    """Return whether a force exceeds its limit; within a sweep the force is unknown."""
     if player.segment.hides_force:
         return False
     pressed_mN = sure_force_mN(arms[0])
@@ -162,7 +163,7 @@ def _beyond(guards: Guards, arms: Arms) -> bool:
 
 
 def give_up(program: Program, player: Player, x_um: float) -> Player:
-    """Bring each arm back to its rest, by the program's own way back where it has one."""
+    """Move each arm back to its rest, by the program's own way back if it has one."""
     for phase in (Phase.RETREAT, Phase.UNLOAD):
         if has_phase(program, phase):
             return jump(program, player, phase, x_um)
@@ -174,7 +175,7 @@ def give_up(program: Program, player: Player, x_um: float) -> Player:
 def _await_zero(
     program: Program, player: Player, arms: Arms, x_um: float, period_s: float
 ) -> Player:
-    """Go on once the zero of each arm is confirmed, or end where one is refused or too late.
+    """Continue once the zero of each arm is confirmed, or end if one is refused or too late.
 
     The estimate of the sample after the command with the zero answers it. One that does not has
     missed it: the reading, the voltage or the command was lost. The zero is then requested again,
@@ -197,11 +198,11 @@ def _await_zero(
 def _follow_line(
     program: Program, player: Player, period_s: float, limits: StepLimits | None
 ) -> Player:
-    """Let the contact line of the references go towards the stiffest one that the load admits.
+    """Move the contact line of the references towards the stiffest one that the load admits.
 
-    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e likewise. A load that falls keeps the line that
-    was fitted over the rise. Whether the part is the planned one
-    is judged at the end of the load.
+    K ← K + (1 - e^(-T/τ))·(K_stiffest - K), and x_e in the same way. A load that falls keeps the
+    line that was fitted over the rise. Whether the part is the planned one is judged at the end of
+    the load.
     """
     line = player.entry.line
     if not player.line.count or line is None:
@@ -220,9 +221,9 @@ def _follow_line(
 
 
 def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """End as ``lost`` where the step of a frozen arm has led it to where it would be free.
+    """End as ``lost`` if the step of a frozen arm has moved it to where it would be free.
 
-    A sensor would have to jump by just the force over the compliance to read no force.
+    A sensor would have to jump by exactly the force times the compliance to read no force.
     """
     guards = program.guards
     least_mN = min(guards.contact_force_mN, FREE * estimate.force_uncertainty_mN)
@@ -234,9 +235,9 @@ def _watch_frozen(program: Program, player: Player, estimate: ArmEstimate) -> Pl
 
 
 def _watch_part(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
-    """End as ``lost`` where the least force on the part is far below its reference.
+    """End as ``lost`` if the least force on the part is far below its reference.
 
-    Both arms open where either has none of its force: neither lets go alone.
+    Both arms open if either has none of its force: neither lets go alone.
     """
     guards, count, force_mN = program.guards, player.watch.count, arms[0].force_mN
     if player.felt is not None:

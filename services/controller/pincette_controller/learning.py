@@ -1,4 +1,4 @@
-"""Learning of a program while it plays: from cycle to cycle of its path at full amplitude."""
+"""Learning across the cycles of a program's path, at full amplitude, while it plays."""
 
 from msgspec.structs import replace
 
@@ -12,21 +12,21 @@ from pincette_controller.player_state import Player
 
 
 class Learning(FrozenRecord, frozen=True):
-    """What has been learned so far, and the correction of x_r at the coming sample."""
+    """Corrections learned so far, and the correction of x_r at the coming sample."""
 
     learner: CycleLearner | None
-    """None: the program learns nothing."""
+    """Learner of the cycles; None if the program learns nothing."""
     correction_um: float = 0.0
 
 
 def begin_learning(program: Program, arms: int) -> Learning:
-    """Begin with what the program brings; two arms learn nothing."""
+    """Begin with the corrections of the program; two arms learn nothing."""
     known = program.corrections if arms == 1 else None
     return Learning(None if known is None else CycleLearner(known))
 
 
 def check_cycle(program: Program, period_s: float) -> None:
-    """Refuse corrections that are not those of the path's cycle; raises ValueError."""
+    """Check that corrections fit the path's cycle; raises ValueError."""
     known = program.corrections
     if known is None:
         return
@@ -41,7 +41,7 @@ def check_cycle(program: Program, period_s: float) -> None:
 
 
 def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: float) -> Learning:
-    """Update the learner with x - x_r of the newest sample; x_r is that of the tick before."""
+    """Update the learner with x - x_r of the newest sample; x_r is from the tick before."""
     if learning.learner is None:
         return learning
     path = _cyclic_path(before.segment)
@@ -59,7 +59,7 @@ def learn(learning: Learning, before: Player, estimate: ArmEstimate, period_s: f
 
 
 def correct(learning: Learning, player: Player, period_s: float) -> Learning:
-    """Update the correction of the next x_r; it blends in and out as the path does."""
+    """Update the correction of the next x_r; it is blended in and out as the path is."""
     if learning.learner is None:
         return learning
     path = _cyclic_path(player.segment)

@@ -1,9 +1,9 @@
 """Outputs of the controller: a command within the hard limits, or none, and its telemetry.
 
-The guards end a program gently; where what they did is not enough, or the law has gone astray, the
-controller commands no more. It checks each command by the actuator's own rules: one that breaks
-them is sent as invalid, with its fault and what is known of the sample, by which the actuator finds
-the same and trips. Without it the actuator's age limit would act, since no valid command follows.
+The guards end a program gently. If that is not enough, or the law has diverged, the controller
+commands no more. It checks each command by the actuator's own rules. A command that breaks them is
+sent as invalid, with its fault and the known facts of the sample, by which the actuator finds the
+same and trips. Without it the actuator's age limit would act, since no valid command follows.
 """
 
 from operator import attrgetter
@@ -24,14 +24,17 @@ from pincette_controller.force_bounds import sure_force_mN
 from pincette_controller.player_state import Player
 
 NUMBERS, ARM_NUMBERS = largest_floats(Telemetry), largest_floats(ArmTelemetry)
-"""Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder takes."""
+"""Numbers of telemetry, and of each arm in it, with the largest magnitude that a decoder accepts.
+"""
 NUMBERS_OF = attrgetter(*[name for name, _ in NUMBERS])
 ARM_NUMBERS_OF = attrgetter(*[name for name, _ in ARM_NUMBERS])
 
 
 def known_force_mN(estimate: Estimate, arm: int, player: Player | None) -> float | None:
-    """The force that an arm's hard limit is held against, as the guards take it; None within a
-    sweep."""
+    """Return the force that is compared with an arm's hard limit, as the guards take it.
+
+    None within a sweep.
+    """
     if not estimate.valid or (player is not None and player.segment.hides_force):
         return None
     return sure_force_mN(estimate.arms[arm])
@@ -91,7 +94,7 @@ def telemetry_of(
     acted: tuple[Acted, ...],
     correction_um: float,
 ) -> Telemetry:
-    """Telemetry of sample k: its references are those that the tick before set for it."""
+    """Return the telemetry of sample k; the tick before set its references."""
     seen, line, touch = player.slip.confirmed, player.entry.line, player.touch
     output, alone = wanted.output, player.felt is None
     return Telemetry(
@@ -128,7 +131,7 @@ def telemetry_of(
 
 
 def number_out_of_bounds(telemetry: Telemetry) -> Fault | None:
-    """Fault of a law that has made a number that a decoder would refuse; None without one."""
+    """Return the fault of a law whose number a decoder would reject; None if there is none."""
     for arm, of_arm in zip(ARM_PREFIXES, telemetry.arms, strict=False):
         for (name, most), number in zip(ARM_NUMBERS, ARM_NUMBERS_OF(of_arm), strict=True):
             if not -most <= number <= most:
@@ -145,9 +148,9 @@ def check_command(
     command: Command,
     estimate: Estimate,
 ) -> tuple[tuple[Watches, ...], Command]:
-    """Return a command as it may leave: each arm's part of it within that arm's own limits.
+    """Return a command limited to each arm's own limits, or an invalid one.
 
-    One that is refused keeps the voltages that are applied.
+    An invalid command keeps the applied voltages.
     """
     watched: list[Watches] = []
     refusal, known = None, True
@@ -175,7 +178,7 @@ def check_command(
 
 
 def invalid_command(command: Command, estimate: Estimate, why: Fault, *, known: bool) -> Command:
-    """A command that keeps the applied voltages; ``known``: whether force and x_d are finite."""
+    """Return a command that keeps the voltages; ``known`` if force and x_d are finite."""
     arms: list[ArmCommand] = []
     for asked, measured in zip(command.arms, estimate.arms, strict=True):
         kept = ArmCommand(measured.applied_V)

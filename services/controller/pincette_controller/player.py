@@ -1,9 +1,9 @@
-"""Playing a program: which references hold, and what comes after a segment.
+"""Playback of a program: the references in force, and the transition after a segment.
 
-Times count in ticks of the controller that could act; a tick without a valid estimate does not
-move the program on, and neither does one of a pause. A pause begins at a safe point, a sample at
-which the references are at rest: in a rest, between two segments that end at rest, at the turning
-point of a path. There the law goes on regulating, and the guards go on watching.
+Times are counted in ticks in which the controller could act. A tick without a valid estimate does
+not advance the program, and neither does one of a pause. A pause begins at a safe point, a sample
+at which the references are at rest: in a rest, between two segments that end at rest, at the
+turning point of a path. There the law goes on regulating, and the guards go on watching.
 """
 
 from math import inf
@@ -37,7 +37,7 @@ CARRY = "move"
 
 
 def begin(program: Program, arms: Arms, period_s: float) -> Player:
-    """Return a player at the first segment, with the arms where they are and the force there."""
+    """Return a player at the first segment, with the arms' present place and force."""
     first, held, x_um = program.segments[0], program.begins_held, place_um(arms)
     if program.takes_force_over and len(arms) == 1:
         return take_over(program, arms[0], period_s)
@@ -50,7 +50,7 @@ def begin(program: Program, arms: Arms, period_s: float) -> Player:
     ref = Reference(x_um, voltages_V=voltages_V)
     if len(arms) == 1:
         return Player(0, first, 0, Entry(ref, period_s), ref, began, voltages_V, held=held)
-    # What is held already is pressed on with as much as is read of it, which may have no zero.
+    # A held part is pressed on with the force that is read, which may have no zero.
     presses = held and first.presses
     one_um, two_um = tips_um
     ref = ref._replace(
@@ -77,7 +77,7 @@ def advance(
     period_s: float,
     limits: StepLimits | None = None,
 ) -> Player:
-    """Move on by one tick: guards first, then time, then the references of the next sample.
+    """Advance by one tick: guards first, then time, then the references of the next sample.
 
     While a step of the position waits for its confirmation, references and time rest.
     """
@@ -105,14 +105,14 @@ def advance(
 
 
 def _pause_at_rest(player: Player, period_s: float) -> Player:
-    """Begin the pause that is requested, where the references are at rest."""
+    """Begin a requested pause if the references are at rest."""
     if not player.pause.requested or player.ended or not _at_rest(player, period_s):
         return player
     return replace(player, pause=Pause(active=True))
 
 
 def is_over(player: Player, period_s: float) -> bool:
-    """Return whether the segment has run its time."""
+    """Return whether the duration of the segment has passed."""
     segment = player.segment
     if segment.duration_s is None or player.watch.zeroing:
         return False
@@ -120,7 +120,7 @@ def is_over(player: Player, period_s: float) -> bool:
 
 
 def _at_rest(player: Player, period_s: float) -> bool:
-    """Return whether the references can stay at this sample without a jump of their speed."""
+    """Return whether the references can rest at this sample without a jump of their speed."""
     segment, entry = player.segment, player.entry
     if player.watch.zeroing or segment.ends_moving:
         return False
@@ -146,7 +146,7 @@ def _at_rest(player: Player, period_s: float) -> bool:
 
 
 def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
-    """Leave a segment that has run its time."""
+    """Leave a segment whose duration has passed."""
     segment = player.segment
     if segment.zeroes:
         # Stamped with this tick's command; the estimate of the next sample answers it.
@@ -167,7 +167,7 @@ def _next(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
 
 
 def _outcome(program: Program, player: Player) -> Outcome:
-    """Return what has been reached with the end of a segment."""
+    """Return the outcome reached with the end of a segment."""
     segment = player.segment
     if program.begins_held:
         if segment.phase == Phase.UNLOAD:
@@ -184,7 +184,7 @@ def _outcome(program: Program, player: Player) -> Outcome:
 
 
 def _settle_contact(program: Program, player: Player, estimate: ArmEstimate) -> Player:
-    """Take the contact line as fitted over the load, so that x_r and F_r agree from here on.
+    """Adopt the contact line fitted over the load, so that x_r and F_r agree from here on.
 
     K_e is wrong where it is so for every force within F ± U: K_e errs by the same share. A fit that
     no part can have leaves the planned K_e, through the newest sample, for the way back. So does a

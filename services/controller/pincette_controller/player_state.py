@@ -1,4 +1,4 @@
-"""Place in a program, its references at a tick, and its way from segment to segment."""
+"""Position in a program, its references at a tick, and the transitions between segments."""
 
 from typing import Any
 
@@ -15,19 +15,20 @@ from pincette_controller.felt import Felt
 
 
 class SeenStep(FrozenRecord, frozen=True):
-    """A step of the position that the voltage does not explain, and that was confirmed."""
+    """A confirmed step of the position that the voltage does not explain."""
 
     step: Step
     step_um: float
-    """Size of the step, a mean over the samples since; positive towards the part."""
+    """Size of the step, averaged over the samples since, in µm; positive towards the part."""
     force_mN: float
-    """Estimated force just before the step; the force after it where the sensor caused it."""
+    """Estimated force just before the step, in mN; the force after it if the sensor caused the
+    step."""
     after_mN: float
-    """Estimated force just after it, a mean likewise."""
+    """Estimated force just after the step, averaged over the samples since, in mN."""
     samples: int = 1
 
     def averaged(self, shown_um: float, force_mN: float) -> "SeenStep":
-        """Return the step with one more sample in its means."""
+        """Return the step with one more sample in its averages."""
         count = self.samples + 1
         mean_um = self.step_um + (shown_um - self.step_um) / count
         mean_mN = self.after_mN + (force_mN - self.after_mN) / count
@@ -40,16 +41,16 @@ class SeenStep(FrozenRecord, frozen=True):
 
 
 AVERAGED_OUT = 1_000_000
-"""Count of samples of a step that is not averaged any further."""
+"""Sample count that stops the averaging of a step."""
 
 
 class Pause(FrozenRecord, frozen=True):
     """Pause of a program."""
 
     requested: bool = False
-    """Whether a pause is requested, which begins at the next safe point."""
+    """True if a pause is requested; it begins at the next safe point."""
     active: bool = False
-    """True while the references and the time of the segment stand still."""
+    """True while the references and the time of the segment are paused."""
     over: bool = False
     """True if the pause has just ended, so that the newest sample still belongs to it."""
 
@@ -63,42 +64,42 @@ class GuardWatch(FrozenRecord, frozen=True):
     count: int = 0
     """Number of consecutive samples that a guard has seen."""
     drift_mN: float = 0.0
-    """Mean of the estimated force on an approach, above which a touch is a jump."""
+    """Mean of the estimated force on an approach, in mN; a touch is a jump above it."""
     clear: bool = False
-    """Whether the arm has been free on this way: only then a touch is one."""
+    """True if the arm has been free on this way; a touch counts only then."""
     touching: int = 0
     """Number of consecutive samples of a touch."""
     zeroing: bool = False
-    """Whether the estimator has been asked for a zero and has not answered."""
+    """True while a requested zero of the force is not yet answered."""
 
 
 class SlipWatch(FrozenRecord, frozen=True):
     """Search for steps of the position of a pressed part, and what it has found."""
 
     noise: RestNoise = field(default_factory=RestNoise)
-    """Noise of the sensor, as the rests of this program show it."""
+    """Noise of the sensor, measured in the rests of this program."""
     noise_um: float = 0.0
-    """Noise as a number, at the end of the newest rest."""
+    """Standard deviation of the noise at the end of the newest rest, in µm."""
     steps: StepWatch = field(default_factory=StepWatch)
-    """Newest positions, in which a step is looked for."""
+    """Newest positions, which are searched for a step."""
     suspect: Step | None = None
     """Step that the next sample must confirm; the voltage is frozen until then."""
     confirmed: SeenStep | None = None
-    """Step that was confirmed; None where there was none."""
+    """Step that was confirmed; None without one."""
     slips: int = 0
-    """Number of times that the part has given way under moving references."""
+    """Number of times that the part has slipped under moving references."""
 
 
 class Began(FrozenRecord, frozen=True):
     """State in which a program began."""
 
     tips_um: tuple[float, ...] = (0.0,)
-    """Position of each arm."""
+    """Position of each arm, in µm."""
     voltages_V: tuple[float, ...] = (0.0,)
-    """Voltage applied to each arm."""
+    """Voltage applied to each arm, in V."""
     force_mN: float = 0.0
-    """Force at the begin of a program that takes a held part over; 0 without a part. What is read
-    there may have no zero, so that the guard of the force counts from it."""
+    """Force at the begin of a program that takes over a held part, in mN; 0 without a part. This
+    force may have no zero, so the guard of the force counts from it."""
 
 
 class Touch(FrozenRecord, frozen=True):
@@ -115,27 +116,27 @@ class Player(FrozenRecord, frozen=True):
     segment: Segment
     ticks: int
     entry: Entry
-    """State in which the segment began, and what is known of the contact since."""
+    """State in which the segment began, and knowledge of the contact since."""
     ref: Reference
     """References of the coming sample."""
     began: Began
     applied_V: tuple[float, ...]
-    """Voltage applied to each arm, as the newest estimate states it."""
+    """Voltage applied to each arm, in V, as the newest estimate states it."""
     held: bool = False
-    """Whether a part is held."""
+    """True while a part is held."""
     line: ContactLine = field(default_factory=ContactLine)
     """Contact line of the load, as its samples show it."""
     watch: GuardWatch = field(default_factory=GuardWatch)
     slip: SlipWatch = field(default_factory=SlipWatch)
     pause: Pause = NO_PAUSE
     touch: Touch | None = None
-    """Touch on the way through free space; None: there was none."""
+    """Touch on the way through free space; None without one."""
     felt: Felt | None = None
     """Forces and tips that two arms have felt since the segment began; None with one arm."""
     outcome: Outcome = Outcome.NONE
     ended: bool = False
     ends_after: str = ""
-    """Phase under a law with which the program ends early; empty: none."""
+    """Phase under a law with which the program ends early; empty if there is none."""
     zero: bool = False
     """True where the command of this tick requests a zero of the force."""
     bump: bool = False
@@ -143,7 +144,7 @@ class Player(FrozenRecord, frozen=True):
 
     @property
     def contact_known(self) -> bool:
-        """Whether the contact line, or the place of a part between two arms, is known."""
+        """True if the contact line, or the place of a part between two arms, is known."""
         return self.entry.line is not None or self.entry.held_at_um is not None
 
 
@@ -159,7 +160,7 @@ def enter(player: Player, index: int, segment: Segment) -> Player:
         index=index,
         segment=_not_forward(segment, ref, player.felt),
         ticks=0,
-        # A zero that is not answered belongs to the rest that is left.
+        # A zero without an answer belongs to the rest that ends here.
         watch=replace(player.watch, count=0, zeroing=False),
         entry=player.entry._replace(ref=ref),
         ref=ref,
@@ -175,12 +176,12 @@ def with_watch(player: Player, **changes: float) -> Player:
 
 
 def with_slip(player: Player, **changes: Any) -> Player:
-    """Return the player with other values in the search for steps of the position."""
+    """Return the player with other values in its search for steps of the position."""
     return replace(player, slip=replace(player.slip, **changes))
 
 
 def _not_forward(segment: Segment, ref: Reference, felt: Felt | None) -> Segment:
-    """Return a retreat whose goals are no further than where each arm is; others unchanged."""
+    """Limit the goals of a retreat to each arm's present place; other segments are unchanged."""
     if segment.phase != Phase.RETREAT or not isinstance(segment, Move):
         return segment
     tips_um = (ref.x_um,) if felt is None else felt.tips_um
@@ -220,7 +221,7 @@ def has_phase(program: Program, phase: str) -> bool:
 
 
 def leave(player: Player, following: Segment, x_um: float) -> Player:
-    """Return where the pressing ends, the law gets no force any more and x_r starts from x.
+    """Return the player after the end of contact: the law gets no force, x_r starts from x.
 
     Without a law a part that is pressed stays held.
     """
@@ -241,7 +242,7 @@ def leave(player: Player, following: Segment, x_um: float) -> Player:
 
 
 def opened(player: Player) -> Reference:
-    """Return the references, with two arms with the opening as it is measured."""
+    """Return the references; with two arms the opening is the measured one."""
     if player.felt is None:
         return player.ref
     return player.ref._replace(opening_um=sum(player.felt.tips_um), opening_speed_um_per_s=0.0)

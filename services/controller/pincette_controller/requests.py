@@ -1,4 +1,4 @@
-"""Requests to the controller: to load a program, to be armed, to act, to renew its lease."""
+"""Requests to the controller: load a program, arm, act, renew the lease."""
 
 from msgspec.structs import replace
 
@@ -14,7 +14,7 @@ from pincette_controller.state import State
 def handle(
     config: ControllerConfig, state: State, request: Message, now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Load a program, begin an epoch with it, or note an action."""
+    """Load a program, begin an epoch with it, or accept an action."""
     if isinstance(request, Load):
         try:
             check_program(config, request.program)

@@ -37,16 +37,17 @@ from pincette_controller.player_state import (
 )
 
 CONFIRMING_SHARE = 0.3
-"""Share of a step that the next sample must show to confirm it: the mode rings by the rest."""
+"""Share of a step that the next sample must show to confirm it; the mode's ring may hide the rest.
+"""
 AVERAGED = 8
-"""Samples after a step over which its size is averaged while the voltage is frozen."""
+"""Number of samples after a step over which its size is averaged while the voltage is frozen."""
 LINE_KNOWN, LINE_ERROR = 4, 0.1
-"""Samples of a load, and largest standard error of its stiffness as a share of it, from which on
-the fitted line is used for judging a step."""
+"""Number of samples of a load, and largest relative standard error of its stiffness, from which on
+the fitted line judges a step."""
 LINE_AFTER_UM = 1.2
-"""Way of the arm under load from which a step is judged by the fitted line."""
+"""Way of the arm under load, in µm, after which the fitted line judges a step."""
 UNWATCHED = (Phase.UNLOAD, Phase.RETREAT, Phase.STOPPING)
-"""Phases in which contact ends: the arm steps back on purpose."""
+"""Phases that end the contact: the arm steps back on purpose."""
 
 
 def admissible(program: Program, K_e: float) -> bool:
@@ -101,9 +102,9 @@ def watch_steps(
 def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_path: bool) -> bool:
     """Return whether a part is pressed, so that the position follows from voltage and stiffness.
 
-    Along a path it is not where the force is less than that of a touch: the arm may be free there.
-    Two arms are not watched: place and opening move by both voltages, and the difference of the two
-    forces shows what one arm alone cannot.
+    A path is not watched where the force is less than that of a touch, since the arm may be free
+    there. Two arms are not watched: place and opening move by both voltages, and the difference of
+    the two forces shows what one arm alone cannot.
     """
     segment = player.segment
     if not player.held or segment.phase in UNWATCHED or player.felt is not None:
@@ -112,7 +113,7 @@ def _watched(program: Program, player: Player, estimate: ArmEstimate, *, along_p
 
 
 def _kappa(program: Program, player: Player, limits: StepLimits, x_um: float) -> Kappa:
-    """Return s_p·K_e of the part; the least there may be in a load whose line is not known yet."""
+    """Return s_p·K_e of the part; the least possible one in a load whose line is not known yet."""
     planned = program.contact_stiffness_mN_per_um
     if player.segment.phase != Phase.LOAD or program.contact_line != "identified":
         return Kappa(limits.kappa(_stiffness(program, player)))
@@ -132,7 +133,7 @@ def _confirm(
     free_um: float,
     kappa: Kappa,
 ) -> Player:
-    """Act on a step that the sample after it still shows; forget one that is gone."""
+    """Act on a step that the next sample still shows; discard one that is gone."""
     step = player.slip.suspect
     assert step is not None
     shown_um = unexplained_um(step, estimate.x_um, free_um, kappa)
@@ -195,7 +196,7 @@ def within_plan(program: Program, player: Player, x_um: float) -> Player:
 
 
 def rests(player: Player) -> bool:
-    """Return whether a part is kept at rest, so that freezing the voltage is enough."""
+    """Return whether a part is held at rest, so that freezing the voltage is enough."""
     segment = player.segment
     if isinstance(segment, Drive):
         return segment.stays
@@ -203,7 +204,7 @@ def rests(player: Player) -> bool:
 
 
 def _moved_line(player: Player, estimate: ArmEstimate, K_e: float) -> Player:
-    """Put the line through the newest sample, with the stiffness there was: x_e = x - F/K_e."""
+    """Put the line through the newest sample, with the previous stiffness: x_e = x - F/K_e."""
     ref = player.ref._replace(x_um=estimate.x_um, speed_um_per_s=0.0, force_mN=estimate.force_mN)
     player = replace(player, line=ContactLine(), ref=ref, bump=True)
     return with_line(player, estimate.x_um - estimate.force_mN / K_e, K_e)
@@ -217,7 +218,7 @@ def _stiffness(program: Program, player: Player) -> float:
 
 
 def _frozen(player: Player) -> Player:
-    """Keep the voltage for the rest of the hold; out of a pause, until the part is released."""
+    """Keep the voltage for the rest of the hold; in a pause, until the part is released."""
     if player.pause.active:
         return enter(replace(player, pause=NO_PAUSE), -1, Drive(Phase.HOLD, None))
     held = player.segment
@@ -229,7 +230,7 @@ def _frozen(player: Player) -> Player:
 
 
 def _back(program: Program, player: Player, x_um: float) -> Player:
-    """Unload along the line, or retreat at once where the force is not known."""
+    """Unload along the line, or retreat at once if the force is not known."""
     unload = next((one for one in program.segments if one.phase == Phase.UNLOAD), None)
     lines = player.outcome != Outcome.SENSOR_JUMP and unload is not None and unload.presses
     if lines or not has_phase(program, Phase.RETREAT):

@@ -24,7 +24,7 @@ class Inputs(FrozenRecord, frozen=True):
 
 
 class State(FrozenRecord, frozen=True):
-    """The program, where it stands, and the memories of law and arms."""
+    """The running program, its position, and the memories of law and arms."""
 
     memories: tuple[ArmMemory, ...]
     """Memory of each arm; it outlives an arming, as the arm's own does."""
@@ -34,7 +34,7 @@ class State(FrozenRecord, frozen=True):
     owner: int = 0
     seq: int = -1
     loaded: Program | None = None
-    """What the next arming plays; loading it does not touch what plays now."""
+    """Program of the next arming; loading it does not affect the one that plays."""
     program: Program | None = None
     playing: bool = False
     laws: tuple[ControlLaw, ...] = ()
@@ -43,19 +43,19 @@ class State(FrozenRecord, frozen=True):
     law_state: Any = None
     """State of the law that drives the arms; None before the first step."""
     learning: Learning | None = None
-    """Along the cycles of a program that learns."""
+    """Learning along the cycles of a path; None if the program learns nothing."""
     pending: tuple[Action, ...] = ()
     lease: RunningLease | None = None
-    """Without one the program plays to its end, with or without a supervisor."""
+    """Lease of the program; without one it plays to its end, with or without a supervisor."""
     silenced: Fault | None = None
-    """Why it commands no more, though no action has ended the program."""
+    """Reason why the controller stopped commanding, though no action has ended the program."""
     refused: int = 0
     found: Fault | None = None
-    """Why it has stopped, or stops, without an action that asks for it."""
+    """Reason why the program stops or has stopped without a requested action."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Faults of this program that people see."""
+        """Faults of this program that are reported."""
         return () if self.found is None else (self.found,)
 
 
@@ -68,9 +68,9 @@ def ended_tick(
     estimate: Estimate,
     **changes: Any,
 ) -> tuple[State, tuple[Command] | tuple[Command, Telemetry]]:
-    """Return the state after a tick, and what the controller sends.
+    """Return the state after a tick, and the messages of the controller.
 
-    A number of the law that no decoder takes makes the command invalid, and no telemetry is sent.
+    A number of the law that a decoder rejects makes the command invalid, and no telemetry is sent.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The controller as a service: an estimate in, a command and the controller's own view out."""
+"""The controller as a service: an estimate in, a command and its telemetry out."""
 
 from msgspec.structs import replace
 
@@ -52,7 +52,7 @@ TRIPPED = Fault(FaultCode.ACTUATOR_TRIPPED)
 
 
 def start(config: ControllerConfig) -> State:
-    """Nothing is loaded."""
+    """Return the state before any program is loaded."""
     memories = tuple(ArmMemory(arm.response, arm.response) for arm in config.arms)
     return State(memories, (UNSEEN,) * len(memories))
 
@@ -60,7 +60,7 @@ def start(config: ControllerConfig) -> State:
 def step(
     config: ControllerConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    """Answer an estimate with a command; the stop by an ended lease acts with the next one."""
+    """Answer an estimate with a command; an ended lease stops the program at the next one."""
     state, outputs = _answer(config, state, inputs.estimate)
     if state.lease is None or not state.playing:
         return state, outputs
@@ -142,7 +142,7 @@ def _asked(
     estimate: Estimate,
     wanted: Wanted,
 ) -> tuple[tuple[ArmCommand, ...], tuple[ArmTelemetry, ...]]:
-    """Return the command of each arm, and its references for the newest sample."""
+    """Return the command of each arm, and its references at the newest sample."""
     alone = player.felt is None
     # The actuator alone keeps two arms within the range that their plan has stated.
     planned = program.planned_range if alone else None
@@ -161,10 +161,10 @@ def _asked(
 
 
 def _aims_um(before: Player, player: Player, wanted: Wanted) -> tuple[float, ...]:
-    """Return where each tip was to be at the newest sample; without a law two are where they are.
+    """Return the desired position of each tip at the newest sample, in µm.
 
-    The law of one arm says so. Two arms share the place, and a part that is pressed leaves them as
-    open as they are.
+    The law of one arm states it. Two arms share the place, and a part that is pressed leaves them
+    as open as they are. Without a law both tips are taken where they are.
     """
     felt, ref = player.felt, before.ref
     if felt is None:
@@ -178,7 +178,7 @@ def _aims_um(before: Player, player: Player, wanted: Wanted) -> tuple[float, ...
 def _planned_V(
     planned: PlannedRange | None, player: Player, measured: ArmEstimate, wanted_V: float
 ) -> float:
-    """Return the voltage to command: frozen, or within the range that the plan has stated."""
+    """Return the voltage to command, in V: frozen, or within the range stated by the plan."""
     if player.ended or player.slip.suspect is not None:
         return measured.applied_V
     if planned is None:

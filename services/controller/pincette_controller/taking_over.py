@@ -1,4 +1,4 @@
-"""Beginning with a part that is held already, at the force that acts on it.
+"""Programs that begin with a held part, at the force that acts on it.
 
 The references begin where the arm is measured, with the force that is estimated, so that neither
 they nor the voltage jump. The contact line of one arm goes through that sample with the stiffness
@@ -22,11 +22,11 @@ from pincette_controller.player_state import NO_PAUSE, Began, Player, enter, wit
 from pincette_controller.slipping import admissible
 
 LARGEST_ERROR = 0.02
-"""Standard error of the fitted stiffness, as a share of it, up to which the fit is used."""
+"""Largest relative standard error of the fitted stiffness with which the fit is used."""
 
 
 def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Player:
-    """Return a player at the first segment, with the force that the estimate states."""
+    """Return a player at the first segment, with the estimated force."""
     x_um, force_mN, applied_V = estimate.x_um, estimate.force_mN, estimate.applied_V
     ref = Reference(x_um, force_mN=force_mN, voltages_V=(applied_V,))
     player = Player(
@@ -45,7 +45,7 @@ def take_over(program: Program, estimate: ArmEstimate, period_s: float) -> Playe
 
 
 def force_unknown(player: Player, arms: Arms) -> bool:
-    """Return whether a held part is moved by a force that has no zero, or whose U is as large."""
+    """Return whether a held part is loaded by a force without a zero, or with too large a U."""
     segment = player.segment
     if segment.phase != Phase.LOAD or player.outcome:
         return False
@@ -54,15 +54,15 @@ def force_unknown(player: Player, arms: Arms) -> bool:
 
 
 def keep_as_it_is(player: Player) -> Player:
-    """Keep the voltage of a part whose force is not known, until it is released."""
+    """Keep the voltage of a part whose force is not known, until the part is released."""
     kept = replace(player, outcome=Outcome.UNCERTAIN_FORCE, pause=NO_PAUSE)
     return enter(kept, -1, Drive(Phase.STOPPED, None, player.segment.law))
 
 
 def settle_held(program: Program, player: Player) -> Player:
-    """Take the contact line as fitted over the load, where the fit is sure and admissible.
+    """Adopt the contact line fitted over the load, if the fit is certain and admissible.
 
-    Unlike a grip a wrong stiffness ends nothing: the part is held already.
+    Unlike in a grip a wrong stiffness ends nothing, since the part is held already.
     """
     fit = player.line.fit()
     if fit is None or not admissible(program, fit.K_e_mN_per_um):

@@ -1,7 +1,7 @@
-"""Touches of arms on their way: of the part that they look for, or of something in the way.
+"""Touches of moving arms: of the part that they look for, or of something in the way.
 
-On its way through free space an arm must meet nothing, from the first sample on. A touch that
-the estimator has found stops the motion, and the arms go back to where they were free.
+On its way through free space an arm must meet nothing, from the first sample on. A touch that the
+estimator has found stops the motion, and the arms go back to where they were free.
 
 A part between two arms counts as held from the moment that the sides which are looked for have
 touched together.
@@ -33,13 +33,14 @@ from pincette_controller.player_state import (
 )
 
 RETREAT_S = 2.0
-"""Duration of the way back if a program has none."""
+"""Duration of the way back, in s, if a program has none."""
 BACK_UM, BACK_SHARE = 2.0, 0.1
 """Distance of the way out after a touch on the way back, in µm, or as a share of the voltage."""
 BEND_FORCES = 10.0
-"""Contact forces above which a kink is no bend of the arm itself, however soft it is."""
+"""Multiple of the contact force above which a kink is not a bend of the arm itself, however soft.
+"""
 DRIFT_S = 0.2
-"""Over which the force of a free approach is averaged."""
+"""Time over which the force of a free approach is averaged, in s."""
 
 
 def seek(program: Program, player: Player, segment: Seek, arms: Arms, x_um: float) -> Player:
@@ -50,11 +51,11 @@ def seek(program: Program, player: Player, segment: Seek, arms: Arms, x_um: floa
 
 
 def _seek_by_one(program: Program, player: Player, arms: Arms, x_um: float) -> Player:
-    """Go on to the load after a touch; go back where a hidden force may be as large as that load.
+    """Go on to the load after a touch; go back if a hidden force may be as large as that load.
 
     A part could press with the force of the load where U is as large, before its touch shows. A
-    part that pressed when the force was zeroed is met at once, before its planned place: every
-    force read by that zero then lacks what it hides.
+    part that pressed when the force was zeroed is met at once, before its planned place. Every
+    force read from that zero is then too small by the hidden force.
     """
     guards, following, (estimate,) = program.guards, program.segments[player.index + 1], arms
     load_mN = following.to_mN if isinstance(following, Press) else None
@@ -90,7 +91,7 @@ def _least_place_um(guards: Guards, arm: int) -> float:
 
 
 def load_rate(load: Press, force_mN: float, rate_mN_per_s: float) -> float:
-    """Return the rate with which the reference of the force begins a load.
+    """Return the rate at which the reference of the force begins a load, in mN/s.
 
     It is the rate of the seek, but not so large that the reference passes the end of the load.
     """
@@ -143,7 +144,7 @@ def _seek_by_two(
 
 
 def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_s: float) -> Player:
-    """Turn back where an arm meets something; what it still left behind it must clear first.
+    """Turn back where an arm meets something; it must first clear what it is still leaving.
 
     A touch is what the estimator has found, or a jump of the force on a quick way to the stand-off.
     The strongest counts. On the way back from a refused zero an arm whose own zero was refused is
@@ -183,7 +184,7 @@ def watch_way(program: Program, player: Player, arms: Arms, x_um: float, period_
 
 
 def _is_own_bend(guards: Guards, began_um: float, estimate: ArmEstimate, touch_mN: float) -> bool:
-    """Return whether what looks like a touch is a bend of the free arm, as the guards admit.
+    """Return whether an apparent touch is a bend of the free arm that the guards admit.
 
     Free arms bend where they come near saturation, and softly. No arm does before the place where
     it began to move.
@@ -196,18 +197,18 @@ def _is_own_bend(guards: Guards, began_um: float, estimate: ArmEstimate, touch_m
 
 
 def _watches_at_rest(player: Player) -> bool:
-    """Return whether an arm is watched before its strokes: it need not have been clear before."""
+    """Return whether an arm is watched before its strokes, without having been clear before."""
     return player.index == 0 and player.segment.phase == CONDITION
 
 
 def _watch_jump(
     program: Program, player: Player, estimate: ArmEstimate, period_s: float
 ) -> tuple[Player, bool]:
-    """Return the player, and whether the force has left its mean over the time before.
+    """Return the player, and whether the force has jumped from its earlier mean.
 
-    On its first way the free arm's force may be read wrong by more than is stated, but that comes
-    little by little; a touch at the speed of an approach is a jump. A part that is met slowly, near
-    the end, is found by the zero there.
+    On its first way the free arm's force may have an error larger than stated, but that error grows
+    gradually; a touch at the speed of an approach is a jump. A part that is met slowly, near the
+    end, is found by the zero there.
     """
     guards, jump_mN = program.guards, estimate.force_mN - player.watch.drift_mN
     if jump_mN - estimate.force_uncertainty_mN < guards.contact_force_mN:
@@ -220,9 +221,9 @@ def _watch_jump(
 def _turn_back(
     program: Program, player: Player, arms: Arms, x_um: float, side: int, touch: Touch
 ) -> Player:
-    """Go back to where the program began, or out of what is behind an arm.
+    """Go back to where the program began, or away from what is behind an arm.
 
-    The law of one arm is rebased; that of two takes what it misses as it finds it.
+    The law of one arm is rebased; that of two takes the present errors as it finds them.
     """
     behind, began = touch.force_mN < 0.0, player.began
     touched = replace(

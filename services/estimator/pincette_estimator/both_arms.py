@@ -1,4 +1,4 @@
-"""Two arms: each has the estimate of its own, by the same code, and their difference is watched.
+"""Two arms: each has its own estimate, by the same code, and the two forces are compared.
 
 What both press is one force. The mean of F̂_1 - F̂_2 while a part is held says that a model of one
 of them is wrong, or that something else holds the part.
@@ -14,9 +14,9 @@ from pincette.control.record import FrozenRecord
 from pincette.core.messages import Estimate
 
 APART_S = 0.5
-"""Time constant of the mean, long against a swing of the part."""
+"""Time constant of the mean, in s; long against a swing of the part."""
 LEAST_S = 1.0
-"""Time for which a part must have been held before the forces are compared."""
+"""Time for which a part must have been held before the forces are compared, in s."""
 
 
 class ForcesApart(FrozenRecord, frozen=True):
@@ -28,7 +28,7 @@ class ForcesApart(FrozenRecord, frozen=True):
     """Uncertainty U of the difference of both forces, in mN."""
 
     def follow(self, both: Estimate, period_s: float, *, held: bool) -> "ForcesApart":
-        """Add a sample of both arms; start again without a part or without a known force."""
+        """Add a sample of both arms; start again if no part is held or a force is not known."""
         first, second = both.arms
         known = first.zero_age_s is not None and second.zero_age_s is not None
         if not held or not both.valid or not known:
@@ -43,7 +43,7 @@ class ForcesApart(FrozenRecord, frozen=True):
 
     @property
     def finding(self) -> Fault | None:
-        """Told where the mean is beyond what both estimators state."""
+        """Fault raised when the mean exceeds the uncertainty of both estimators, or None."""
         if self.held_s < LEAST_S or abs(self.mean_mN) <= self.uncertainty_mN:
             return None
         return fault(
@@ -54,16 +54,17 @@ class ForcesApart(FrozenRecord, frozen=True):
 
 
 def moving_V(moving: Pair, voltage_V: float, other_V: float) -> float:
-    """The voltage that would move a free arm as both voltages move the tip of one that presses.
+    """Return the voltage that would move a free arm as far as both voltages move a pressing one.
 
-    What both press alike moves neither: x_i = X_i - s_i·F, F = (X_1 + X_2 - g)/(s_1 + s_2 + c).
+    A change that presses both tips alike moves neither: x_i = X_i - s_i·F, F = (X_1 + X_2 - g)/(s_1
+    + s_2 + c).
     """
     own, others = moving
     return own * voltage_V + others * other_V
 
 
 def joined(first: Estimate, second: Estimate) -> Estimate:
-    """Return one estimate of both arms, valid where each is."""
+    """Combine the estimates of both arms into one, which is valid if both are."""
     return replace(
         first,
         degraded=first.degraded or second.degraded,

@@ -17,59 +17,60 @@ from pincette_estimator.state import moved_V
 
 @dataclass(frozen=True, slots=True)
 class ArmConfig:
-    """An arm as identified, and what its free response is trusted for."""
+    """An identified arm, and the errors of its free response."""
 
     period_s: float
     unseen_V: float
-    """Largest change of the voltage between two programs that the estimator need not have seen. In
+    """Largest change of the voltage between two programs, in V, that the estimator may miss. In
     lockstep no sample follows the last voltage of a program."""
     plant: DifferenceEquation
     response: FreeResponse
-    """x_1 before anything has happened: the arm unpoled, at 0 V."""
+    """Free response x_1 before any motion: the arm unpoled, at 0 V."""
     unknown: UnknownPast
-    """What the arm may have been through where nobody has followed it.
+    """Possible past of an arm whose voltage no program has followed.
 
     A simulated arm that starts with the programs is new, but not every new arm is as the model's.
     """
     approach_tells: bool
-    """Whether the approach of a free arm narrows an unknown past; see ``derived``."""
+    """True if the approach of a free arm narrows an unknown past; see ``derived``."""
     residual: ResidualTable | None
-    """What x_1 misses along the program that is armed; None: nobody has measured it."""
+    """Error of x_1 along the armed program; None if it was not measured."""
     observer: ForceObserver
-    """Observer of an arm at rest without a force."""
+    """Force observer of an arm at rest without a force."""
     compliance_um_per_mN: float
     noise_um: float
-    """Standard deviation that the sensor's noise gives the force, times s_p."""
+    """Standard deviation of the force from the sensor's noise, times s_p, in µm."""
     sensor_noise_um: float
-    """Standard deviation of one reading."""
+    """Standard deviation of one reading, in µm."""
     creep_mN_per_decade: float
     creep_percent_per_decade: float
-    """Creep per decade of a step, by which U grows beyond ``creep_known_s``."""
+    """Creep per decade of time, in percent of a step; U grows by it beyond ``creep_known_s``."""
     creep_known_s: float
-    """Age of a zero up to which x_1 follows creep; infinite where it follows none."""
+    """Age of a zero, in s, up to which x_1 follows creep; infinite where it follows none."""
     forgotten_mN: float
     forgotten_scale_V: float
     return_error_um: float
-    """Standard error of x_1 on the way back; 0 where it was not measured."""
+    """Standard error of x_1 on the way back, in µm; 0 if it was not measured."""
     turn_error_um_per_V: float
-    """Standard error of the slope of x_1 just after a turn; 0 where it was not measured."""
+    """Standard error of the slope of x_1 just after a turn, in µm/V; 0 if it was not measured."""
     ring_shares: RingShares
     """Contribution of the mode's ringing to the uncertainty of a position."""
     zero_limits: ZeroLimits
     kink_limits: KinkLimits
     part_stiffness_mN_per_um: float
-    """Stiffness K_e of the planned part."""
+    """Stiffness K_e of the planned part, in mN/µm."""
     stuck_V: float
-    """Change of the voltage that a working sensor must show."""
+    """Change of the voltage, in V, that the reading of a working sensor must show."""
     position_um: tuple[float, float]
-    """Range of the sensor, as positions of the arm."""
+    """Range of the sensor, as positions of the arm, in µm."""
     voltage_V: tuple[float, float]
-    """Voltages that are possible at all: as far beyond the limits as they are apart."""
+    """Voltages that are possible at all, in V: the range of the limits, widened by its own width on
+    either side."""
     drift_um_per_s: float = 0.0
-    """Largest drift of the sensor's reading."""
+    """Largest drift of the sensor's reading, in µm/s."""
     moving: tuple[float, float] | None = None
-    """By how much this arm's voltage, and the other's, move the tip of an arm that holds a part
-    with another one: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None: it is alone."""
+    """Factors by which the arm's own voltage and the other arm's move a tip, while both arms hold a
+    part: 1 - a and -a·d_j/d_i, with a = s_i/(s_1 + s_2 + 1/K_c). None for a single arm."""
     arm: int = 0
     """Index of this arm in messages."""
 
@@ -82,7 +83,7 @@ class EstimatorConfig:
 
 
 def configure(rig: RigFile) -> EstimatorConfig:
-    """Take the estimator's part of a rig file; raises ConfigError for an impossible observer."""
+    """Read the estimator's part of a rig file; raises ConfigError for an impossible observer."""
     arms = tuple(map(_of_arm, rig.arms))
     if len(arms) == 1:
         return EstimatorConfig(arms)

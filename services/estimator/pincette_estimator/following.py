@@ -1,4 +1,4 @@
-"""How the memories of an arm follow the voltage applied."""
+"""Updates of an arm's memories by the voltage applied."""
 
 from math import hypot
 
@@ -13,10 +13,10 @@ from pincette_estimator.config import ArmConfig
 from pincette_estimator.state import ArmState, Ringing
 
 OUTPUT_LOST = (Cause.DEVICE, Cause.SUSPEND)
-"""Causes of a trip in which the actuator had to ask the output for its voltage."""
+"""Causes of a trip after which the actuator had to query the output for its voltage."""
 UNHEARD_S = 0.5
-"""Time without a message of the actuator after which somebody else may have moved the output: less
-than a restart takes, more than lost messages cause."""
+"""Time without a message of the actuator, in s, after which something else may have moved the
+output: less than a restart takes, more than lost messages cause."""
 
 
 def _ringing(
@@ -31,8 +31,11 @@ def _ringing(
 
 
 def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | None) -> ArmState:
-    """Forget the arm's past where its voltage was not known: it may have been anywhere within the
-    limits, and goes straight from there to the next one that is told."""
+    """Discard the arm's past after an interval in which its voltage was not known.
+
+    During that interval it may have been anywhere within the limits. It is taken to go straight
+    from there to the next known voltage.
+    """
     lost = (seq - state.followed_seq) * config.period_s > UNHEARD_S
     if applied is not None:
         lost = lost or applied.unconfirmed or applied.cause in OUTPUT_LOST
@@ -45,7 +48,7 @@ def unfollowed(config: ArmConfig, state: ArmState, seq: int, applied: Applied | 
 
 
 def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmState:
-    """Take in the voltage applied, over all samples since the last that had one, and its tick."""
+    """Update the memories by the voltage applied over all samples since the last known one."""
     voltage_V = applied.arms[config.arm].voltage_V
     passed_s = (applied.seq + 1 - state.followed_seq) * config.period_s
     response = state.response.follow(voltage_V, passed_s)
@@ -62,7 +65,7 @@ def follow_voltage(config: ArmConfig, state: ArmState, applied: Applied) -> ArmS
 
 
 def _missed(config: ArmConfig, state: ArmState, applied: Applied) -> Residual | None:
-    """Return what x_1 misses at the tick that the voltage is of; without one it stays."""
+    """Return the error of x_1 at the tick of this voltage; unchanged if the tick is not known."""
     if config.residual is None or applied.segment is None:
         return state.missed
     return config.residual.at(applied.segment, applied.segment_tick)

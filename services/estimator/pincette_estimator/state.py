@@ -23,43 +23,51 @@ from pincette.core.messages import Applied, Position
 from pincette_estimator.both_arms import ForcesApart
 
 SURE = 3.0
-"""Uncertainties beyond which a force is none of an error: a zero has not taken it off yet, and U
-is stated for what comes after one."""
+"""Multiple of U above which a force before a zero is not taken for an error. The zero has not
+removed that error yet, and U is stated for the time after a zero."""
 NOT_TOUCHED = 1.5
-"""Uncertainties, three standard ones, beyond which a force that has a zero cannot be larger."""
+"""Multiple of U, three standard uncertainties, that no force after a zero can exceed without a
+part."""
 SAMPLES = 8
-"""Equal readings in a row; with the age limit of a command the actuator trips at the tenth."""
+"""Number of equal readings in a row that show a stuck sensor. With the age limit of a command the
+actuator trips at the tenth."""
 LATE_SAMPLES = 2
-"""The newest voltages, which output, arm and averaging may not have made visible yet."""
+"""Number of newest voltages that output delay, arm and averaging may not have made visible yet."""
 FREE_SAMPLES = 128
 """Samples of free motion kept, enough for the branch that leads to a rest."""
 CHUNK = 16
 RESTS_V = 0.02
-"""Width within which a law holds the voltage of an arm at rest."""
+"""Width, in V, within which a law holds the voltage of an arm at rest."""
 NOISES = 10.0
-"""Motion that cannot stay unseen, in standard deviations of the sensor's noise."""
+"""Motion that the sensor is certain to show, in standard deviations of its noise."""
 
 
 def moved_V(noise_um: float, piezo_um_per_V: float) -> float:
-    """Change of the voltage, in V, that moves a free arm by ``NOISES``; infinite without noise."""
+    """Return the change of voltage, in V, that moves a free arm by ``NOISES``.
+
+    Infinite without noise.
+    """
     return NOISES * noise_um / piezo_um_per_V if noise_um > 0.0 else float("inf")
 
 
 class StuckWatch(FrozenRecord, frozen=True):
-    """The last reading, and the voltages applied since it has been the same."""
+    """Detector of a stuck sensor: the last reading, and the voltages since it first appeared."""
 
     x_um: float | None = None
     voltages_V: tuple[float, ...] = ()
-    """Newest voltages, at most ``SAMPLES``, because of creep: a loop that holds the arm still moves
-    the voltage slowly."""
+    """Newest voltages, in V, at most ``SAMPLES``: a loop that holds a creeping arm still moves the
+    voltage slowly."""
     stuck: bool = False
     held: bool = False
-    """Whether those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
+    """True if those voltages are of two arms that hold a part; see ``both_arms.moving_V``."""
 
     def follow(
         self, x_um: float, voltage_V: float, moved_V: float, *, held: bool = False
     ) -> "StuckWatch":
-        """Take a sample and the voltage behind it; once stuck, until the reading differs."""
+        """Add a sample and the voltage behind it.
+
+        A stuck sensor stays so until its reading changes.
+        """
         if x_um != self.x_um or (held != self.held and not self.stuck):
             return StuckWatch(x_um, (voltage_V,), held=held)
         voltages_V = (*self.voltages_V[1 - SAMPLES :], voltage_V)
@@ -71,7 +79,7 @@ class StuckWatch(FrozenRecord, frozen=True):
 
     @property
     def fault(self) -> Fault | None:
-        """The sensor's fault; None where all is well."""
+        """Fault of the sensor; None if it is not stuck."""
         if not self.stuck or self.x_um is None:
             return None
         return fault(FaultCode.SENSOR_STUCK, x_um=self.x_um, samples=SAMPLES)
@@ -82,22 +90,25 @@ class FreeMotion(FrozenRecord, frozen=True):
 
     older: tuple[FreeSample, ...] = ()
     newer: tuple[FreeSample, ...] = ()
-    """Fewer than ``CHUNK``: only these are copied in most ticks."""
+    """Newest samples, fewer than ``CHUNK``: most ticks copy only these."""
 
     @property
     def samples(self) -> tuple[FreeSample, ...]:
-        """The oldest first."""
+        """Kept samples, the oldest first."""
         return (*self.older, *self.newer)[-FREE_SAMPLES:]
 
     def rests(self, count: int) -> bool:
-        """Whether the voltage has rested for ``count`` samples; looked at once in a ``CHUNK``."""
+        """Return whether the voltage rests for ``count`` samples.
+
+        Checked at the end of a ``CHUNK``.
+        """
         if self.newer or len(self.older) < count:
             return False
         voltages_V = [sample.voltage_V for sample in self.older[-count:]]
         return max(voltages_V) - min(voltages_V) <= RESTS_V
 
     def follow(self, sample: FreeSample) -> "FreeMotion":
-        """Take in the next sample."""
+        """Add the next sample."""
         newer = (*self.newer, sample)
         if len(newer) < CHUNK:
             return FreeMotion(self.older, newer)
@@ -105,7 +116,10 @@ class FreeMotion(FrozenRecord, frozen=True):
 
 
 class Inputs(FrozenRecord, frozen=True):
-    """``applied`` is that of the sample before; None where it did not come in time."""
+    """One position, and the voltage applied at the sample before.
+
+    None if it did not arrive in time.
+    """
 
     position: Position | None
     applied: Applied | None
@@ -123,72 +137,75 @@ class ArmState(FrozenRecord, frozen=True):
     """The free response of an arm, the samples behind it, and the past that a force needs."""
 
     response: FreeResponse
-    """Free response; its memory outlives an arming, as the arm's does."""
+    """Free response of the arm; its memory outlives an arming, as the arm's does."""
     model: FreeResponse
     """Initial ``response``, unpoled."""
     observer: ForceObserver
     unknown: UnknownPast
     """Possible history of the arm before the start, or since it was last followed."""
     followed_seq: int = -1
-    """The sample up to which ``response`` has followed the voltage."""
+    """Newest sample up to which ``response`` has followed the voltage."""
     observed_seq: int | None = None
-    """The last sample that ``observer`` has seen; None before the first of an epoch."""
+    """Newest sample that ``observer`` has seen; None before the first of an epoch."""
     free_motion: FreeMotion = field(default_factory=FreeMotion)
     """Recorded motion of the free arm, up to the newest sample."""
     contact_detector: ContactDetector = field(default_factory=lambda: ContactDetector(0.0, 0.0))
-    """Since the zero, or the first sample of the epoch."""
+    """Search for a contact since the zero, or since the first sample of the epoch."""
     zero_s: float | None = None
-    """Time of the zero that the force counts from; below 0 where a held part keeps an earlier one;
-    None: there is none."""
+    """Time of the zero that the force counts from, in s; negative if a held part keeps an earlier
+    one, None without a zero."""
     zero_kept: bool = False
-    """True where x_1 still goes through a zero, or a first sample, of an earlier epoch."""
+    """True if x_1 still goes through a zero, or a first sample, of an earlier epoch."""
     zeroed: bool = False
-    """True where x_1 goes through a zero, of this epoch or of an earlier one, and not only through
-    the place where the arm was found."""
+    """True if x_1 goes through a zero of this epoch or an earlier one, rather than only through the
+    place where the arm was found."""
     kept_age_s: float = 0.0
-    """Time that earlier epochs have played since that zero; the time between them is not known."""
+    """Time that earlier epochs have played since that zero, in s; the pauses between them are not
+    known."""
     zero_confirmed: bool = False
-    """True where something but the zero itself shows that no part pressed when it was taken: a
-    person's word, or a part that was found at its planned place later. It outlives an arming that
+    """True if something other than the zero itself shows that no part pressed when it was taken: an
+    operator's confirmation, or a part found at its planned place later. It outlives an arming that
     keeps the zero."""
     zero_refusal: Fault | None = None
     zero_due_V: float | None = None
-    """Voltage of a zero whose sample was not measured; None: no zero is due."""
+    """Voltage, in V, of a zero whose sample was not measured; None if no zero is due."""
     x_2_um: float = 0.0
     x_3_um: float = 0.0
     reversal_memory: ReversalMemory = field(default_factory=lambda: ReversalMemory(0.0))
     """Reversals of the voltage since the zero."""
     highest_V: float = 0.0
-    """Highest voltage that ``response`` has followed since its past was unknown."""
+    """Highest voltage that ``response`` has followed since its past was unknown, in V."""
     missed: Residual | None = None
-    """What x_1 misses at the newest tick, by the residual table; None: nothing is known of it."""
+    """Error of x_1 at the newest tick, by the residual table; None if it is not known."""
     known_V: float = 0.0
-    """``highest_V`` as this epoch began: up to there ``response`` has the arm's memory."""
+    """Value of ``highest_V`` at the begin of this epoch; up to there ``response`` has the arm's
+    memory."""
     ringing: Ringing = Ringing()
     stuck: StuckWatch = field(default_factory=StuckWatch)
-    """Whether the sensor follows the voltage at all."""
+    """Detector of a sensor that does not follow the voltage."""
     past: VoltageMemory = field(default_factory=VoltageMemory)
-    """The voltage since its past was unknown, for another model to be led through."""
+    """Voltages since the past was unknown; a changed model replays them."""
     bottom: Bottom = Bottom()
     """Rest at the bottom of the last conditioning stroke of this epoch."""
     way_base: Base | None = None
-    """Rest after those strokes, from which the way to the next zero counts; None before it."""
+    """Rest after those strokes, from which the way to the next zero counts; None before that rest.
+    """
     stroke: StrokeChange | None = None
-    """Change of the stroke as compared last; None: not compared since the start."""
+    """Newest measured change of the stroke; None if none was measured since the start."""
 
     @property
     def zero_unconfirmed(self) -> bool:
-        """True where the zero may hide the force of a part that pressed when it was taken."""
+        """True if the zero may hide the force of a part that pressed when it was taken."""
         return self.zero_s is not None and not self.zero_confirmed
 
     @property
     def missed_um(self) -> float:
-        """What x_1 misses, as far as it is known."""
+        """Error of x_1, in µm, by the residual table."""
         return 0.0 if self.missed is None else self.missed.value_um
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Faults of this arm that people see."""
+        """Faults of this arm that are reported."""
         stuck = self.stuck.fault
         found = () if stuck is None else (stuck,)
         if self.stroke is not None and self.stroke.significant:
@@ -207,11 +224,11 @@ class State(FrozenRecord, frozen=True):
     epoch: int = 0
     refused: int = 0
     apart: ForcesApart = field(default_factory=ForcesApart)
-    """Difference of the forces of two arms."""
+    """Mean difference between the forces of two arms."""
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Faults of this program that people see."""
+        """Faults of this program that are reported."""
         found = tuple(fault for arm in self.arms for fault in arm.findings)
         apart = self.apart.finding
         return found if apart is None else (*found, apart)

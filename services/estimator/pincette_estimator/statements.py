@@ -1,4 +1,4 @@
-"""Statement of the estimator on a sample: the force with its uncertainty, or a fault."""
+"""Statements of the estimator on a sample: the force with its uncertainty, or a fault."""
 
 from math import hypot
 
@@ -19,7 +19,7 @@ def estimate(
     F_mN: float,
     p_mN: float,
 ) -> Estimate:
-    """State the force of an arm at the sample just taken in, and its uncertainty."""
+    """State the force of an arm at the newest sample, and its uncertainty."""
     x_um, output = position.arms[config.arm].x_um, applied.arms[config.arm]
     age_s = None if state.zero_s is None else position.seq * config.period_s - state.zero_s
     u_F_mN = hypot(
@@ -63,7 +63,7 @@ def estimate(
 def degraded(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Estimate:
-    """An estimate that must not be used for control: the voltage or the measurement is missing."""
+    """Return an estimate unfit for control, because the voltage or the measurement is missing."""
     x_um, (low_um, high_um) = position.arms[config.arm].x_um, config.position_um
     output = None if applied is None else applied.arms[config.arm]
     arm = ArmEstimate(
@@ -91,7 +91,7 @@ def degraded(
 def _fault(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied | None
 ) -> Fault | None:
-    """Return why there is no force to be had from a sample."""
+    """Return the reason why a sample gives no force; None if it gives one."""
     sample = position.arms[config.arm]
     if not sample.valid:
         return sample.fault

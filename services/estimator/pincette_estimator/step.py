@@ -1,4 +1,4 @@
-"""The estimator as a service: position k and the voltage applied at k-1 in, the force out."""
+"""The estimator as a service: position k and the voltage applied at k-1 yield the force."""
 
 from math import inf
 
@@ -30,14 +30,14 @@ from pincette_estimator.statements import degraded, estimate
 from pincette_estimator.uncertainty import creep_um, narrowed_past, past_creep_um, rested_past
 
 AHEAD_SHARE = 0.5
-"""Share of the way that a touch pushes the arm, up to which an arm ahead of its zero keeps it. Read
-as a force, more than the whole of it would pass for something that pulls the arm."""
+"""Share of a touch's way by which an arm may be ahead of its zero and still keep it. Read as a
+force, more than the whole way would look as if something pulled the arm."""
 KEPT_ZERO_S = 86_400.0
-"""Age for which creep is allowed for where a zero is compared with one of an earlier epoch."""
+"""Age, in s, whose creep is allowed for when a zero is compared with one of an earlier epoch."""
 
 
 def start(config: EstimatorConfig) -> State:
-    """Nothing has been applied and nothing measured."""
+    """Return the state before any voltage or measurement."""
     return State(
         tuple(
             ArmState(arm.response, arm.response, arm.observer, arm.unknown) for arm in config.arms
@@ -65,7 +65,7 @@ def step(
         if told is not None:
             low_V, high_V = of_arm.voltage_V
             if not low_V <= told.arms[of_arm.arm].voltage_V <= high_V:
-                # Followed once, it would stay in the memory of the arm.
+                # The memory of the arm would keep an impossible voltage.
                 refused, told = refused + 1, None
         arm, one = _estimated(of_arm, before, position, told)
         arms += (arm,)
@@ -112,7 +112,7 @@ def _estimated(
 
 
 def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float | None:
-    """Return the voltage of a zero that this sample has to take; None: there is none.
+    """Return the voltage of a zero that this sample has to take, in V; None without one.
 
     A zero whose sample was not measured stays due while the output keeps its voltage and no other
     command has been put out: the arm is in the same rest.
@@ -127,7 +127,7 @@ def _zero_due_V(config: ArmConfig, state: ArmState, applied: Applied) -> float |
 def _take_sample(
     config: ArmConfig, state: ArmState, position: Position, applied: Applied
 ) -> tuple[ArmState, float, float]:
-    """Take in a measurement; the next state, the force (53) and the perturbation (6) in mN."""
+    """Process a measurement; return the state, the force (53) and the perturbation (6) in mN."""
     x_um, voltage_V = position.arms[config.arm].x_um, applied.arms[config.arm].voltage_V
     first = state.observed_seq is None
     missed = state.observed_seq != position.seq - 1
@@ -159,10 +159,10 @@ def _take_sample(
 def _found_in_place(
     config: ArmConfig, state: ArmState, applied: Applied, x_um: float, F_mN: float
 ) -> bool:
-    """Return whether the place of contact of a held part shows that its zero was taken before it.
+    """Return whether the place of contact confirms that the zero was taken before the part pressed.
 
-    A part that pressed at the zero makes contact at once as the arm goes on: by the force less what
-    the zero hides, it begins where the zero was taken, which is before the planned place.
+    A part that pressed at the zero makes contact at once as the arm goes on. By the force without
+    the hidden amount, contact begins where the zero was taken, which is before the planned place.
     """
     if not applied.part_held or state.zero_s is None:
         return False
@@ -208,9 +208,9 @@ def _begun_detector(
 def _follow_free_motion(
     config: ArmConfig, state: ArmState, x_um: float, applied: Applied
 ) -> ArmState:
-    """Keep the sample if the arm is free, and look for a contact; the first one begins x_1."""
+    """Keep the sample if the arm is free, and look for a contact; the first sample begins x_1."""
     first = state.observed_seq is None
-    # What x_1 is known to miss is no matter of its offset.
+    # The offset of x_1 does not include its known error.
     modelled_um = x_um - state.missed_um
     state = _begin(config, state, modelled_um, applied) if first else state
     if first and not applied.part_held and state.zero_s is not None:
@@ -243,7 +243,7 @@ def _follow_free_motion(
 
 
 def _zero(config: ArmConfig, state: ArmState, position: Position, applied: Applied) -> ArmState:
-    """Zero the force at this sample, or note why it cannot be zeroed."""
+    """Zero the force at this sample, or record why it cannot be zeroed."""
     response, t_s = state.response, position.seq * config.period_s
     compared = _compare_stroke(config, state)
     refusal = zero_refusal(
@@ -324,7 +324,7 @@ def _stroke_um(state: ArmState, compared: StrokeChange | None) -> float:
 
 
 def _with_stroke(config: ArmConfig, state: ArmState, compared: StrokeChange | None) -> ArmState:
-    """Correct the stroke, and note the rest after the conditioning strokes."""
+    """Correct the stroke, and record the rest after the conditioning strokes."""
     response, count = state.response, config.zero_limits.rest_samples
     if not isinstance(response, IdentifiedResponse):
         return state
@@ -359,9 +359,8 @@ def _rezeroed(config: ArmConfig, state: ArmState, before: FreeResponse) -> FreeR
 def _drift_um(config: ArmConfig, state: ArmState, t_s: float) -> float:
     """Return how far creep and the unknown past may have moved x_1 since the last zero, in µm.
 
-    How long a zero of an earlier epoch has waited between two jobs is not known. The drift of the
-    sensor over a day could then hide any part, so that of the drift in that time no more is allowed
-    for than a touch moves the arm.
+    The time between two jobs is not known. The drift of the sensor over a day could hide any part.
+    The drift allowed for in that time is therefore at most the way by which a touch moves the arm.
     """
     unknown_um = state.unknown.error_um(state.response)
     if state.zero_kept:
@@ -419,7 +418,7 @@ def _begun(config: ArmConfig, state: ArmState, request: Arm) -> ArmState:
 
 
 def _played_s(config: ArmConfig, state: ArmState) -> float:
-    """Return the time that has been played since the last zero, earlier epochs included."""
+    """Return the time played since the last zero, in s, earlier epochs included."""
     epoch_s = (state.observed_seq or 0) * config.period_s
     return state.kept_age_s + epoch_s if state.zero_s is None else epoch_s - state.zero_s
 

@@ -18,10 +18,11 @@ from pincette_estimator.state import ArmState, Ringing
 
 
 def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
-    """Return the uncertainty of the force at a sample, by the memories led up to it.
+    """Return the uncertainty of the force at a sample, in mN, by the memories updated up to it.
 
-    A residual table has what x_1 misses of hysteresis, reversals and creep along the very motion;
-    what is left of them is its error. Past the end of what was played creep begins anew.
+    A residual table contains the errors of x_1 from hysteresis, reversals and creep along this very
+    motion, so that only the error of the table remains. Past the end of the recorded motion creep
+    counts from there.
     """
     t_s, zero_s = seq * config.period_s, state.zero_s
     missed, response = state.missed, state.response
@@ -54,7 +55,7 @@ def uncertainty_mN(config: ArmConfig, state: ArmState, seq: int) -> float:
 
 
 def ring_um(config: ArmConfig, ringing: Ringing) -> float:
-    """Return the standard uncertainty of x_1 by the ring after steps of the voltage."""
+    """Return the standard uncertainty of x_1, in µm, from the ring after steps of the voltage."""
     shares = config.ring_shares
     return ringing.free_um * (shares.pressed if ringing.part_held else shares.free)
 
@@ -92,10 +93,10 @@ def past_creep_um(config: ArmConfig, response: FreeResponse) -> float:
 
 
 def stroke_uncertainty_mN(response: FreeResponse, F_mN: float) -> float:
-    """Return the standard uncertainty of a force by a stroke that has changed: |g|·F/√3.
+    """Return the standard uncertainty, in mN, from a changed stroke: |g|·F/√3.
 
-    The free response is corrected for it. Where the sensor was the cause, the force is still off
-    by g·F, and position and voltage do not tell sensor and actuator apart.
+    The free response is corrected for it. Where the sensor was the cause, the force is still off by
+    g·F, and position and voltage do not tell sensor and actuator apart.
     """
     if not isinstance(response, IdentifiedResponse) or response.factor == 1.0:
         return 0.0
@@ -114,10 +115,10 @@ def creep_um(config: ArmConfig, age_s: float, most_drift_um: float = inf) -> flo
 
 
 def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
-    """Return what a free arm at rest tells of its creep since another rest.
+    """Return the past narrowed by the creep that a free arm at rest shows since another rest.
 
-    Between them there may have been strokes over the whole range, so that x_1 errs by what the
-    model leaves there, at either.
+    Between the two rests there may have been strokes over the whole range, so that x_1 has the
+    error that the model leaves there, at both.
     """
     response, count = state.response, config.zero_limits.rest_samples
     if not isinstance(response, MemoryResponse):
@@ -128,7 +129,10 @@ def rested_past(config: ArmConfig, state: ArmState) -> UnknownPast:
 
 
 def narrowed_past(config: ArmConfig, state: ArmState, t_s: float) -> UnknownPast:
-    """Return what a free arm has told of its past since the last zero; nothing before the first."""
+    """Return the past narrowed by a free arm since the last zero.
+
+    Unchanged before the first zero.
+    """
     if state.zero_s is None or not config.approach_tells:
         return state.unknown
     response, count = state.response, config.zero_limits.rest_samples

@@ -30,22 +30,23 @@ class Inputs(FrozenRecord, frozen=True):
 
 
 class State(FrozenRecord, frozen=True):
-    """Epoch and number of the next sample, and how many readings were no measurement."""
+    """Epoch and number of the next sample, and the number of invalid readings."""
 
     epoch: int = 0
     seq: int = 0
     began_s: float | None = None
     refused: int = 0
     fault: Fault | None = None
-    """Of the newest reading."""
+    """Fault of the newest reading; None if it was valid."""
     idle: bool = False
     """True from an ``Idle`` request to the next arming: samples are taken seldom."""
     stride: int = 1
-    """Control periods from the newest sample to the next one; its number grows by as many."""
+    """Control periods from the newest sample to the next one; the sample number grows by as many.
+    """
 
     @property
     def findings(self) -> tuple[Fault, ...]:
-        """Faults of this program that people see."""
+        """Faults of this program that are reported."""
         return () if self.fault is None else (self.fault,)
 
 
@@ -55,7 +56,7 @@ def start(_config: SensorConfig) -> State:
 
 
 def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
-    """Return one arm's position, or the fault why the reading is no measurement.
+    """Return one arm's position, or the fault of a reading that is no measurement.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def _measured(config: ArmSensor, reading: ArmReading, arm: int) -> ArmPosition:
 
 
 def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
-    """Return why a reading is no measurement; None where it is one."""
+    """Return the fault of a reading that is no measurement; None if it is one."""
     if reading.fault:
         return reading.fault
     if not isfinite(reading.x_um):
@@ -89,7 +90,7 @@ def _fault(config: ArmSensor, reading: ArmReading) -> Fault | None:
 def step(
     config: SensorConfig, state: State, inputs: Inputs, now: float
 ) -> tuple[State, tuple[Message | DeviceCommand, ...]]:
-    """Number the reading; what is no measurement is sent as invalid, with its fault."""
+    """Number the reading; one that is no measurement is sent as invalid, with its fault."""
     reading = inputs.device
     if reading is None:
         return state, ()
@@ -111,7 +112,7 @@ def step(
 
 
 def _burst(config: ArmSensor, state: State, acquired: Acquired) -> Burst:
-    """Convert an acquisition to positions of the arm; invalid where one is out of range."""
+    """Convert an acquisition to positions of the arm; invalid if one is out of range."""
     low_um, high_um = config.minimum_um, config.maximum_um
     return Burst(
         epoch=state.epoch,
@@ -126,7 +127,7 @@ def _burst(config: ArmSensor, state: State, acquired: Acquired) -> Burst:
 def handle(
     _config: SensorConfig, state: State, request: Message, _now: float
 ) -> tuple[State, Message, tuple[Message, ...]]:
-    """Begin a new epoch at seq 0, or sample seldom because the epoch is over."""
+    """Begin a new epoch at seq 0, or sample rarely because the epoch is over."""
     if isinstance(request, Idle):
         if request.epoch != state.epoch:
             raise RefusedError(
