@@ -1,7 +1,7 @@
 """Types of record fields: each states its unit and its limits.
 
-The limits lie far beyond any gripper: they exclude values that would overflow later, and leave it
-to each service to judge what is plausible.
+The limits lie far beyond any gripper. They exclude values that would overflow later; each service
+judges what is plausible.
 """
 
 from typing import Annotated, NewType, TypeVar
@@ -13,15 +13,15 @@ from pincette.control.vocabulary import LARGEST
 T = TypeVar("T")
 
 LARGEST_INT = 2**53 - 1
-"""Magnitude of a whole number: what every language keeps exactly."""
+"""Largest magnitude of a whole number: every language represents it exactly."""
 LAST_SEQ = 10**12 - 1
-"""Number of the last sample there can be, after decades at any period."""
+"""Largest number of a sample, reached after decades at any period."""
 MAX_TEXT = 400
-"""Characters of a text."""
+"""Largest number of characters in a text."""
 MAX_DOCUMENT = 32_768
-"""Characters of a document."""
+"""Largest number of characters in a document."""
 MAX_ITEMS = 4096
-"""Items of a list."""
+"""Largest number of items in a list."""
 
 
 def _within(unit: str) -> Meta:
@@ -35,7 +35,7 @@ Volt = Annotated[float, _within("V")]
 Second = Annotated[float, _within("s")]
 Hertz = Annotated[float, _within("Hz")]
 Number = Annotated[float, _within("")]
-"""A number without a unit: a gain, a share, or a path whose quantity has the unit."""
+"""A number without a unit: a gain, a share, or a path whose unit is its quantity's."""
 
 Whole = Annotated[int, Meta(ge=-LARGEST_INT, le=LARGEST_INT)]
 Epoch = Annotated[int, Meta(ge=0, le=LARGEST_INT)]
@@ -43,7 +43,7 @@ Seq = Annotated[int, Meta(ge=-1, le=LAST_SEQ)]
 """Number of a sample; -1 before the first."""
 
 Document = NewType("Document", str)
-"""A text of many lines, as JSON; other texts are short."""
+"""A text of many lines, such as JSON; other texts are short."""
 Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 LongText = Annotated[Document, Meta(max_length=MAX_DOCUMENT)]
 Items = Annotated[tuple[T, ...], Meta(max_length=MAX_ITEMS)]

@@ -1,4 +1,4 @@
-"""The base of records that are made in every tick, or travel: frozen structures of msgspec."""
+"""The base of records that are created in every tick or sent: frozen structures of msgspec."""
 
 import dataclasses
 from typing import Any, TypeVar
@@ -13,7 +13,7 @@ class FrozenRecord(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def field_names(value: object) -> tuple[str, ...] | None:
-    """Return the fields of a record or a dataclass, or of its class; None of anything else."""
+    """Return the field names of a record or dataclass, or of its class; None for anything else."""
     kind: Any = value if isinstance(value, type) else type(value)
     if issubclass(kind, Struct):
         return kind.__struct_fields__
@@ -23,7 +23,7 @@ def field_names(value: object) -> tuple[str, ...] | None:
 
 
 def replace(value: T, **changes: Any) -> T:
-    """Return a record or a dataclass with other values of some fields."""
+    """Return a copy of a record or a dataclass with other values of some fields."""
     whole: Any = value
     if isinstance(whole, Struct):
         made: Any = structs.replace(whole, **changes)

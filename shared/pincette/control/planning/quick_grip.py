@@ -23,8 +23,8 @@ from pincette.control.planning.profiles import minimum_duration, move
 from pincette.control.planning.touch_force import FORCE_SHARE, LOAD_PERIODS, SafeTouch, short_load
 
 SMOOTH, LONGEST = 2.0, 2.5
-"""Durations of a load from the speed v over the way d, in d/v: one that slows down smoothly, and
-the longest without overshoot."""
+"""Durations of a load from the speed v over the way d, in multiples of d/v: of one that slows down
+smoothly, and of the longest without overshoot."""
 EARLY_SHARE = 0.75
 """Share of the planned force that may act when a part nearer than planned is touched."""
 SLEW_SHARE = 0.6
@@ -34,7 +34,7 @@ HALVINGS = 30
 
 
 class AskedSpeeds(NamedTuple):
-    """Speeds in a request; None: not stated."""
+    """Speeds stated in a request; None if not stated."""
 
     approach_um_per_s: float | None
     seek_um_per_s: float | None
@@ -43,7 +43,7 @@ class AskedSpeeds(NamedTuple):
 
 
 class UsualSpeeds(NamedTuple):
-    """Speeds in the rig file: upper limits of those that a request does not state."""
+    """Speeds in the rig file: upper limits of the speeds that a request does not state."""
 
     approach_um_per_s: float
     seek_um_per_s: float
@@ -51,7 +51,7 @@ class UsualSpeeds(NamedTuple):
 
 
 class QuickSpeeds(NamedTuple):
-    """Speeds of a grip, and durations of load and unload."""
+    """Speeds of a grip, and durations of its load and unload."""
 
     approach_um_per_s: float
     seek_um_per_s: float
@@ -61,7 +61,7 @@ class QuickSpeeds(NamedTuple):
     """Violations that the request itself causes."""
 
     def values(self) -> dict[str, float]:
-        """Return the members of a ``GripRequest``."""
+        """Return the speeds and durations as members of a ``GripRequest``."""
         return {
             "approach_um_per_s": self.approach_um_per_s,
             "seek_um_per_s": self.seek_um_per_s,
@@ -146,7 +146,7 @@ def quick_speeds(
 
 
 def _way_um(touch: SafeTouch, K_e: float, speed: float) -> float:
-    """Return the way from the detected touch to the planned force; at least a tenth of it."""
+    """Return the way from the detected touch to the planned force; at least a tenth of F/K_e."""
     begun_mN = force_at_touch_mN(
         touch.contact_force_mN, K_e, touch.compliance_um_per_mN, speed, touch.period_s
     )

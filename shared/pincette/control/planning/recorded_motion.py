@@ -1,7 +1,7 @@
-"""A motion as it was recorded, and a program that plays its voltages again without the part.
+"""A recorded motion, and a program that plays its voltages again without the part.
 
-The voltages are applied open loop, tick by tick, so that the free arm goes through the very motion
-of its hysteresis and creep that the pressed one went through.
+The voltages are applied open loop, tick by tick, so that the free arm repeats the hysteresis and
+creep of the pressed one.
 """
 
 from collections.abc import Sequence
@@ -14,34 +14,34 @@ from pincette.control.planning.segments import Drive, Ramp, Recorded
 from pincette.control.quantities import MAX_ITEMS
 
 RETURN_S = 0.5
-"""Duration of the way to the first voltage of the motion, and"""
+"""Duration of the way to the first voltage of the motion, in s."""
 REST_S = 1.0
-"""the rest there."""
+"""Duration of the rest at that voltage, in s."""
 SPREAD = 0.005
-"""Share by which runs are played wider and narrower in turn. Later jobs do not repeat a motion to
-the last bit: noise and the contact line move its turning points by about so much, and with them
-the branches of the hysteresis. What the runs differ by then says how much that matters."""
+"""Share by which runs are alternately played wider and narrower. Later jobs do not repeat a motion
+to the last bit: noise and the contact line move its turning points by about this share, and with
+them the branches of the hysteresis. The differences between the runs show the effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedSegment:
-    """One segment of a program as it was played."""
+    """One played segment of a program."""
 
     phase: str
     voltages_V: tuple[float, ...]
-    """Applied at its ticks, from tick 1 on."""
+    """Voltages applied at its ticks, from tick 1 on, in V."""
     zeroes: bool
-    """Whether the force was zeroed at its end."""
+    """True if the force was zeroed at its end."""
 
 
 class Pressed(NamedTuple):
-    """One sample of a pressed part, by the tick whose voltage it answers."""
+    """One sample of a pressed part, with the tick whose voltage it follows."""
 
     segment: int
     tick: int
     x_um: float
     force_mN: float
-    """Estimated force."""
+    """Estimated force, in mN."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,23 +50,23 @@ class RecordedMotion:
 
     job: str
     program: str
-    """Digest of its motion."""
+    """Digest of the program's motion."""
     period_s: float
     segments: tuple[RecordedSegment, ...]
     free_um: tuple[float, float]
-    """Lowest and highest position that the voltages lead the free arm to: x + s_p·F."""
+    """Lowest and highest position of the free arm under these voltages, x + s_p·F, in µm."""
     pressed: tuple[Pressed, ...] = ()
-    """Samples of the pressed part, to judge a residual table by; empty where the job itself went by
-    a table."""
+    """Samples of the pressed part that judge a residual table; empty if the job itself used a
+    table."""
 
 
 def recorded_program(
     motion: RecordedMotion, rig: PlannedRig, *, runs: int, contact_force_mN: float, waits: bool
 ) -> tuple[Program, tuple[int, ...]]:
-    """Play a motion several times; returns the program, and the first segment of each run.
+    """Return a program that plays a motion several times, and the first segment of each run.
 
-    With ``waits`` it waits for a person before the first run and after the last. Where the arm
-    meets something it comes to rest and the program ends as ``contact``.
+    With ``waits`` it waits for an operator before the first run and after the last. If the arm
+    meets something, it comes to rest and the program ends as ``contact``.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def recorded_program(
 
 
 def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, width: float) -> Drive:
-    """Return a segment with the ticks that it had; one that zeroes has one more for the stamp."""
+    """Return a segment with its recorded ticks; one that zeroes has one more for the stamp."""
     ticks = len(one.voltages_V) - int(one.zeroes)
     low_V, high_V = rig.limits.voltage_min_V, rig.limits.voltage_max_V
     volts = (first_V + width * (voltage_V - first_V) for voltage_V in one.voltages_V)
@@ -139,8 +139,8 @@ def _played(one: RecordedSegment, run: int, rig: PlannedRig, first_V: float, wid
 def chained(force_um: Sequence[float], zeroed: Sequence[bool], rest: int) -> list[float]:
     """Return the residuals of one run, counted from its last zero.
 
-    Each zero moves the offset of x_1. Earlier residuals are moved likewise, so that the rest of the
-    zero has the same mean before and after.
+    Each zero moves the offset of x_1. Earlier residuals are moved by the same amount, so that the
+    rest of the zero has the same mean before and after.
 
     Parameters
     ----------

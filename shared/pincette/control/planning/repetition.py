@@ -1,4 +1,4 @@
-"""Learning across cycles: what the cycle before missed corrects the reference of the next.
+"""Learning across cycles: the error of each cycle corrects the reference of the next one.
 
     l_i ← l_i - L·(¼ē_{i-1} + ½ē_i + ¼ē_{i+1}),   x_{r,k} + l_{k mod N} in the place of x_{r,k}
 
@@ -25,34 +25,35 @@ from pincette.control.quantities import Items, Micrometre, Whole
 from pincette.control.record import FrozenRecord
 
 GAIN = 0.5
-"""L."""
+"""Gain L of the learning."""
 MOST_UM = 1.0
-"""Bound of |l|: beyond it something else is wrong than what repeats."""
+"""Bound of |l|, in µm; a larger correction has another cause than a repeated error."""
 MOST_CYCLES = 12
-"""After which the sensor's noise adds more than is left to learn."""
+"""Number of cycles after which the sensor's noise adds more than is left to learn."""
 PATIENCE = 2
 """Number of consecutive cycles without a repeated error that end the learning."""
 CHANCE = 2.0
-"""Standard deviations of the sensor's noise by which an error must have become smaller."""
+"""Least significant decrease of an error, in standard deviations of the sensor's noise."""
 MOST_TICKS = 2000
-"""Largest number of ticks in a cycle, which must fit into a program's message."""
+"""Largest number of ticks in a cycle; its corrections must fit into a program's message."""
 
 
 class Corrections(FrozenRecord, frozen=True):
-    """Corrections l of a cycle and their origin; part of the program to which they belong."""
+    """Corrections l of a cycle, and their origin; they belong to the program."""
 
     values_um: Items[Micrometre]
-    """l_i, one for each tick of the cycle."""
+    """Corrections l_i, one for each tick of the cycle, in µm."""
     errors_um: Items[Micrometre] = ()
-    """R.m.s. of x - x_r of each cycle that was learned from, in order."""
+    """R.m.s. of x - x_r of each cycle that was learned from, in order, in µm."""
     best_um: Items[Micrometre] = ()
-    """The corrections that led the cycle of the lowest error; none before the first."""
+    """Corrections played in the cycle with the lowest error, in µm; empty before the first cycle.
+    """
     quiet: Whole = 0
-    """Number of newest consecutive cycles in which no error of the one before was repeated."""
+    """Number of newest consecutive cycles that repeated no error of the cycle before."""
 
     @property
     def over(self) -> bool:
-        """Whether there is nothing more to learn: after ``MOST_CYCLES``, or nothing comes back."""
+        """True if nothing is left to learn: after ``MOST_CYCLES``, or once no error repeats."""
         return len(self.errors_um) >= MOST_CYCLES or self.quiet >= PATIENCE
 
     def at(self, tick: int) -> float:
@@ -64,7 +65,7 @@ class Corrections(FrozenRecord, frozen=True):
     ) -> "Corrections":
         """Return corrections learned from the errors x - x_r of one whole cycle.
 
-        Unchanged once it is over.
+        Once the learning is over they stay as they are.
 
         ``before_um``: those of the cycle just before; none if it was not whole.
         """
@@ -93,16 +94,16 @@ class Corrections(FrozenRecord, frozen=True):
 
 
 class HeldOut(NamedTuple):
-    """Errors of cycles without corrections, and of cycles that none of their corrections is of."""
+    """Errors of cycles without corrections, and with corrections from earlier cycles only."""
 
     before_um: float
-    """R.m.s. of x - x_r before anything was learned."""
+    """R.m.s. of x - x_r before anything was learned, in µm."""
     after_um: float
-    """R.m.s. error over the cycles that were played with corrections of earlier cycles."""
+    """R.m.s. error over the cycles that were played with corrections of earlier cycles, in µm."""
     cycles: int
     """Number of those cycles."""
     helps: bool
-    """True where the error has become smaller by more than chance."""
+    """True if the error has decreased by more than chance."""
 
 
 def held_out(
@@ -110,8 +111,8 @@ def held_out(
 ) -> HeldOut | None:
     """Judge corrections by cycles that they were not learned from.
 
-    A cycle is led by corrections from the cycles before it, so that its own error judges them. The
-    later half of such cycles counts.
+    A cycle is played with corrections from the cycles before it, so that its own error judges them.
+    The later half of such cycles counts.
 
     Parameters
     ----------
@@ -139,16 +140,16 @@ def held_out(
 
 
 class CycleLearner(FrozenRecord, frozen=True):
-    """Gathers the errors of a cycle tick by tick, and learns at its end."""
+    """Collector of the errors of a cycle, tick by tick; it learns at the cycle's end."""
 
     corrections: Corrections
     errors_um: tuple[float, ...] = ()
-    """Errors of the cycle so far, from its tick 0 on."""
+    """Errors of the cycle so far, from its tick 0 on, in µm."""
     before_um: tuple[float, ...] = ()
-    """Errors of the cycle before, if it was whole."""
+    """Errors of the cycle before, if it was complete, in µm."""
 
     def follow(self, tick: int, error_um: float, *, limited: bool) -> "CycleLearner":
-        """Take in x - x_r at a tick since the begin of a cycle.
+        """Add x - x_r at a tick since the begin of a cycle.
 
         A cycle in which a tick is missing or repeated, or a limit acts, is not learned from.
         """
@@ -165,7 +166,7 @@ class CycleLearner(FrozenRecord, frozen=True):
 
 
 def no_corrections(ticks: Whole) -> Corrections:
-    """Return empty corrections for a cycle of ``ticks``."""
+    """Return zero corrections for a cycle of ``ticks``."""
     return Corrections((0.0,) * ticks)
 
 

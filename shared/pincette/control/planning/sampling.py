@@ -7,13 +7,13 @@ from pincette.control.planning.paths import Path
 from pincette.control.planning.segments import Segment, paths_of
 
 ROUNDING = 1e-6
-"""Share of the period by which a time may be shorter than it, rounding included."""
+"""Share of the period by which a duration may fall short of it through rounding."""
 
 
 def unsampled(segments: Sequence[Segment], period_s: float) -> list[str]:
     """Return a text for each segment, or stretch of its path, that lies between two samples.
 
-    References are followed from sample to sample: what a path does in less than a period is not
+    References are followed from sample to sample: a motion of a path in less than a period is not
     played, and a segment shorter than a period takes a whole one.
     """
     found: list[str] = []

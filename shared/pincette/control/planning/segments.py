@@ -1,7 +1,7 @@
 """Segments of a program: each one is a pure function from time to references.
 
-A segment states its goal. Where it begins is stated by ``Entry``. The player, the prediction and
-the plots call the same function, ``reference(t_s, entry)``, so that they cannot differ.
+A segment states its goal. ``Entry`` states where it begins. The player, the prediction and the
+plots call the same function, ``reference(t_s, entry)``, so that they cannot differ.
 
 Tuples have one item for each driven arm. With two arms ``x_um`` is the place of the part,
 q = (x_1 - x_2)/2, and the opening is x_1 + x_2; both arms count towards the part.
@@ -33,15 +33,16 @@ class Reference(NamedTuple):
     """References of one sample and their derivatives in time."""
 
     x_um: float
-    """Position of the tip; with two arms the place q of the part."""
+    """Position of the tip, in µm; with two arms the place q of the part."""
     speed_um_per_s: float = 0.0
     acceleration_um_per_s2: float = 0.0
     force_mN: float = 0.0
     force_rate_mN_per_s: float = 0.0
     voltages_V: tuple[float, ...] = ()
-    """Voltage of each arm in a segment without a law; in others, the one applied at its begin."""
+    """Voltage of each arm in a segment without a law, in V; in others the one applied at its begin.
+    """
     opening_um: float = 0.0
-    """x_1 + x_2 of two arms."""
+    """Opening x_1 + x_2 of two arms, in µm."""
     opening_speed_um_per_s: float = 0.0
 
 
@@ -52,38 +53,38 @@ class Entry(NamedTuple):
     """References of the sample before the segment."""
     period_s: float
     line: LoadLine | None = None
-    """Contact line of one arm; None: not known."""
+    """Contact line of one arm; None if it is not known."""
     found_um: tuple[float | None, ...] = ()
-    """Position at which each of two arms has touched the part; None: it has not."""
+    """Position at which each of two arms has touched the part, in µm; None before a touch."""
     held_at_um: float | None = None
-    """Place at which two arms held the part first; None: they have not."""
+    """Place at which two arms first held the part, in µm; None before they did."""
 
 
 class SegmentBase(FrozenRecord, frozen=True, tag_field="kind"):
-    """Fields and behaviour that all segments share; by itself it keeps all references at rest."""
+    """Fields and behaviour that all segments share; the base alone keeps all references at rest."""
 
     phase: Text
     duration_s: Second | None
-    """Duration, in s; None: until an action ends it."""
+    """Duration, in s; None for a segment that an action ends."""
     law: Whole = 0
     """Index of the law among those of the program."""
     guarded: bool = False
-    """Whether a touch in free space ends the program as ``contact``."""
+    """True if a touch in free space ends the program as ``contact``."""
     zeroes: bool = False
-    """Whether the force is zeroed at the end."""
+    """True if the force is zeroed at the end."""
 
     presses: ClassVar[bool] = False
-    """Whether the force is an input of the law."""
+    """True if the force is an input of the law."""
     open_loop: ClassVar[bool] = False
-    """Whether the voltage is given without a law."""
+    """True if the voltage is given without a law."""
     ends_moving: ClassVar[bool] = False
-    """Whether the references have no rest, not even at the end of the segment."""
+    """True if the references never rest, not even at the end of the segment."""
     hides_force: ClassVar[bool] = False
     """True if the force is unknown while the segment plays."""
 
     @property
     def arms(self) -> int | None:
-        """Return the number of arms that the segment is for; None: any."""
+        """Return the number of arms that the segment is for; None for any number."""
         return None
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -103,9 +104,9 @@ class Move(SegmentBase, frozen=True, tag="move"):
     """The tips move to a goal along a quintic, from the present speed to rest."""
 
     to_um: Arms[Micrometre | None] = (None,)
-    """Goal of each tip, in µm; None: the arm slows down to rest."""
+    """Goal of each tip, in µm; None for an arm that slows down to rest."""
     relative: bool = False
-    """Whether the goals of two arms count from where each arm has touched the part."""
+    """True if the goals of two arms count from where each arm has touched the part."""
 
     @property
     def arms(self) -> int | None:
@@ -159,9 +160,9 @@ class Seek(Move, frozen=True, tag="seek"):
     """
 
     run_up_s: Second = 0.0
-    """Time in which the speed is reached, in s; 0: at once."""
+    """Time in which the speed is reached, in s; 0 for an immediate start."""
     sides: Arms[bool] = (True,)
-    """Whether each arm must touch."""
+    """True for each arm that must touch."""
 
     ends_moving: ClassVar[bool] = True
 
@@ -195,16 +196,16 @@ class Press(SegmentBase, frozen=True, tag="press"):
     """
 
     to_mN: Millinewton | None = None
-    """Force at the end, in mN; None: as it is."""
+    """Force at the end, in mN; None for an unchanged force."""
     move_s: Second | None = None
-    """Time of the move, in s; None: the whole duration."""
+    """Time of the move, in s; None for the whole duration."""
     follows: bool = False
-    """Whether a load continues at the rate of the seek, along a line that is identified meanwhile;
-    one arm only."""
+    """True for a load that continues at the rate of the seek, along a line that is identified
+    meanwhile; one arm only."""
     place_um: Micrometre | None = None
-    """Place of the part at the end, in µm; None: as it is. Two arms only."""
+    """Place of the part at the end, in µm; None for an unchanged place. Two arms only."""
     relative: bool = False
-    """Whether ``place_um`` counts from where the part was when both arms held it first."""
+    """True if ``place_um`` counts from where both arms first held the part."""
 
     presses: ClassVar[bool] = True
 
@@ -278,9 +279,9 @@ class Track(SegmentBase, frozen=True, tag="track"):
     """
 
     force: Path | None = None
-    """Path of the force, in mN; None: it rests."""
+    """Path of the force, in mN; None for a constant force."""
     place: Path | None = None
-    """Path of the place, in µm; None: it rests. Two arms only."""
+    """Path of the place, in µm; None for a constant place. Two arms only."""
 
     presses: ClassVar[bool] = True
 
@@ -310,7 +311,7 @@ class Track(SegmentBase, frozen=True, tag="track"):
 
 
 class Stay(FrozenRecord, frozen=True, tag="stay", tag_field="kind"):
-    """A voltage that stays as it is applied at the begin of the segment."""
+    """A voltage that stays as applied at the begin of the segment."""
 
     def at(self, t_s: float, begin_V: float, duration_s: float | None, period_s: float) -> float:
         """Return the voltage at a time since the begin of the segment, in s."""
@@ -369,7 +370,7 @@ VoltageCourse = Stay | Ramp | Follow | Recorded
 
 
 class Drive(SegmentBase, frozen=True, tag="drive"):
-    """The voltage of each arm follows a course of its own, without a law.
+    """The voltage of each arm follows its own course, without a law.
 
     Raises
     ------
@@ -392,7 +393,7 @@ class Drive(SegmentBase, frozen=True, tag="drive"):
 
     @property
     def stays(self) -> bool:
-        """Whether all voltages stay as they are."""
+        """Return whether all voltages stay as they are."""
         return all(isinstance(one, Stay) for one in self.courses)
 
     def reference(self, t_s: float, entry: Entry) -> Reference:
@@ -429,14 +430,14 @@ Segment = Rest | Move | Seek | Press | Track | Drive | PlayedSweep
 
 
 def paths_of(segment: Segment) -> list[Path]:
-    """Return the paths that a segment follows: of force, of place, of voltages."""
+    """Return the paths that a segment follows: those of force, place and voltages."""
     if isinstance(segment, Track):
         return [path for path in (segment.force, segment.place) if path is not None]
     return voltage_paths(segment)
 
 
 def voltage_paths(segment: Segment) -> list[Path]:
-    """Return the paths that the voltages of a segment follow, those of a drive."""
+    """Return the paths that the voltages of a drive follow."""
     if not isinstance(segment, Drive):
         return []
     return [course.path for course in segment.courses if isinstance(course, Follow)]
@@ -452,7 +453,7 @@ def _motion(quintic_move: Quintic, t_s: float) -> tuple[float, float, float]:
 
 
 def _on_path(path: Path | None, rests_at: float, t_s: float) -> tuple[float, float, float]:
-    """Return value, rate and acceleration; a path that has ended, or is absent, rests."""
+    """Return value, rate and acceleration; a path that has ended, or None, rests."""
     if path is None:
         return rests_at, 0.0, 0.0
     value, rate, acceleration = path.point(t_s)

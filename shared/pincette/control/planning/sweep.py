@@ -11,7 +11,7 @@ from pincette.control.quantities import Hertz, Second, Volt
 from pincette.control.record import FrozenRecord
 
 LEAST_SAMPLES = 4.0
-"""Samples per cycle at the highest frequency, at least."""
+"""Least number of samples per cycle at the highest frequency."""
 MOST_SAMPLES = 2_000_000
 
 
@@ -55,5 +55,5 @@ class Sweep(FrozenRecord, frozen=True):
 
     @property
     def slew_V_per_s(self) -> float:
-        """Return the steepest slope, at the highest frequency."""
+        """Return the steepest slope, which is at the highest frequency, in V/s."""
         return 2.0 * pi * self.to_hz * self.amplitude_V

@@ -23,7 +23,7 @@ from pincette.control.planning.sweep import Sweep
 class SweptVoltages(Sequence[float]):
     """Voltages of a sweep about a resting voltage, one each 1/rate; the last one is at rest.
 
-    Each part is worked out when it is asked for: the whole takes longer than a tick may.
+    Each part is computed when it is requested, since the whole takes longer than a tick may.
     """
 
     sweep: Sweep
@@ -38,7 +38,7 @@ class SweptVoltages(Sequence[float]):
     @overload
     def __getitem__(self, index: slice) -> tuple[float, ...]: ...
     def __getitem__(self, index: int | slice) -> float | tuple[float, ...]:
-        """Return one sample, or some."""
+        """Return one sample, or a slice of samples."""
         if isinstance(index, slice):
             return self._at(np.arange(*index.indices(len(self))))
         return self._at(np.array([range(len(self))[index]]))[0]

@@ -1,4 +1,4 @@
-"""The least force that a part can be pressed with, given the force that counts as a touch.
+"""The least planned force on a part, given the force that counts as a touch.
 
 A touch is detected once the force exceeds the contact force, and the load from there to the planned
 force identifies the contact line. A planned force at or below the contact force would be exceeded
@@ -14,23 +14,23 @@ from pincette.control.planning.contact_request import CONTACT_SAMPLES, force_at_
 from pincette.control.planning.feasibility import Violation
 
 FORCE_SHARE = 0.5
-"""Share of the planned force that may be there when a touch is detected."""
+"""Largest share of the planned force at the detection of a touch."""
 SEEK_SHARE = 0.75
-"""Share of the planned force that a part may be pressed with when the arm stops at the touch."""
+"""Largest share of the planned force on a part when the arm stops at the touch."""
 SEEK = "seek_um_per_s"
 LOAD_PERIODS = 15
-"""Fewest periods of a load, so that the contact line is identified meanwhile."""
+"""Fewest periods of a load that identifies the contact line meanwhile."""
 
 
 def least_force_mN(contact_force_mN: float) -> float:
-    """Return the force that a planned force must exceed."""
+    """Return the force that a planned force must exceed, in mN."""
     return contact_force_mN / FORCE_SHARE
 
 
 def weak_force(
     force_mN: float, contact_force_mN: float, pointer: str, at_s: float
 ) -> tuple[Violation, ...]:
-    """Return the violation of a plan whose highest force is too low; empty where it is not.
+    """Return the violation of a plan whose highest force is too low; empty if it is high enough.
 
     Parameters
     ----------
@@ -62,19 +62,21 @@ class SafeTouch(NamedTuple):
     """
 
     force_mN: float
-    """Highest force of the plan."""
+    """Highest force of the plan, in mN."""
     contact_force_mN: float
     hardest_mN_per_um: float
-    """Stiffness of the hardest part that may be there."""
+    """Stiffness of the hardest part that may be met, in mN/µm."""
     compliance_um_per_mN: float
     period_s: float
     seek_share: float = SEEK_SHARE
-    """Share of the planned force that may be there at the speed of the seek, and"""
+    """Largest share of the planned force at a touch at the speed of the seek."""
     approach_share: float = 1.0
-    """at the speed of the approach."""
+    """Largest share of the planned force at a touch at the speed of the approach."""
 
     def limit(self, name: str) -> float:
-        """Return the highest safe speed in µm/s; infinite for a force that is refused anyway.
+        """Return the highest safe speed in µm/s.
+
+        Infinite for a force that is refused in any case.
 
         Parameters
         ----------
@@ -90,7 +92,7 @@ class SafeTouch(NamedTuple):
         return room_mN / per_speed_mN
 
     def violations(self, speeds_um_per_s: Mapping[str, float]) -> tuple[Violation, ...]:
-        """Return the violations of speeds, by the members of the request that state them."""
+        """Return the violations of speeds, by the request members that state them."""
         return tuple(
             self._violation(name, speed, self.limit(name))
             for name, speed in speeds_um_per_s.items()
@@ -133,7 +135,7 @@ def short_load(load_s: float, period_s: float) -> tuple[Violation, ...]:
 def uncertain_force(
     force_mN: float, uncertainty_mN: float, pointer: str, what: str, at_s: float = 0.0
 ) -> tuple[Violation, ...]:
-    """Return the violation of a force that is not above the uncertainty it would be stated with.
+    """Return the violation of a force that is not above its own stated uncertainty.
 
     Parameters
     ----------

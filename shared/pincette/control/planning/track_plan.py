@@ -19,9 +19,9 @@ from pincette.control.planning.touch_force import weak_force
 from pincette.control.vocabulary import LimitedQuantity
 
 SETTLE_S = 0.8
-"""Time from the end of the load until the path begins."""
+"""Time from the end of the load until the path begins, in s."""
 SAMPLES_PER_CYCLE = 10
-"""Fewest that show a swing's peaks to 5 %."""
+"""Fewest samples per cycle that show a swing's peaks to 5 %."""
 PRESSING = ("load", "settle", "track", "unload")
 
 
@@ -37,9 +37,9 @@ class TrackRequest(ContactRequest):
 
     path: Path
     rate_um_per_s: float
-    """Highest speed of x_r along the path, and"""
+    """Highest speed of x_r along the path, in µm/s."""
     acceleration_um_per_s2: float
-    """highest acceleration."""
+    """Highest acceleration of x_r along the path, in µm/s²."""
     pointer: str
     """Member of the request that states the height of the path."""
 
@@ -78,7 +78,7 @@ def plan_track(request: TrackRequest, rig: PlannedRig) -> ContactPlan:
 def _path_violations(
     request: TrackRequest, found: Peaks, start_s: float, period_s: float
 ) -> list[Violation]:
-    """Return what makes a path impossible on every rig."""
+    """Return the violations that make a path impossible on every rig."""
     K_e, path = request.stiffness_mN_per_um, request.path
     swings = not path.knots
     hurry = "/frequency_hz" if swings else request.pointer
