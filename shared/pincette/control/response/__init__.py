@@ -1,1 +1,1 @@
-"""The free response: where the voltage alone would put the arm, and how that is learnt."""
+"""The free response: the position of the arm by the voltage alone, and its identification."""

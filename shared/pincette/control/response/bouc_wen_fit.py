@@ -1,8 +1,8 @@
-"""Rates of the one play that never yields, after Bouc and Wen, fitted to a recorded free motion.
+"""Rates of one play that never yields, after Bouc and Wen, fitted to a recorded free motion.
 
-Weights and creep are linear or nearly so, and ``separable_fit`` finds them for given rates. What
-they leave is a problem in the two rates alone, in their logarithms, which Gauss-Newton steps solve:
-the derivatives are differences of what is left, so that a step knows that the weights will follow.
+Weights and creep are linear or nearly so, and ``separable_fit`` finds them for given rates. The
+residual then depends on the two rates alone. Gauss-Newton steps minimise it in their logarithms.
+The derivatives are differences of residuals, so that a step allows for the change of the weights.
 """
 
 from math import exp, log
@@ -22,20 +22,20 @@ RIDGE = 1e-6
 COEFFICIENTS = 6
 """Number of coefficients: two rates, three weights and the offset; the creep adds its own."""
 RETURNING = (0.5, 1.0, 2.0)
-"""Rates on the way back over those on the way out, from which the search begins."""
+"""Ratios of the rate on the way back to that on the way out, from which the search begins."""
 STARTS = 4.0
-"""Rate on the way out from which the search begins, times the travel."""
+"""Rate on the way out from which the search begins, as a multiple of 1/travel."""
 DIFFERENCE = 1e-2
-"""Change of a logarithm by which derivatives are taken."""
+"""Change of a logarithm over which derivatives are computed."""
 LONGEST, SHORTEST = 0.7, 0.05
-"""Longest step of a logarithm, and shortest share of a step that is tried."""
+"""Longest step of a logarithm, and shortest share of a step to try."""
 ROUNDS = 12
 WORTH_A_ROUND = 1e-3
-"""Relative decrease of what is left below which the rounds end."""
+"""Relative decrease of the residual below which the rounds end."""
 
 
 def fitted_rates(record: Record, until: int, begin: Rates | None = None) -> Rates:
-    """Return the rates that leave least of the known samples before ``until``.
+    """Return the rates with the least residual over the known samples before ``until``.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _rates(log_fading: float, log_returning: float) -> Rates:
 
 
 def _left(record: Record, until: int, rates: Rates) -> Column:
-    """Return what the best weights and creep leave of the known samples, about its mean."""
+    """Return the residual of the best weights and creep over the known samples, about its mean."""
     fading, returning = rates
     plays = play_columns((0.0, 1.0 / fading), (0.0, fading), record.u, (0.0, returning))
     columns = np.column_stack([plays, record.u**2])

@@ -1,7 +1,7 @@
-"""The rising branch of a conditioned arm, measured beside the identified model.
+"""The rising branch of a conditioned arm, measured as a correction of the identified model.
 
-Each way begins with conditioning strokes. Stairs give the table; grips that are rehearsed without a
-part, which the table is not made from, give its error and how well the way repeats.
+Each way begins with conditioning strokes. Stairs give the table. Grips that are rehearsed without a
+part, which the table is not made from, give its error and the repeatability of the way.
 """
 
 from collections.abc import Sequence
@@ -25,26 +25,27 @@ from pincette.control.response.model_errors import (
 )
 
 SETTLED = 0.5
-"""Share of a rest, at its end, over which its place is taken."""
+"""Share of a rest, at its end, over which its position is averaged."""
 LEAST_S = 0.1
-"""Shortest rest that counts as one, in s."""
+"""Shortest rest that is evaluated, in s."""
 FEW = 1.39
-"""Student's factor for 95 % and four rehearsed grips, over the 2 of a standard uncertainty."""
+"""Widening of an error from four rehearsed grips: Student's factor for 95 % over 2, the factor of a
+standard uncertainty."""
 LEAST_WAY_UM = 2.0
-"""Shortest way whose repeatability is judged."""
+"""Shortest way whose repeatability is judged, in µm."""
 APART_V = 0.01
-"""Least distance of two voltages of the table."""
+"""Least distance of two voltages of the table, in V."""
 
 
 class ConditionedWay(NamedTuple):
     """Samples of a way that begins with conditioning strokes."""
 
     strokes: slice
-    """The strokes and the rest after them."""
+    """Strokes and the rest after them."""
     stairs: slice | None
-    """Rests up the rising branch; None: a grip is rehearsed."""
+    """Rests up the rising branch; None for a rehearsed grip."""
     grip: RehearsedGrip | None
-    """The rehearsed grip; None: stairs."""
+    """Rehearsed grip; None for stairs."""
 
 
 class MeasuredBranch(NamedTuple):
@@ -52,15 +53,15 @@ class MeasuredBranch(NamedTuple):
 
     branch: ConditionedBranch
     return_error_um: float | None
-    """Error of x_1 at the place of the zero on the way back; see ``return_error``."""
+    """Error of x_1 at the place of the zero on the way back, in µm; see ``return_error``."""
 
 
 class Rest(NamedTuple):
-    """Means over the end of a rest."""
+    """Mean values over the end of a rest."""
 
     voltage_V: float
     left_um: float
-    """Position less the model."""
+    """Position minus model, in µm."""
     model_um: float
     samples: int
 
@@ -72,7 +73,7 @@ def measured_branch(
     period_s: float,
     ways: Sequence[ConditionedWay],
 ) -> MeasuredBranch | None:
-    """Return the rising branch; None where there are no stairs or no rehearsed grips.
+    """Return the rising branch; None without stairs or without rehearsed grips.
 
     After the strokes the plays of the model are those of a poled arm, whatever came before, as the
     estimator's are. Creep goes on.
@@ -136,7 +137,7 @@ def measured_branch(
 
 
 def _with_rests(branch: ConditionedBranch, ways: Sequence[tuple[Rest, Rest]]) -> ConditionedBranch:
-    """Return the branch with the way from the bottom to the rest after the strokes."""
+    """Return the branch with the measured way from the bottom to the rest after the strokes."""
     ratios = [
         _apart_um(bottom, rest) / (rest.model_um - bottom.model_um + branch.at(rest.voltage_V))
         for bottom, rest in ways
@@ -153,9 +154,9 @@ def _judged(
     grips: Sequence[tuple[ConditionedWay, RehearsedGrip, Rest, Rest]],
     uneven_um: float,
 ) -> MeasuredBranch:
-    """Return the branch with its errors, and with the ratios of its ways, in rehearsed grips.
+    """Return the branch with its errors, and the ratios of its ways, from rehearsed grips.
 
-    The error is ``uneven_um`` at least, and it is widened for the small number of those grips.
+    The error is at least ``uneven_um``, and it is widened for the small number of those grips.
     """
     voltage_V, x_um, left_um = columns
     model_um = x_um - left_um
@@ -190,7 +191,7 @@ def _judged(
 
 
 def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
-    """Return the standard error of the position between two rests of the stairs.
+    """Return the standard error of the position between two rests of the stairs, in µm.
 
     It is that of each rest against the line through its two neighbours: arms of few large relays
     move in jumps, which a table of some rests does not follow.
@@ -208,7 +209,7 @@ def _uneven_um(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
 
 
 def _way_spread(stairs: Sequence[Sequence[Rest]], noise_um: float) -> float:
-    """Return the standard deviation of a conditioned way from one time to the next, as a share.
+    """Return the standard deviation between repetitions of a conditioned way, as a share of it.
 
     The ways begin at the rest after the strokes, the second one of each staircase.
     """
@@ -230,7 +231,7 @@ def _apart_um(begin: Rest, end: Rest) -> float:
 def _modelled_um(
     model: HysteresisModel, voltage_V: Column, period_s: float, ways: Sequence[ConditionedWay]
 ) -> Column:
-    """Return the displacement of the model, conditioned by the strokes of each way."""
+    """Return the displacement of the model, in µm, conditioned by the strokes of each way."""
     strokes = voltage_V[ways[0].strokes]
     low_V, high_V = float(np.min(strokes)), float(np.max(voltage_V))
     nothing = ConditionedBranch(
@@ -248,13 +249,13 @@ def _modelled_um(
 
 
 def _arrivals(voltage_V: Column, low_V: float) -> int:
-    """Return how often the voltage comes to the lowest one."""
+    """Return how often the voltage arrives at the lowest one."""
     low = np.concatenate([[False], voltage_V <= 0.95 * low_V])
     return int(np.sum(~low[:-1] & low[1:]))
 
 
 def _table(stairs: Sequence[Sequence[Rest]]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the mean of several staircases, at the rests of the first one."""
+    """Return the mean table of several staircases, at the rests of the first one."""
     voltages_V = [rest.voltage_V for rest in stairs[0]]
     each = [
         np.interp(voltages_V, [rest.voltage_V for rest in one], [rest.left_um for rest in one])
@@ -276,7 +277,7 @@ def _bottom(u: Column, left: Column, model: Column, period_s: float, way: Condit
 
 
 def _rests(u: Column, left: Column, model: Column, period_s: float, samples: slice) -> list[Rest]:
-    """Return the rests of the voltage within some samples, of each the end."""
+    """Return the end of each rest of the voltage within some samples."""
     still = np.concatenate([[False], np.diff(u[samples]) == 0.0])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
     found: list[Rest] = []
@@ -298,5 +299,5 @@ def _rests(u: Column, left: Column, model: Column, period_s: float, samples: sli
 
 
 def _noise_um(left: Column) -> float:
-    """Return the standard deviation of the noise of one sample."""
+    """Return the standard deviation of the noise of one sample, in µm."""
     return float(np.median(np.abs(np.diff(left)))) / (0.6745 * sqrt(2.0))

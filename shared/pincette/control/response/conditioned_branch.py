@@ -1,4 +1,4 @@
-"""Deviation of a conditioned arm from the model, a table over its rising branch's voltage.
+"""Deviation of a conditioned arm from the model, a table over the rising branch's voltage.
 
 After strokes to a low voltage an arm repeats its free way to 0.01 mN in the median, whatever
 its class of hysteresis. The identified model repeats it worse. ``free_response`` therefore ends
@@ -17,52 +17,56 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.error_growth import ErrorGrowth
 
 STROKES, MOST_STROKES = 3, 20
-"""Fewest and most strokes of a conditioning."""
+"""Fewest and most strokes of one conditioning."""
 WAY_SHARE = 2.0
 """Way of all strokes, down and up, as a share of the range that the model was identified over. Arms
-of the Bouc-Wen class forget by the length of the way, so that shallow strokes must be more."""
+of the Bouc-Wen class forget by the length of the way, so that shallow strokes must be more
+numerous."""
 FRESH_V = 0.1
-"""Fall below the highest voltage since the strokes up to which the branch still rises."""
+"""Fall below the highest voltage since the strokes, in V, up to which the branch still counts as
+rising."""
 NEAR = 0.02
 NEAR_V = 0.01
-"""Distance from the bottom at which a stroke has reached it, as a share of its depth and in V."""
+"""Distance from the bottom at which a stroke counts as complete, as a share of its depth and in V.
+"""
 RISE = 0.1
-"""Share of the depth below 0 V up to which the voltage must rise between two strokes."""
+"""Share of the depth below 0 V to which the voltage must rise between two strokes."""
 AWAY_V = 0.05
-"""Distance from a measured place from which on nothing of that place is known, where an arm moves
-in jumps."""
+"""Distance from a measured place, in V, beyond which it says nothing about an arm that moves in
+jumps."""
 OVER = 0.05
-"""Share of the depth above 0 V beyond which a way is a stroke no more."""
+"""Share of the depth above 0 V beyond which a way no longer counts as a stroke."""
 PAST_CREEP = ((2.0, 0.13), (10.0, 0.07), (60.0, 0.03))
-"""Creep of the past before the strokes: time since them in s, expanded uncertainty (95 %) in mN."""
+"""Creep from before the strokes: time since them in s, expanded uncertainty (95 %) in mN."""
 
 
 class ConditionedBranch(FrozenRecord, frozen=True):
-    """The rising branch of a conditioned arm, beside the model; raises ValueError."""
+    """The rising branch of a conditioned arm as a correction of the model; raises ValueError."""
 
     voltages_V: tuple[float, ...]
-    """Rising from the bottom of the strokes."""
+    """Voltages that rise from the bottom of the strokes, in V."""
     added_um: tuple[float, ...]
-    """Position less the model, 0 at the bottom; straight in between, level beyond."""
+    """Position minus model at these voltages, in µm; 0 at the bottom, linear in between, constant
+    beyond."""
     errors: ErrorGrowth
-    """Standard error of x_1 by the way of the voltage since the zero of a conditioned grip."""
+    """Standard error of x_1 over the way of the voltage since the zero of a conditioned grip."""
     places_V: tuple[float, ...] = ()
-    """Voltages of the places to which the way from the rest after the strokes was measured; they
-    rise."""
+    """Rising voltages of the places to which the way from the rest after the strokes was measured,
+    in V."""
     way_ratios: tuple[float, ...] = ()
-    """Measured way to each of these places over what model and table make of it."""
+    """Ratio of the measured way to each of these places to the way by model and table."""
     way_spread: float = 0.0
-    """Standard deviation of such a ratio from one conditioned way to the next, noise taken off."""
+    """Standard deviation of such a ratio between conditioned ways, without noise."""
     way_uneven: float = 0.0
-    """The same for a place that is ``AWAY_V`` or further from the measured ones, since arms of few
-    large relays move in jumps."""
+    """Standard deviation of the ratio at a place that is ``AWAY_V`` or further from the measured
+    ones, since arms of few large relays move in jumps."""
     strokes: int = STROKES
-    """Number of strokes that the branch was measured after."""
+    """Number of strokes before the measurement of the branch."""
     rest_ratio: float = 1.0
-    """Measured way from the bottom to the rest after the strokes over what model and table make of
-    it."""
+    """Ratio of the measured way from the bottom to the rest after the strokes to that by model and
+    table."""
     rest_spread: float = 0.0
-    """Standard deviation of that ratio from one conditioned way to the next."""
+    """Standard deviation of that ratio between conditioned ways."""
 
     def __post_init__(self) -> None:
         if len(self.voltages_V) != len(self.added_um) or len(self.voltages_V) < 2:
@@ -81,7 +85,7 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
     @property
     def low_V(self) -> float:
-        """Return the voltage at the bottom of the strokes."""
+        """Return the voltage at the bottom of the strokes, in V."""
         return self.voltages_V[0]
 
     def way_at(self, voltage_V: float) -> tuple[float, float]:
@@ -123,22 +127,22 @@ class ConditionedBranch(FrozenRecord, frozen=True):
 
 
 class Strokes(FrozenRecord, frozen=True):
-    """Conditioning strokes that the voltage has made, and where it has been since."""
+    """Conditioning strokes that the voltage has made, and its path since."""
 
     count: int = 0
-    """Times that the voltage has reached the bottom since it was last far above 0 V."""
+    """Number of arrivals at the bottom since the voltage was last far above 0 V."""
     down: bool = False
     """True from the bottom of a stroke until the voltage is near 0 V again."""
     bottom: bool = False
     """True while the voltage is at the bottom."""
     top_V: float = 0.0
-    """Highest voltage since the last bottom of a conditioning."""
+    """Highest voltage since the last bottom of a conditioning, in V."""
     fell_V: float = 0.0
-    """Furthest fall of the voltage below ``top_V`` since."""
+    """Furthest fall of the voltage below ``top_V`` since then, in V."""
     since_s: float = 0.0
-    """Time since that bottom."""
+    """Time since that bottom, in s."""
     added_um: float = 0.0
-    """a(top_V); of the last conditioning until the next one is complete."""
+    """Correction a(top_V) of the last conditioning, until the next one is complete, in µm."""
 
     conditioned: bool = False
     """True once a conditioning is complete, until the next one begins."""
@@ -154,7 +158,7 @@ class Strokes(FrozenRecord, frozen=True):
         return self.conditioned and self.fell_V <= FRESH_V
 
     def follow(self, branch: ConditionedBranch, voltage_V: float, dt_s: float) -> "Strokes":
-        """Take in that a voltage has been applied for a time."""
+        """Update the strokes by a voltage that has been applied for a time."""
         low_V = branch.low_V
         if voltage_V <= low_V * (1.0 - NEAR) + NEAR_V:
             return self._at_bottom(branch, voltage_V)

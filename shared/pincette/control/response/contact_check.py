@@ -1,9 +1,8 @@
-"""Check of a residual table against a pressed part, which the table was not made of.
+"""Check of a residual table against a pressed part that it was not made from.
 
 Where a part is pressed, its force is a smooth function of the position. The estimate of the force
-scatters about that function by what the free response misses, so a table that holds makes the
-scatter smaller. An error in proportion to the position cannot be seen so: it looks like another
-stiffness.
+scatters about that function by the error of the free response, so a valid table makes the scatter
+smaller. An error in proportion to the position cannot be detected: it looks like another stiffness.
 """
 
 from math import sqrt
@@ -15,11 +14,11 @@ from numpy.typing import ArrayLike
 DEGREE = 2
 """Degree of the polynomial for the force over the position: a round face becomes stiffer."""
 LEAST_SAMPLES = 40
-"""Fewer samples judge nothing."""
+"""Fewest samples that allow a judgement."""
 LEAST_SWING_MN = 2.0
-"""Least swing of the force, in mN: a part that is only held shows no function."""
+"""Least swing of the force, in mN: a part that is held at rest shows no function."""
 CHANCE = 2.0
-"""Standard deviations by which a mean square may be larger by chance."""
+"""Increase of a mean square that chance explains, in standard deviations."""
 
 
 class ContactScatter(NamedTuple):
@@ -41,7 +40,7 @@ class ContactScatter(NamedTuple):
 def contact_scatter(
     x_um: ArrayLike, force_mN: ArrayLike, correction_mN: ArrayLike
 ) -> ContactScatter | None:
-    """Return the scatter of pressed samples; None where they are too few or hardly move.
+    """Return the scatter of pressed samples; None if they are too few or hardly move.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A kink in a free motion, as a part that is in the way makes it.
+"""A kink in a free motion, as caused by a part in the way.
 
 Beyond x_c, where the arm meets a part of stiffness K, it does not come to its free place f:
 
@@ -26,26 +26,26 @@ from pincette.control.response.play_fit import (
 )
 
 PLACES = 60
-"""Positions at which a break is tried, evenly over the range"""
+"""Number of positions at which a break is tried, evenly over the range without its edges."""
 EDGE = 0.03
-"""but for this share at both ends."""
+"""Share of the range at each end in which no break is tried."""
 RIDGE = 1e-6
 LEAST_SOFTENING = 0.07
-"""c; at 2.17 µm/mN that is a part of 0.03 mN/µm."""
+"""Least softening c; at 2.17 µm/mN a part of 0.03 mN/µm."""
 LEAST_EXPLAINED = 1.12
-"""Share by which the break lowers the r.m.s. that is left: without a part by up to 5 %, whatever
-the class of the hysteresis; with one by 18 % and more."""
+"""Least ratio of the residual's r.m.s. without the break to that with it. Without a part a break
+lowers it by up to 5 %, whatever the class of the hysteresis; with one by 18 % and more."""
 
 
 class ContactKink(NamedTuple):
     """A kink in the free response."""
 
     x_um: float
-    """x_c."""
+    """Position x_c of the kink, in µm."""
     voltage_V: float
-    """Voltage at which the arm arrives there on its way up, the mean of all ways."""
+    """Mean voltage at which the arm arrives there on its ways up, in V."""
     softening: float
-    """c = s_p·K."""
+    """Softening c = s_p·K, without unit."""
 
     @property
     def slope_share(self) -> float:
@@ -56,7 +56,7 @@ class ContactKink(NamedTuple):
 def contact_kink(
     voltage_V: Column, x_um: Column, period_s: float, course: slice | None = None
 ) -> ContactKink | None:
-    """Find the break of a motion of matched ages; None where there is none worth the name.
+    """Find the break of a motion of matched ages; None if there is no significant one.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def contact_kink(
 def _columns(
     u: Column, x: Column, period_s: float, course: slice
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the columns of f, from the sample on from which every play is known."""
+    """Return the columns of f, and the first sample from which every play is known."""
     thresholds, fadings = [0.0], [0.0]
     travel_V = float(np.ptp(u[course]))
     for share in (0.0, YIELDING):

@@ -15,21 +15,20 @@ from typing import NamedTuple
 from pincette.control.checks import require_as_many
 
 TURN_V = 0.2
-"""Fall of the voltage, in V, over which the slope after a turn is measured: twice what creep makes
-of the voltage of a hold of some seconds.
-"""
+"""Fall of the voltage, in V, over which the slope after a turn is measured: twice the change that
+creep causes in the voltage of a hold of some seconds."""
 
 
 class ErrorGrowth(NamedTuple):
-    """E(w) at some ways; straight lines between, from 0 at 0, level beyond the last."""
+    """E(w) at some ways w; straight lines in between, from 0 at 0, constant beyond the last."""
 
     ways_V: tuple[float, ...]
-    """Rising, above 0."""
+    """Ways of the voltage, in V; they rise from above 0."""
     errors_um: tuple[float, ...]
-    """Standard; never falling."""
+    """Standard error at each way, in µm; they never fall."""
 
     def at(self, way_V: float) -> float:
-        """Return the standard error in µm of x_1 at that distance from the zero."""
+        """Return the standard error of x_1 at that distance from the zero, in µm."""
         from_V = from_um = 0.0
         for to_V, to_um in zip(self.ways_V, self.errors_um, strict=True):
             if way_V <= to_V:
@@ -38,7 +37,7 @@ class ErrorGrowth(NamedTuple):
         return from_um
 
     def at_least(self, error_um: float) -> "ErrorGrowth":
-        """Return the growth with no error below one, in µm, from the first way on."""
+        """Return the growth with every error raised to a lower bound, in µm."""
         return self._replace(errors_um=tuple(max(error_um, um) for um in self.errors_um))
 
 

@@ -1,8 +1,8 @@
-"""Calibration of the free response: gain, loop and creep as measured, and the identified model.
+"""Calibration of the free response: measured gain, loop and creep, and the identified model.
 
-The model is identified from the course alone. The settled cycles, which it has not seen, give the
-gain d_p, and beside it what the model makes of them. A motion that breaks as if a part were in the
-way is refused, unless a person has confirmed that there is none.
+The model is identified from the course alone. The settled cycles, which it was not fitted to, give
+the gain d_p, of the arm and of the model. A motion that breaks as if a part were in the way is
+refused, unless an operator has confirmed that there is none.
 """
 
 from collections.abc import Sequence
@@ -42,12 +42,13 @@ from pincette.control.response.model_errors import (
 )
 
 CREEP_FROM_S = 0.1
-"""Since the end of the step; before, the arm still swings."""
+"""Time since the end of the step, in s, from which creep is fitted; before it the arm still swings.
+"""
 BEFORE_S = 0.5
-"""End of the rest before the step, over which the arm's place there is taken."""
+"""End of the rest before the step, in s, over which the arm's position is averaged."""
 
 LARGEST_RESIDUAL = 0.02
-"""Largest residual of a model besides noise, as a share of the range: actuators of any class of
+"""Largest residual of a model besides noise, as a share of the range; actuators of any class of
 hysteresis leave 0.1 to 1 %."""
 NOISES = 3.0
 
@@ -80,39 +81,40 @@ class FreeCalibration:
     """Results of the free motion."""
 
     gain: SecantGain
-    """d_p."""
+    """Gain d_p of the arm."""
     creep: Creep
     model: HysteresisModel
     model_residual_um: float
-    """R.m.s. of the part of the course that the model was not fitted to."""
+    """R.m.s. error over the part of the course that the model was not fitted to, in µm."""
     model_gain: SecantGain
     """Gain of the model in the same cycles, which may reach beyond the course's voltages."""
     press_gain: float
-    """Stroke of the presses over what the model makes of it."""
+    """Ratio of the measured stroke of the presses to that of the model."""
     cycles_residual_um: float
-    """R.m.s. of the cycles about the model, its mean taken off."""
+    """R.m.s. of the cycles about the model, without its mean, in µm."""
     line_error: Value
     """Error of a straight line in place of the model, as a share of the travel."""
     forgetting: Forgetting
-    """Error of the model under a small to-and-fro."""
+    """Error of the model under a small to-and-fro motion."""
     rehearsed: Rehearsed
     """Errors of the model since a zero."""
     return_error_um: float | None
-    """Error of the model at the place of the zero on the way back, with strokes before the grip or
-    without, whichever is larger; see ``return_error``."""
+    """Error of the model at the place of the zero on the way back, in µm: the larger one of grips
+    with and without strokes; see ``return_error``."""
     turn_error_um_per_V: float | None
-    """Error of the slope of the model just after a turn; see ``turn_error``."""
+    """Error of the slope of the model just after a turn, in µm/V; see ``turn_error``."""
     branch: ConditionedBranch | None
-    """Rising branch after conditioning strokes; None where none were made."""
+    """Rising branch after conditioning strokes; None without strokes."""
     unpoled: bool
-    """Whether the model was fitted to an actuator that began without a memory."""
+    """True if the model was fitted to an actuator that began without a memory."""
     t_s: Column
     voltage_V: Column
     x_um: Column
     model_um: Column
-    """Positions of the model over the whole record, with the mean of ``x_um`` over the course."""
+    """Positions of the model over the whole record, in µm, with the mean of ``x_um`` over the
+    course."""
     kink: ContactKink | None = None
-    """Break of the motion where a person has confirmed that no part was there."""
+    """Break of the motion, if an operator has confirmed that no part was there."""
 
 
 def calibrate_free_response(
@@ -204,7 +206,7 @@ def calibrate_free_response(
 
 
 def kink_text(kink: ContactKink) -> str:
-    """Describe the break of a free motion for people."""
+    """Describe the break of a free motion in words."""
     return (
         f"the motion breaks at {kink.x_um:.1f} µm ({kink.voltage_V:.2f} V on the way up), on each "
         f"way up and down: beyond it the arm moves by {100.0 * kink.slope_share:.0f} % of what it "
@@ -213,7 +215,7 @@ def kink_text(kink: ContactKink) -> str:
 
 
 def _noise_um(creep: Creep) -> float:
-    """Return the noise of one sample from the next: what shakes the arm slowly is no noise."""
+    """Return the noise between neighbouring samples, in µm; slow vibration does not count."""
     return float(np.std(np.diff(creep.line.residuals))) / sqrt(2.0)
 
 
@@ -242,7 +244,7 @@ def _identified(
 
 
 def _creep(u: Column, x: Column, motion: FreeMotion) -> Creep:
-    """Return the creep since the middle of the step: each part creeps from its own time on."""
+    """Return the creep since the middle of the step; each part creeps from its own time on."""
     step_from, step_to = motion.before_step.stop, motion.after_step.start
     step = slice(step_from - 1, step_to + 1)
     made = np.abs(np.diff(u[step]))

@@ -1,8 +1,8 @@
-"""The free response x_1: where the voltage alone would put the arm; and its linear model.
+"""The free response x_1, the position of the arm by the voltage alone, and its linear model.
 
 The linear model is a straight line through the last zero, with the slope of the branch of the
-hysteresis loop on which the arm arrived there. The line errs as the branch bends and as the arm
-creeps, and grows wrong where the voltage reverses; its ``error_um`` carries that.
+hysteresis loop on which the arm arrived there. Its error grows as the branch bends and the arm
+creeps, and it becomes wrong where the voltage reverses; ``error_um`` states that.
 """
 
 from abc import abstractmethod
@@ -17,16 +17,19 @@ from pincette.control.record import FrozenRecord
 
 TOLERANCE_UM = 5.0
 TOLERANCE_FRACTION = 0.4
-"""Largest change of the line's offset by a zero: without travel, and as a share of it."""
+"""Largest change of the line's offset by a zero: without travel in µm, and as a share of the
+travel."""
 MIN_TRAVEL_V = 0.1
-"""Lever of a slope that is drawn to a zero, and"""
+"""Least travel, in V, over which the slope to a zero is measured."""
 GAIN_TOLERANCE = 0.4
-"""share of d_p by which that slope may differ from it."""
+"""Largest deviation of that slope from d_p, as a share of d_p."""
 GROWTH_V = 0.5
-"""Travel since the zero over which the error of a model with a memory grows to its full size."""
+"""Travel since the zero, in V, over which the error of a model with a memory grows to its full
+size."""
 LEAST_TOLERANCE_UM = 0.5
 ERRORS_TOLERATED = 5.0
-"""Standard errors by which a zero may move the offset of such a model, on top of creep."""
+"""Change of such a model's offset by a zero that is tolerated in addition to creep, in standard
+errors."""
 
 
 class FreeSample(NamedTuple):
@@ -35,7 +38,8 @@ class FreeSample(NamedTuple):
     voltage_V: float
     x_um: float
     displacement_um: float = 0.0
-    """Displacement of a model with a memory on the path to the voltage, without offset."""
+    """Displacement of a model with a memory along the path to the voltage, without offset, in µm.
+    """
 
 
 class FreeResponse(Protocol):
@@ -43,7 +47,7 @@ class FreeResponse(Protocol):
 
     @property
     def nominal_um_per_V(self) -> float:
-        """Return d_p."""
+        """Return the nominal gain d_p."""
         ...
 
     @property
@@ -57,36 +61,36 @@ class FreeResponse(Protocol):
         ...
 
     def follow(self, voltage_V: float, dt_s: float, /) -> Self:
-        """Take in that ``voltage_V`` has been applied for ``dt_s``."""
+        """Update the response by a voltage that has been applied for ``dt_s``."""
         ...
 
     def position_um(self) -> float:
-        """Return x_1 at the voltage followed last."""
+        """Return x_1 at the newest voltage."""
         ...
 
     def displacement_um(self) -> float:
-        """Return what a memory makes of the path to the voltage followed last, without offset."""
+        """Return a memory's displacement at the newest voltage, without offset, in µm."""
         ...
 
     def error_um(self) -> float:
-        """Return the standard uncertainty of x_1 since the last zero."""
+        """Return the standard uncertainty of x_1 since the last zero, in µm."""
         ...
 
     def sample(self, x_um: float) -> FreeSample:
-        """Note a position of the free arm at the voltage followed last."""
+        """Return a sample of the free arm at the newest voltage."""
         ...
 
     @property
     def remembers(self) -> bool:
-        """Whether it follows every branch, so that its error is known on each."""
+        """Return whether the model follows every branch, so that its error is known on each."""
         ...
 
     def residual_um(self, sample: FreeSample) -> float:
-        """Return x - x_1 of a sample, by the zero that holds at present."""
+        """Return x - x_1 of a sample, from the present zero."""
         ...
 
     def begin(self, x_um: float) -> Self:
-        """Put x_1 at ``x_um`` until the first zero; what the model remembers stays."""
+        """Put x_1 at ``x_um`` until the first zero; the memory of the model stays."""
         ...
 
     def rezero(self, samples: Sequence[FreeSample], rest_samples: int) -> Self:
@@ -96,8 +100,8 @@ class FreeResponse(Protocol):
     def zero_tolerance_um(self, creep_um: float) -> float:
         """Return how far a zero here may move the offset by hysteresis and creep alone.
 
-        What goes beyond it must have another cause, such as a part that presses. ``creep_um`` is
-        how far creep that x_1 does not follow may have moved the arm since the last zero.
+        A larger change must have another cause, such as a part that presses. ``creep_um`` is the
+        largest possible motion of the arm since the last zero by creep that x_1 does not follow.
         """
         ...
 
@@ -109,16 +113,17 @@ class LinearResponse(FrozenRecord, frozen=True):
     gain_um_per_V: float
     zero_V: float
     nominal_um_per_V: float
-    """d_p: the gain where none could be measured, and what a measured one is judged by."""
+    """Nominal gain d_p: used if no gain could be measured, and the reference for a measured one."""
     hysteresis_fraction: float = 0.0
     """Standard error of the line, as a share of the furthest travel since the zero."""
     voltage_V: float = 0.0
     """Return the newest voltage."""
     reach_V: float = 0.0
-    """Furthest that the voltage has been from that of the last zero, also before a new begin."""
+    """Largest distance of the voltage from that of the last zero, including before a new begin, in
+    V."""
 
     def follow(self, voltage_V: float, _dt_s: float, /) -> "LinearResponse":
-        """Take in the voltage; a line knows no time."""
+        """Update the line by the voltage; time does not matter to it."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         return replace(self, voltage_V=voltage_V, reach_V=reach_V)
 
@@ -128,7 +133,7 @@ class LinearResponse(FrozenRecord, frozen=True):
         return False
 
     def position_um(self) -> float:
-        """Return x_1 at the voltage followed last."""
+        """Return x_1 at the newest voltage."""
         return free_position(self, self.voltage_V)
 
     def displacement_um(self) -> float:
@@ -136,11 +141,11 @@ class LinearResponse(FrozenRecord, frozen=True):
         return 0.0
 
     def error_um(self) -> float:
-        """Return the share of gain·max|u - u_zero|: the way back has a branch of its own."""
+        """Return a share of gain·max|u - u_zero|: the way back has a branch of its own."""
         return self.hysteresis_fraction * self.gain_um_per_V * self.reach_V
 
     def sample(self, x_um: float) -> FreeSample:
-        """Note a position at the voltage followed last."""
+        """Return a sample at the newest voltage."""
         return FreeSample(self.voltage_V, x_um)
 
     def residual_um(self, sample: FreeSample) -> float:
@@ -148,10 +153,10 @@ class LinearResponse(FrozenRecord, frozen=True):
         return sample.x_um - free_position(self, sample.voltage_V)
 
     def begin(self, x_um: float) -> "LinearResponse":
-        """Return the line of slope d_p through ``x_um`` at the voltage followed last.
+        """Return the line of slope d_p through ``x_um`` at the newest voltage.
 
         The furthest travel stays: an arm with remanence may begin far from where it was before that
-        travel, and err by as much on its way back.
+        travel, and its error on the way back is as large.
         """
         return replace(
             self,
@@ -188,7 +193,7 @@ class LinearResponse(FrozenRecord, frozen=True):
         )
 
     def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return 5 µm + 0.4·d_p·|u - u_zero| + creep: hysteresis, and an error of d_p."""
+        """Return 5 µm + 0.4·d_p·|u - u_zero| + creep, for hysteresis and an error of d_p."""
         travel_um = self.nominal_um_per_V * abs(self.voltage_V - self.zero_V)
         return TOLERANCE_UM + TOLERANCE_FRACTION * travel_um + creep_um
 
@@ -196,14 +201,14 @@ class LinearResponse(FrozenRecord, frozen=True):
 class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
     """x_1 = offset + displacement of a model that remembers the path of the voltage.
 
-    A zero moves the offset alone: creep bends the branch that leads to it, so that a gain drawn
-    from there misses the slope of the next stroke by more than the model does.
+    A zero moves the offset alone. Creep bends the branch that leads to it, so that a gain measured
+    there misses the slope of the next stroke by more than the model does.
     """
 
     nominal_um_per_V: float
     """Return d_p."""
     model_error_um: float
-    """r.m.s. that the model left of free motion it was not made from."""
+    """R.m.s. error of the model over free motion that it was not fitted to, in µm."""
     offset_um: float = 0.0
     zero_V: float = 0.0
 
@@ -214,31 +219,31 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
 
     @abstractmethod
     def displacement_um(self) -> float:
-        """Return x of the model at the voltage followed last, without offset."""
+        """Return the displacement of the model at the newest voltage, without offset."""
 
     @abstractmethod
     def _voltage_V(self) -> float:
-        """Return the voltage followed last."""
+        """Return the newest voltage."""
 
     def position_um(self) -> float:
-        """Return x_1 at the voltage followed last."""
+        """Return x_1 at the newest voltage."""
         return self.offset_um + self.displacement_um()
 
     def error_um(self) -> float:
         """Return √2·residual·min(1, |u - u_zero|/GROWTH_V).
 
-        The error of a difference of two displacements, independent where they lie far apart and
-        the same where they lie together.
+        This is the error of a difference of two displacements, whose errors are independent far
+        apart and equal close together.
         """
         travel_V = abs(self._voltage_V() - self.zero_V)
         return sqrt(2.0) * self.model_error_um * min(1.0, travel_V / GROWTH_V)
 
     def sample(self, x_um: float) -> FreeSample:
-        """Note a position of the free arm at the voltage followed last."""
+        """Return a sample of the free arm at the newest voltage."""
         return FreeSample(self._voltage_V(), x_um, self.displacement_um())
 
     def residual_um(self, sample: FreeSample) -> float:
-        """Return x - x_1 of a sample, by the offset that holds at present."""
+        """Return x - x_1 of a sample, from the present offset."""
         return sample.x_um - self.offset_um - sample.displacement_um
 
     def begin(self, x_um: float) -> Self:
@@ -252,7 +257,7 @@ class MemoryResponse(FrozenRecord, frozen=True, kw_only=True):
         return replace(self, offset_um=offset_um, zero_V=rest.voltage_V)
 
     def zero_tolerance_um(self, creep_um: float) -> float:
-        """Return five errors and the creep, 0.5 µm at least."""
+        """Return five standard errors plus creep, at least 0.5 µm."""
         return max(LEAST_TOLERANCE_UM, ERRORS_TOLERATED * self.error_um() + creep_um)
 
 
@@ -265,12 +270,15 @@ def nominal_response(
 
 
 def free_position(model: LinearResponse, voltage_V: float) -> float:
-    """Return the displacement x_1 in µm by the voltage alone."""
+    """Return the displacement x_1 by the voltage alone, in µm."""
     return model.offset_um + model.gain_um_per_V * (voltage_V - model.zero_V)
 
 
 def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
-    """Return the mean of the last ``rest_samples``; raises ValueError if there are fewer."""
+    """Return the mean of the last ``rest_samples``.
+
+    Raises ValueError if there are fewer samples.
+    """
     if not 1 <= rest_samples <= len(samples):
         raise ValueError(f"{len(samples)} samples, must be at least {rest_samples} at rest")
     voltage_V = x_um = displacement_um = 0.0
@@ -282,7 +290,7 @@ def rest_mean(samples: Sequence[FreeSample], rest_samples: int) -> FreeSample:
 
 
 def _branch_gain(samples: Sequence[FreeSample], end: int, rest: FreeSample) -> float | None:
-    """Return the slope in µm/V over the branch that leads to the rest; None if it is too short."""
+    """Return the slope over the branch that leads to the rest, in µm/V; None if it is too short."""
     furthest_V = voltage_V = x_um = 0.0
     count = 0
     for index in range(end - 1, -1, -1):

@@ -39,12 +39,12 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.record import FrozenRecord
 
 ROUNDED = 1e-2
-"""Share by which r·λ of a play that never yields may be below 1, for numbers of a file."""
+"""Share by which r·λ of a play that never yields may be below 1, for rounded numbers in a file."""
 
 
 @dataclass(frozen=True, slots=True)
 class HysteresisModel:
-    """Coefficients; the first threshold is 0, the play that is the linear part.
+    """Coefficients of the operator; the first threshold is 0 and makes the linear part.
 
     Plays of one threshold may differ in their fading.
 
@@ -58,25 +58,26 @@ class HysteresisModel:
     """
 
     thresholds_V: tuple[float, ...]
-    """r_i."""
+    """Threshold r_i of each play, in V."""
     weights_um_per_V: tuple[float, ...]
-    """w_i."""
+    """Weight w_i of each play, in µm/V."""
     creep_times_s: tuple[float, ...] = ()
-    """τ_j."""
+    """Time constant τ_j of each creep state, in s."""
     creep_fractions: tuple[float, ...] = ()
-    """κ_j, shares of the static displacement."""
+    """Fraction κ_j of each creep state, as a share of the static displacement."""
     fadings_per_V: tuple[float, ...] = ()
-    """λ_i; none where nothing fades. The linear part's is 0: it remembers nothing."""
+    """Fading λ_i of each play, in 1/V; empty if none fades. That of the linear part, which has no
+    memory, is 0."""
     curvature_um_per_V2: float = 0.0
-    """q."""
+    """Curvature q, in µm/V²."""
     squares_um_per_V2: tuple[float, ...] = ()
-    """a_i; none where nothing is bent."""
+    """Coefficient a_i of each bend, in µm/V²; empty without bends."""
     cubes_um_per_V3: tuple[float, ...] = ()
-    """b_i, likewise."""
+    """Coefficient b_i of each bend, in µm/V³; empty without bends."""
     bent_V: tuple[float, float] = (0.0, 0.0)
-    """Lowest and highest play between which the bends hold."""
+    """Lowest and highest value of a play between which the bends hold, in V."""
     return_fadings_per_V: tuple[float, ...] = ()
-    """μ_i, which replace λ_i while |z_i| falls; empty: they are the same."""
+    """Fading μ_i of each play while |z_i| falls, in 1/V; empty if it equals λ_i."""
 
     def __post_init__(self) -> None:
         _require_same("weights_um_per_V", self.weights_um_per_V, "thresholds_V", self.thresholds_V)
@@ -114,11 +115,11 @@ class HysteresisState(FrozenRecord, frozen=True):
     plays_V: tuple[float, ...]
     static_um: float
     creep_um: tuple[float, ...]
-    """c_j, before their fractions."""
+    """Creep states c_j before multiplication by their fractions, in µm."""
 
 
 def start(model: HysteresisModel) -> HysteresisState:
-    """Return the memory of an unpoled actuator: 0 V, 0 µm."""
+    """Return the memory of an unpoled actuator, at 0 V and 0 µm."""
     plays = (0.0,) * len(model.thresholds_V)
     return HysteresisState(0.0, plays, 0.0, (0.0,) * len(model.creep_times_s))
 
@@ -128,7 +129,7 @@ def step(
 ) -> HysteresisState:
     """Return the memory after the voltage went straight to ``voltage_V`` and stayed for ``dt_s``.
 
-    Between the thresholds the way du of the voltage makes of z, however it is cut,
+    A change du of the voltage between the thresholds, in however many parts, changes z to
 
         z·e^(-λ·|du|) + sign(du)·(1 - e^(-λ·|du|))/λ
 
@@ -187,7 +188,7 @@ def _yielded(
 
 
 def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float, float]:
-    """Return z after a way that makes |z| fall, and what is left of the way, both ways negative.
+    """Return z after a way that makes |z| fall, and the remaining way; both ways are negative.
 
     d|z| = -(1 + μ·|z|)·|du| as far as z = 0.
     """
@@ -201,7 +202,7 @@ def _returned(z_V: float, returning_per_V: float, back_V: float) -> tuple[float,
 
 
 def _bends_um(model: HysteresisModel, plays_V: Sequence[float]) -> float:
-    """Return Σ g_i(y_i)."""
+    """Return the sum of the bends, Σ g_i(y_i), in µm."""
     low_V, high_V = model.bent_V
     total = 0.0
     for y, square, cube in zip(
@@ -224,7 +225,7 @@ def bend_um(square: float, cube: float, low_V: float, high_V: float, y: float) -
 def displacements_after(
     model: HysteresisModel, state: HysteresisState, dt_s: float
 ) -> Callable[[float], float]:
-    """Return ``displacement_um`` in µm of the memory that ``step`` would give, by voltage in V."""
+    """Return a function from voltage to the displacement in µm that ``step`` would give."""
     factors = creep_factors(model.creep_times_s, dt_s)
     creep = list(zip(model.creep_fractions, state.creep_um, factors, strict=True))
 
@@ -253,7 +254,7 @@ def creep_factors(creep_times_s: tuple[float, ...], dt_s: float) -> tuple[float,
 
 
 class _Play(NamedTuple):
-    """Numbers of one play, by which plays are sorted."""
+    """Coefficients of one play, by which plays are sorted."""
 
     threshold_V: float
     fading_per_V: float
@@ -262,7 +263,7 @@ class _Play(NamedTuple):
 
 
 def _require_possible(plays: list[_Play]) -> None:
-    """Refuse plays that no actuator is made of."""
+    """Check that an actuator with these plays is possible; raises ValueError."""
     linear = plays[0]
     for name, fading in (
         ("fading", linear.fading_per_V),

@@ -1,4 +1,4 @@
-"""Hysteresis and creep over a whole recorded motion: what ``hysteresis.step`` does, in columns."""
+"""Hysteresis and creep over a whole recorded motion: ``hysteresis.step`` in columns."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,11 @@ from pincette.control.response.hysteresis import HysteresisModel, creep_factors
 Column = NDArray[np.float64]
 
 YIELDS_WITHIN = 1e-12
-"""Share of its threshold within which a play counts as yielding; for rounding."""
+"""Share of its threshold within which a play counts as yielding, to allow for rounding."""
 
 
 def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Column:
-    """Return the free displacement in µm of an actuator that starts unpoled; N samples for N."""
+    """Return the free displacement in µm of an actuator that starts unpoled, one per sample."""
     plays = play_columns(
         model.thresholds_V, model.fadings_per_V, voltage_V, model.return_fadings_per_V
     )
@@ -24,7 +24,7 @@ def simulate(model: HysteresisModel, voltage_V: Column, period_s: float) -> Colu
 def moved_um(
     model: HysteresisModel, plays_V: NDArray[np.float64], voltage_V: Column, period_s: float
 ) -> Column:
-    """Return the free displacement in µm from the states that ``play_columns`` gives."""
+    """Return the free displacement in µm for the states from ``play_columns``."""
     weights = np.asarray(model.weights_um_per_V)
     static = plays_V @ weights + model.curvature_um_per_V2 * voltage_V**2
     if model.squares_um_per_V2:
@@ -43,7 +43,8 @@ def play_columns(
 ) -> NDArray[np.float64]:
     """Return plays y_i in V, N × thresholds, of an actuator that starts unpoled.
 
-    Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` those are the same.
+    Without ``fadings_per_V`` none fades; without ``return_fadings_per_V`` these equal
+    ``fadings_per_V``.
     """
     r = np.asarray(thresholds_V, dtype=float)
     fading = np.asarray(fadings_per_V, dtype=float) if len(fadings_per_V) else np.zeros(len(r))
@@ -75,7 +76,7 @@ def _returned(
 ) -> tuple[Column, Column]:
     """Return z after the part of a way on which |z| falls, and the rest of the way.
 
-    ``back`` has the rates with 1 in place of 0.
+    ``back`` has the rates, with 0 replaced by 1.
     """
     height, way = np.abs(z), abs(du)
     falls = fades & (z * du < 0.0)
@@ -101,8 +102,8 @@ def slopes_um_per_V(
 ) -> NDArray[np.float64]:
     """Return slopes of the static displacement in µm/V, N × 2: continuing upwards and downwards.
 
-    Of the states that ``play_columns`` gives, by dy/du = 2q·u + Σ (w_i + g_i')·(1 - dz_i/du), where
-    a play that yields adds its whole weight.
+    They belong to the states from ``play_columns``: dy/du = 2q·u + Σ (w_i + g_i')·(1 - dz_i/du),
+    where a play that yields adds its whole weight.
     """
     weights = np.asarray(model.weights_um_per_V)
     if model.squares_um_per_V2:

@@ -40,30 +40,31 @@ from pincette.control.response.play_fit import (
 )
 
 LEAST_SHARE = 0.1
-"""Smallest travel of the test part, as a share of the record's: a rest there would show nothing."""
+"""Smallest travel of the test part, as a share of the record's travel; a rest there would show
+nothing."""
 SHARE_OF_CHOICE = 0.25
 """Share of the record before the test part by which families, curvature and ridge are chosen."""
 HELD_OUT = 0.25
-"""Share of the record, the last one, that the coefficients are not fitted to."""
+"""Share of the record, at its end, that the coefficients are not fitted to."""
 PARTS = 3
 """Number of parts of the fitted samples by which bends are chosen."""
 POOR = 2.0
-"""Noises beyond which plays do not describe an arm, so that a play that never yields is tried; what
-they leave contains one."""
+"""Multiple of the noise above which plays do not describe an arm, so that a play that never yields
+is tried. The residual contains the noise once."""
 WORTH = 0.9
-"""Another candidate must leave less than this share of what the present one leaves: by a few per
-cent two spans of one record differ anyway."""
+"""Largest ratio of another candidate's residual to the present one's at which it is preferred; two
+spans of one record differ by a few per cent anyway."""
 
 
 class Identification(NamedTuple):
-    """A model, and the r.m.s. in µm that it leaves of motion it was not fitted to."""
+    """A model, and its r.m.s. error in µm over motion that it was not fitted to."""
 
     model: HysteresisModel
     residual_um: float
 
 
 class Candidates(NamedTuple):
-    """Candidates for what least squares cannot give; simple ones first."""
+    """Candidates for the settings that least squares cannot give; simple ones first."""
 
     families: tuple[tuple[float, ...], ...] = (
         (0.0,),
@@ -74,11 +75,13 @@ class Candidates(NamedTuple):
     """r·λ of each family of plays; several families blend several rates of forgetting."""
     curved: tuple[bool, ...] = (False, True)
     bent: tuple[bool, ...] = (False, True)
-    """Whether plays that forget nothing are bent, with the curvature."""
+    """Settings of the bends to try: true if plays that forget nothing are bent, with the curvature.
+    """
     ridges: tuple[float, ...] = (1e-6, 1e-4)
-    """Share of the columns' mean square: 1e-6 bounds the condition number by 1e3·√columns."""
+    """Ridge as a share of the columns' mean square; 1e-6 bounds the condition number by
+    1e3·√columns."""
     beside: tuple[tuple[float, ...], ...] = ((), (0.0,))
-    """Families beside a play that never yields; empty: no such play is tried."""
+    """Families of plays in addition to one that never yields; empty: no such play is tried."""
 
 
 ALL = Candidates()
@@ -95,7 +98,7 @@ def identify_free_response(
     unpoled: bool = True,
     held_out: float = HELD_OUT,
 ) -> Identification:
-    """Fit weights and creep fractions to a free motion; state what the model leaves, simulated.
+    """Fit weights and creep fractions to a free motion; state the residual of a simulation.
 
     Parameters
     ----------
@@ -158,7 +161,7 @@ def _require_usable(u: Column, x: Column, threshold_V: float) -> None:
 def _choose(record: Record, fitted: int, candidates: Candidates) -> Choice:
     """Return the best choice by its residual in the middle of the record.
 
-    A richer one must be worth it.
+    A choice with more coefficients must leave clearly less.
     """
     until = int(fitted - SHARE_OF_CHOICE * len(record.u))
     choices = [Choice(*values) for values in product(*candidates[:4])]
@@ -203,9 +206,9 @@ def _noise_um(record: Record) -> float:
 
 
 def _best(choices: Sequence[Choice], left: Callable[[Choice], float]) -> Sequence[Choice]:
-    """Return the one with the least residual, a later one only if it is worth it.
+    """Return the choice with the least residual; a later one must leave less than ``WORTH`` of it.
 
-    None if there is none.
+    The result is empty if there is no choice.
     """
     if len(choices) < 2:
         return choices

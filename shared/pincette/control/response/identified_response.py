@@ -1,7 +1,7 @@
 """The free response x_1 by an identified model of hysteresis and creep.
 
-Its memory follows every voltage, whether the arm is free, pressed or idle: an actuator does not
-forget either.
+Its memory follows every voltage, whether the arm is free, pressed or idle, as that of an actuator
+does.
 """
 
 from collections.abc import Sequence
@@ -29,19 +29,20 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
     model: HysteresisModel
     memory: HysteresisState
     growth: ErrorGrowth | None = None
-    """Error by the way since the zero, as identified; None: by the residual."""
+    """Error over the way since the zero, as identified; None for an error from the residual."""
     reach_V: float = 0.0
-    """Furthest that the voltage has been from that of the zero since."""
+    """Largest distance of the voltage from that of the zero since then, in V."""
     branch: ConditionedBranch | None = None
-    """Rising branch of the conditioned arm; None: not known, and strokes count for nothing."""
+    """Rising branch of the conditioned arm; None if it is not known, so that strokes have no
+    effect."""
     stroked: HysteresisState | None = None
-    """Memory at the bottom of the last stroke, which ``branch`` was measured beside."""
+    """Memory at the bottom of the last stroke, which the measurement of ``branch`` refers to."""
     strokes: Strokes = Strokes()
     """Conditioning strokes that the voltage has made."""
     conditioned: bool = False
-    """True where the last zero was on the rising branch after conditioning strokes."""
+    """True if the last zero was on the rising branch after conditioning strokes."""
     factor: float = 1.0
-    """Stroke of the arm over that of its calibration, as the last conditioned way showed it."""
+    """Ratio of the arm's stroke to that of its calibration, by the last conditioned way."""
 
     @property
     def voltage_V(self) -> float:
@@ -49,7 +50,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return self.memory.voltage_V
 
     def follow(self, voltage_V: float, dt_s: float, /) -> "IdentifiedResponse":
-        """Take in that ``voltage_V`` has been applied for ``dt_s``."""
+        """Update the memory by a voltage that has been applied for ``dt_s``."""
         reach_V = max(self.reach_V, abs(voltage_V - self.zero_V))
         memory, strokes = self.memory, self.strokes
         if self.branch is not None:
@@ -71,7 +72,7 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return replace(moved, reach_V=reach_V, conditioned=self.strokes.fresh)
 
     def with_factor(self, factor: float) -> "IdentifiedResponse":
-        """Return the response of an arm whose stroke is a factor of the calibrated one.
+        """Return the response of an arm whose stroke is a multiple of the calibrated one.
 
         x_1 stays where it is at the present voltage.
         """
@@ -79,20 +80,20 @@ class IdentifiedResponse(MemoryResponse, frozen=True):
         return replace(changed, offset_um=at_um - changed.displacement_um())
 
     def displacement_um(self) -> float:
-        """Return the displacement at the voltage followed last.
+        """Return the displacement at the newest voltage, in µm.
 
-        It is that of the model and what the conditioned arm does beside it, times ``factor``.
+        It is the sum of the model and the correction of a conditioned arm, times ``factor``.
         """
         return self.factor * self.calibrated_um()
 
     def calibrated_um(self) -> float:
-        """Return the displacement with the stroke of the calibration."""
+        """Return the displacement with the stroke of the calibration, in µm."""
         return displacement_um(self.model, self.memory) + self.strokes.added_um
 
     def error_um(self) -> float:
-        """Return E(max|u - u_zero|) as identified, else what the residual says.
+        """Return E(max|u - u_zero|) as identified, else the error from the residual, in µm.
 
-        What the memory errs by on the way there it still errs by on the way back.
+        An error of the memory on the way there remains on the way back.
         """
         if self.conditioned and self.branch is not None:
             return self.branch.errors.at(self.reach_V)
@@ -112,7 +113,7 @@ def identified_response(
     memory: HysteresisState | None = None,
     branch: ConditionedBranch | None = None,
 ) -> IdentifiedResponse:
-    """Return the response of an actuator with a memory, at 0 V and 0 µm; None: it is unpoled.
+    """Return the response of an actuator with a memory, at 0 V and 0 µm; None: unpoled.
 
     Raises ValueError for an impossible d_p or error.
     """

@@ -18,14 +18,15 @@ from pincette.control.response.hysteresis import (
 )
 
 TOLERANCE_UM = 1e-4
-"""Tolerance of the displacement for the voltage that is searched."""
+"""Tolerance of the displacement at the voltage that is found, in µm."""
 ROUNDS = 60
 REACH_V = 100.0
-"""A voltage beyond it is never looked for: no displacement that needs it can be had."""
+"""Bound of the voltages that are searched, in V: no displacement that needs more is possible."""
 MOST = 16
-"""Evaluations after which the last voltage is taken as it is."""
+"""Number of evaluations after which the last voltage is accepted as it is."""
 EXTRAPOLATED = 3
-"""Evaluations on one side after which the next one goes twice as far, to enclose the voltage."""
+"""Number of evaluations on one side after which the next one goes twice as far, to enclose the
+voltage."""
 LEAST_SLOPE = 0.25
 """Smallest slope of H that an extrapolation assumes, as a share of the mean slope."""
 
@@ -78,9 +79,9 @@ def free_voltages(
     period_s: float,
     begins: HysteresisState | None = None,
 ) -> list[float]:
-    """Return voltages in V, held for a period each, that bring an arm to displacements in µm.
+    """Return voltages in V, held for a period each, that move an arm to displacements in µm.
 
-    ``begins`` is its memory, from whose displacement the others count; None: the arm is unpoled.
+    ``begins`` is its memory, from whose displacement the others count; None for an unpoled arm.
 
     The displacement a voltage leads to is continuous in it, and rises over the states that a
     model was identified by. Each is found by false position (Illinois) between two voltages that
@@ -97,7 +98,7 @@ def free_voltages(
 def _reach(
     model: HysteresisModel, state: HysteresisState, wanted_um: float, period_s: float
 ) -> HysteresisState:
-    """Return the state after a period at the voltage of a displacement."""
+    """Return the state one period after the voltage of a displacement is applied."""
     low = high = step(model, state, state.voltage_V, period_s)
     low_um = high_um = displacement_um(model, low) - wanted_um
     if abs(low_um) <= TOLERANCE_UM:

@@ -1,10 +1,9 @@
-"""What an identified free response gets wrong, from motion it was not fitted to.
+"""Errors of an identified free response, from motion it was not fitted to.
 
-Four errors are told apart, in the terms in which the estimator's uncertainty has them: of the
-straight line that stands in for x_1 where nothing is identified, as a share of the travel; of
-the creep that x_1 does not know, per decade of the age of a zero; of what the actuator forgets
-under a small to-and-fro, by its way; and of x_1 itself, as it grows with the voltage's way since
-a zero.
+Four errors are distinguished, in the terms of the estimator's uncertainty: that of the straight
+line which replaces x_1 if nothing is identified, as a share of the travel; that of creep unknown to
+x_1, per decade of the age of a zero; that of the memory which the actuator loses under a small
+to-and-fro, by its way; and that of x_1 itself, as it grows with the voltage's way since a zero.
 """
 
 from collections.abc import Sequence
@@ -20,28 +19,29 @@ from pincette.control.response.hysteresis_motion import Column
 from pincette.control.response.reversal_memory import ReversalMemory
 
 REST_S = 0.2
-"""End of a rest over which its place is taken."""
+"""Duration of the end of a rest over which its position is averaged, in s."""
 BLOCK_S = 0.4
-"""Before small swings, over which noise is averaged."""
+"""Duration before small swings over which noise is averaged, in s."""
 PASSING = 3
-"""Samples before and after a place, over which the position there is taken in passing."""
+"""Number of samples before and after a place over which the position there is averaged in passing.
+"""
 SCALES_V = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-"""Tried, each twice the one before."""
+"""Ways V_s to try, in V; each is twice the one before."""
 SCALES_ALIKE = 1.05
-"""Ratio of sums of squares."""
+"""Ratio of sums of squares up to which two ways V_s fit equally well."""
 
 
 class RehearsedGrip(NamedTuple):
     """Samples of a grip without a part."""
 
     approach: slice
-    """Samples from rest to the expected contact, with a rest at both ends."""
+    """Samples from the rest to the expected contact, with a rest at both ends."""
     press: slice
-    """Samples from there on, with a rest at the end."""
+    """Samples after the approach, with a rest at the end."""
     swings: slice | None = None
-    """Small swings after it."""
+    """Small swings after the press; None without swings."""
     let_go: slice | None = None
-    """Way back to rest."""
+    """Way back to the rest; None if it was not rehearsed."""
 
 
 class Value(NamedTuple):
@@ -52,9 +52,9 @@ class Value(NamedTuple):
 
 
 def line_error(loops: Sequence[SecantGain]) -> Value:
-    """Return the r.m.s.
+    """Return the r.m.s. error of a straight line through settled loops, as a share of the travel.
 
-    of x - d·(u - u_0) over d·(u - u_0) of settled loops, u_0 their lowest voltage.
+    It is that of x - d·(u - u_0) over d·(u - u_0), with u_0 the lowest voltage of the loops.
 
     A straight line through a zero there misses both branches; the loops' difference is the
     uncertainty. Raises ValueError without a settled loop.
@@ -73,18 +73,18 @@ class Forgetting(NamedTuple):
     """Memory that the actuator loses under small swings and the model does not, or the reverse."""
 
     full_um: Value
-    """Standard error that x_1 tends to."""
+    """Standard error that x_1 approaches, in µm."""
     scale_V: Value
-    """Way to and fro at which 63 % of it is reached."""
+    """Way to and fro, in V, at which 63 % of it is reached."""
 
 
 def unknown_forgetting(
     voltage_V: Column, left_um: Column, period_s: float, swings: Sequence[slice]
 ) -> Forgetting:
-    """Fit r = r(0) + c·(1 - e^(-V/V_s)) to what x_1 leaves under each of several small swings.
+    """Fit r = r(0) + c·(1 - e^(-V/V_s)) to the residual of x_1 under several small swings.
 
-    V is the way to and fro, r(0) the mean over the last ``BLOCK_S`` before; one V_s serves all,
-    and the root mean square of c is the standard error.
+    V is the way to and fro, r(0) the mean over the last ``BLOCK_S`` before the swings. All swings
+    share one V_s, and the root mean square of c is the standard error.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def unknown_forgetting(
 def _fitted(
     ways: Sequence[Column], moved: Sequence[Column], scale_V: float
 ) -> tuple[list[float], float]:
-    """Return c of each, and the sum of squared residuals of all."""
+    """Return c of each swing, and the sum of squared residuals of all."""
     errors_um: list[float] = []
     left = 0.0
     for way_V, d_um in zip(ways, moved, strict=True):
@@ -142,13 +142,13 @@ class Rehearsed(NamedTuple):
     growth: ErrorGrowth
     """Growth of the error with the way of the voltage since a zero."""
     creep_um: Value
-    """Per decade of the age of the zero, by which the error grows beyond that."""
+    """Growth of the error per decade of the zero's age, in addition to ``growth``, in µm."""
 
 
 def rehearsed_errors(
     voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
 ) -> Rehearsed:
-    """Find how the error of x_1 grows with the way since a zero, and with its age.
+    """Return the growth of the error of x_1 with the way since a zero, and with its age.
 
     Of each grip r(t) - r(t_0), r the position less x_1: of the rest at the contact against that
     before the approach; of the begin of the hold, once the arm is at rest, and of its end, against
@@ -234,10 +234,10 @@ def return_error(
 def turn_error(
     voltage_V: Column, left_um: Column, period_s: float, grips: Sequence[RehearsedGrip]
 ) -> float | None:
-    """Return the error of the slope of x_1 just after a turn in µm/V, r.m.s. of all grips.
+    """Return the error of the slope of x_1 just after a turn, r.m.s. of all grips, in µm/V.
 
-    It is that of the first ``TURN_V`` of the way back from a press, its noise taken off; what is
-    less than the noise of all of them is not known to be smaller.
+    It is that of the first ``TURN_V`` of the way back from a press, without its noise. It is at
+    least the noise of all grips together, below which nothing is known.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def turn_error(
 
 
 def passing(x_um: Column, place_um: float) -> slice | None:
-    """Return the samples about the first at which falling positions are at a place or below it."""
+    """Return the samples around the first at which falling positions reach a place."""
     below = np.flatnonzero(x_um <= place_um)
     if not len(below) or below[0] == 0:
         return None
@@ -277,7 +277,7 @@ def passing(x_um: Column, place_um: float) -> slice | None:
 
 
 def at_end(voltage_V: Column, samples: slice) -> slice:
-    """Return the end of some samples, throughout which the voltage rests."""
+    """Return the end of some samples, during which the voltage rests."""
     moved = np.flatnonzero(np.diff(voltage_V[samples]))
     return slice(samples.start + (int(moved[-1]) + 1 if len(moved) else 0), samples.stop)
 

@@ -32,11 +32,11 @@ PLAYS_PER_FAMILY = 9
 PLAYS = 18
 """Largest number of plays of all families together, besides the linear part."""
 REACH = 0.95
-"""Share of the travel after which, turned at its threshold, the widest play yields again."""
+"""Share of the travel after which the widest play, turned at its threshold, yields again."""
 YIELDING = 0.7
 """Largest r_i·λ_i of a family. At 1 a play never yields; one such play is fitted by its rates."""
 CREEP_STEP = 5.0
-"""Ratio of neighbouring creep times; the first is that many samples."""
+"""Ratio of neighbouring creep times; the first is as many periods."""
 MIN_SAMPLES_PER_COEFFICIENT = 20
 LEAST_TRAVEL_V = 0.1
 
@@ -45,9 +45,9 @@ class Rates(NamedTuple):
     """Rates of forgetting of a play that never yields: the operator of Bouc and Wen."""
 
     fading_per_V: float
-    """λ = b + g."""
+    """Rate λ = b + g, in 1/V."""
     return_fading_per_V: float
-    """μ = b - g."""
+    """Rate μ = b - g on the way back, in 1/V."""
 
 
 class Choice(NamedTuple):
@@ -58,7 +58,7 @@ class Choice(NamedTuple):
     bent: bool
     ridge: float
     rates: Rates | None = None
-    """Rates of one more play, which never yields; None: there is none."""
+    """Rates of one more play, which never yields; None without such a play."""
 
     @property
     def possible(self) -> bool:
@@ -68,7 +68,7 @@ class Choice(NamedTuple):
 
 
 class Record(NamedTuple):
-    """A free motion of N samples, and its plays as they are asked for."""
+    """A free motion of N samples, and its plays as far as they were computed."""
 
     u: Column
     x: Column
@@ -76,9 +76,9 @@ class Record(NamedTuple):
     thresholds_V: tuple[float, ...] | None
     creep_times_s: tuple[float, ...]
     known: int
-    """Sample from which every play is where the voltage says, however it began."""
+    """First sample from which the voltage alone determines every play."""
     plays: dict[tuple[tuple[float, ...], Rates | None], "Plays"]
-    """Plays of the families and rates that have been asked for."""
+    """Plays by the families and rates that have been requested."""
 
 
 class Plays(NamedTuple):
@@ -88,20 +88,20 @@ class Plays(NamedTuple):
     fadings_per_V: tuple[float, ...]
     return_fadings_per_V: tuple[float, ...]
     columns: NDArray[np.float64]
-    """p_i, then u²; and then where nothing fades the squares of p_i, i > 0, and all cubes."""
+    """Columns p_i, then u²; and, where nothing fades, the squares of p_i, i > 0, and all cubes."""
     passed: NDArray[np.float64]
     """Creep states of each column."""
 
 
 def spread_thresholds(travel_V: float, share: float, plays: int) -> tuple[float, ...]:
-    """Return evenly spaced thresholds in V of a family, up to ``REACH``; ``share`` is r·λ."""
+    """Return evenly spaced thresholds of a family in V, up to ``REACH``; ``share`` is r·λ."""
     ways = log((1.0 + share) / (1.0 - share)) / share if share > 0.0 else 2.0
     widest_V = REACH * travel_V / ways
     return tuple([widest_V * (index + 1) / plays for index in range(plays)])
 
 
 def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
-    """Return creep times in s, from some samples to the whole motion."""
+    """Return creep times in s, from a few samples to the whole motion."""
     times_s: list[float] = []
     time_s = CREEP_STEP * period_s
     while time_s <= duration_s:
@@ -113,7 +113,7 @@ def spread_creep_times(period_s: float, duration_s: float) -> tuple[float, ...]:
 def require_travel(
     use: str, record: Record, samples: slice | NDArray[np.int_], wanted_V: float
 ) -> None:
-    """Refuse samples in which the voltage hardly moves; raises ValueError."""
+    """Check that the voltage moves enough in some samples; raises ValueError."""
     u = record.u[samples]
     travel_V = float(np.ptp(u)) if len(u) else 0.0
     if not travel_V >= wanted_V:
@@ -125,7 +125,7 @@ def require_travel(
 
 
 def require_enough(samples: int, coefficients: int) -> None:
-    """Refuse too few samples for some coefficients; raises ValueError."""
+    """Check that there are enough samples for some coefficients; raises ValueError."""
     wanted = MIN_SAMPLES_PER_COEFFICIENT * coefficients
     if samples < wanted:
         raise ValueError(
@@ -134,13 +134,13 @@ def require_enough(samples: int, coefficients: int) -> None:
 
 
 def first_known(u: Column, threshold_V: float) -> int:
-    """Return the first sample at which the voltage determines plays up to a threshold."""
+    """Return the first sample from which the voltage determines plays up to a threshold."""
     swing = np.maximum.accumulate(u) - np.minimum.accumulate(u)
     return int(np.argmax(swing >= min(2.0 * threshold_V, float(swing[-1]))))
 
 
 def missed_um(record: Record, model: HysteresisModel, choice: Choice, part: slice) -> float:
-    """Return the r.m.s. residual of a model over a part of the record, about its mean."""
+    """Return the r.m.s. residual of a model over a part of the record, about its mean, in µm."""
     plays = _plays(record, choice)
     motion = moved_um(model, plays.columns[:, : len(plays.thresholds_V)], record.u, record.period_s)
     return float(np.std((record.x - motion)[part]))

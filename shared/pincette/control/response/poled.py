@@ -1,8 +1,9 @@
 """The memory of a poled arm: one that has been at both ends of its range, then rested at 0 V.
 
-A program that starts knows nothing of the arm's past. An arm that has been identified was led over
+A program that starts does not know the arm's past. An arm that has been identified was moved over
 its whole range then, and has been above its rest ever since: its remanence is that of a poled
-actuator. Only an arm that is new, or that was depolarised, begins as ``hysteresis.start`` has it.
+actuator. Only a new arm, or one that was depolarised, begins with the memory of
+``hysteresis.start``.
 """
 
 from collections.abc import Sequence
@@ -14,16 +15,16 @@ from pincette.control.response.conditioned_branch import ConditionedBranch
 from pincette.control.response.hysteresis import HysteresisModel, HysteresisState, start, step
 
 STRIDE_V = 0.05
-"""Longest step in which the model is led; fading depends on the way alone."""
+"""Longest step in which the model follows the voltage, in V; fading depends on the way alone."""
 STRIDE_S = 0.01
 REST_S = 86_400.0
-"""After which creep is over."""
+"""Duration of a rest after which creep is over, in s."""
 
 
 def poled(
     model: HysteresisModel, taught_V: tuple[float, float], *, from_above: bool = False
 ) -> HysteresisState:
-    """Return the memory at 0 V of an arm that went to the largest voltage, then to the least.
+    """Return the memory at 0 V of an arm that went to the largest voltage, then to the lowest.
 
     Parameters
     ----------

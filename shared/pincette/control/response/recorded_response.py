@@ -1,7 +1,7 @@
 """The free response x_1 by a recorded stroke up and down, and Madelung's rules.
 
-The two branches are kept as shapes: which share of the way in x is done at which share of the way
-in u. From a turning point (u_r, x_r) the arm goes towards the turning point before, (u_p, x_p), by
+The two branches are kept as shapes: the share of the way in x over the share of the way in u. From
+a turning point (u_r, x_r) the arm goes towards the turning point before, (u_p, x_p), by
 
     x = x_r + (x_p - x_r)·shape((u - u_r)/(u_p - u_r))
 
@@ -20,9 +20,9 @@ from pincette.control.checks import require_not_negative, require_positive
 from pincette.control.response.free_response import MemoryResponse
 
 MOST_TURNS = 16
-"""Turning points kept; beyond, the smallest loop is forgotten."""
+"""Largest number of turning points kept; with more, the smallest loop is discarded."""
 IGNORED_V = 0.01
-"""Reversals up to this are taken for the noise of a law, and run back on the same branch."""
+"""Largest reversal that is taken for the noise of a law and returns on the same branch, in V."""
 
 
 class Turn(NamedTuple):
@@ -45,9 +45,9 @@ class RecordedBranches:
     bottom: Turn
     top: Turn
     ascending: tuple[float, ...]
-    """Shares from bottom to top."""
+    """Shares of the way in x from bottom to top."""
     descending: tuple[float, ...]
-    """Shares from top to bottom."""
+    """Shares of the way in x from top to bottom."""
 
     def __post_init__(self) -> None:
         require_positive("voltage of the stroke", self.top.voltage_V - self.bottom.voltage_V, "V")
@@ -64,14 +64,15 @@ class RecordedResponse(MemoryResponse, frozen=True):
 
     branches: RecordedBranches
     turns: tuple[Turn, ...]
-    """Oldest first, two at least; the arm goes from the last towards the one before."""
+    """Turning points, oldest first, at least two; the arm goes from the last towards the one
+    before."""
     furthest_V: float
-    """Furthest voltage since the last turn."""
+    """Furthest voltage since the last turn, in V."""
     voltage_V: float
-    """The voltage followed last."""
+    """Newest voltage, in V."""
 
     def follow(self, voltage_V: float, _dt_s: float, /) -> "RecordedResponse":
-        """Take in the voltage; the branches know no time."""
+        """Update the response by the voltage; the branches do not depend on time."""
         turns, furthest_V, u = self.turns, self.furthest_V, voltage_V
         rising = turns[-2].voltage_V > turns[-1].voltage_V
         if abs(u - furthest_V) > IGNORED_V and (u < furthest_V) == rising:
@@ -83,7 +84,7 @@ class RecordedResponse(MemoryResponse, frozen=True):
         return replace(self, turns=turns, furthest_V=furthest_V, voltage_V=u)
 
     def displacement_um(self) -> float:
-        """Return x on the branch at the voltage followed last, without offset."""
+        """Return the position on the branch at the newest voltage, without offset, in µm."""
         return _on_branch(self.branches, self.turns[-1], self.turns[-2], self.voltage_V)
 
     def _voltage_V(self) -> float:
@@ -111,7 +112,7 @@ def recorded_response(
 
 
 def _turned(branches: RecordedBranches, turns: tuple[Turn, ...], at_V: float) -> tuple[Turn, ...]:
-    """Return the turning points after the voltage turned round at ``at_V``."""
+    """Return the turning points after the voltage reversed at ``at_V``."""
     here = Turn(at_V, _on_branch(branches, turns[-1], turns[-2], at_V))
     if len(turns) == 2 and at_V == turns[0].voltage_V:
         return turns[1], here
@@ -147,7 +148,7 @@ def _on_line(branches: RecordedBranches, end: Turn, at_V: float) -> Turn:
 
 
 def _on_branch(branches: RecordedBranches, origin: Turn, target: Turn, at_V: float) -> float:
-    """Return x in µm on the branch from one turning point towards another."""
+    """Return the position on the branch from one turning point towards another, in µm."""
     shape = branches.ascending if target.voltage_V > origin.voltage_V else branches.descending
     cells = len(shape) - 1
     place = cells * (at_V - origin.voltage_V) / (target.voltage_V - origin.voltage_V)

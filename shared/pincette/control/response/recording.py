@@ -1,4 +1,4 @@
-"""A recorded free response out of a free motion: its branches, and the error they leave."""
+"""A recorded free response from a free motion: its branches and their error."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,24 +12,24 @@ from pincette.control.response.recorded_response import RecordedBranches, Turn, 
 
 CELLS = 24
 HELD_OUT = 0.25
-"""Share of the samples, the last ones, that the residual is taken on, its mean taken off."""
+"""Share of the samples, at the end, from which the residual is computed, about its mean."""
 END = 0.03
-"""Share of the voltage's travel within which a stroke counts as complete, and by which it may go
-back on its way."""
+"""Share of the voltage's travel within which a stroke counts as complete, and by which it may
+reverse on its way."""
 MIN_SAMPLES_PER_CELL = 2
 LEAST_RISE = 1e-3
 """Smallest rise of a cell, as a share of its width; noise would otherwise make it fall."""
 
 
 class Recording(NamedTuple):
-    """Branches, and the r.m.s. in µm that they leave of motion they were not taken from."""
+    """Branches, and their r.m.s. error in µm over motion they were not taken from."""
 
     branches: RecordedBranches
     residual_um: float
 
 
 def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> Recording:
-    """Take branches from the strokes over the whole range of voltage in a free motion.
+    """Return branches from the strokes over the whole range of voltage in a free motion.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def record_free_response(voltage_V: Sequence[float], x_um: Sequence[float]) -> R
 
 
 def recorded_branches(voltage_V: Column, x_um: Column) -> RecordedBranches:
-    """Return the mean branches of all strokes from end to end; raises ValueError as above."""
+    """Return the mean branches of all strokes from end to end; raises ValueError without one."""
     if len(voltage_V) < 2 or not float(np.ptp(voltage_V)) > 0.0:
         raise ValueError(f"{len(voltage_V)} samples of a voltage at rest, a stroke is needed")
     shapes: list[tuple[float, ...]] = []
@@ -113,7 +113,7 @@ def _strokes(u: Column) -> list[tuple[int, int]]:
 
 
 def _knots(way: Column, x: Column) -> Column:
-    """Return values at equal shares of the way of the broken line that fits best."""
+    """Return the best-fitting broken line's values at equal shares of the way."""
     place = np.clip(way, 0.0, 1.0) * CELLS
     cell = np.minimum(place.astype(int), CELLS - 1)
     hats = np.zeros((len(way), CELLS + 1))
@@ -129,7 +129,7 @@ def _knots(way: Column, x: Column) -> Column:
 
 
 def _rising(shape: Column) -> tuple[float, ...]:
-    """Return a shape from 0 to 1 that rises everywhere."""
+    """Return a shape from 0 to 1 that rises throughout."""
     rises = np.maximum(np.diff(shape), LEAST_RISE / CELLS)
     values = np.concatenate([[0.0], np.cumsum(rises)]) / np.sum(rises)
     return (0.0, *values[1:-1].tolist(), 1.0)

@@ -1,9 +1,9 @@
-"""The residual table of runs of a program's voltages without the part.
+"""The residual table from runs of a program's voltages without the part.
 
-Runs of the same voltages differ by the sensor's noise and by what the arm does not repeat. How far
-to smooth follows from them: the width of the Gaussian is chosen so that all runs but one, smoothed,
-predict that one best (leave-one-out cross-validation; M. Stone, Journal of the Royal Statistical
-Society B 36(2), 1974).
+Runs of the same voltages differ by the sensor's noise and by the part of the motion that the arm
+does not repeat. They determine the smoothing: the width of the Gaussian is chosen so that all runs
+but one, smoothed, predict that one best (leave-one-out cross-validation; M. Stone, Journal of the
+Royal Statistical Society B 36(2), 1974).
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pincette.control.response.residual_table import MOST_KNOTS, ResidualTable
 
 WIDTHS = (0.0, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
-"""Standard deviations of the Gaussian in ticks; 0: none."""
+"""Standard deviations of the Gaussian to try, in ticks; 0 for no smoothing."""
 REACH = 3.0
 """Reach of the Gaussian, in standard deviations."""
 
@@ -31,22 +31,22 @@ class Place(NamedTuple):
 
 
 class IdentifiedResidual(NamedTuple):
-    """The table, and what it rests on."""
+    """A residual table, and the data of its identification."""
 
     table: ResidualTable
     width_ticks: float
-    """Standard deviation of the smoothing."""
+    """Standard deviation of the smoothing, in ticks."""
     residual_um: Column
-    """Mean of the runs, smoothed."""
+    """Smoothed mean of the runs, in µm."""
     error_um: float
-    """Standard error in a later run: the r.m.s. by which a run is missed, the sensor's noise taken
-    off, its square times (n + 1)/(n - 1) for n runs."""
+    """Standard error in a later run, in µm: the r.m.s. prediction error of a run without the
+    sensor's noise, its square multiplied by (n + 1)/(n - 1) for n runs."""
 
 
 def identify_residual(
     places: Sequence[Place], runs_um: Sequence[Column], noise_um: float
 ) -> IdentifiedResidual:
-    """Make a table of N ticks in the order in which they were played.
+    """Make a table from N ticks in the order in which they were played.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def identify_residual(
 
 
 def _missed_um(runs: Column, width: float) -> float:
-    """Return the r.m.s. of each run less the smoothed others."""
+    """Return the r.m.s. difference between each run and the smoothed others."""
     missed = [
         run - smoothed(np.mean(np.delete(runs, number, axis=0), axis=0), width)
         for number, run in enumerate(runs)
@@ -109,7 +109,7 @@ def _knots(
 ) -> tuple[tuple[float, ...], ...]:
     """Return the knots of each segment.
 
-    Ticks that were played more than once count by their mean.
+    A tick that was played more than once contributes the mean of its residuals.
     """
     segments = np.array([place.segment for place in places])
     ticks = np.array([place.tick for place in places])

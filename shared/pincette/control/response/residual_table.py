@@ -1,6 +1,6 @@
 """Residual of the free response model along one program, by segment and tick.
 
-r_k = (x_k - H_k) - mean over the last zero
+    r_k = (x_k - H_k) - mean over the last zero
 
 with the position x of the free arm and the displacement H of the model, k a tick of the program's
 own voltages. Since the program repeats, so does most of r: with it F̂ = (offset + H + r - x)/s_p.
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from pincette.control.checks import require_not_negative
 
 MOST_KNOTS = 2400
-"""Largest number of knots of a table, which is sent with an arming beside the model."""
+"""Largest number of knots of a table, which is sent with an arming in addition to the model."""
 
 
 class Residual(NamedTuple):
@@ -20,12 +20,12 @@ class Residual(NamedTuple):
 
     value_um: float
     beyond: int
-    """Ticks past the end of what was played of the segment: the last value stays."""
+    """Number of ticks past the played end of the segment, where the last value stays."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualTable:
-    """Residuals r in µm at every ``stride``-th tick of each segment, straight in between.
+    """Residuals r in µm at every ``stride``-th tick of each segment, linear in between.
 
     Raises
     ------
@@ -34,12 +34,12 @@ class ResidualTable:
     """
 
     stride: int
-    """Ticks from one knot to the next."""
+    """Number of ticks from one knot to the next."""
     knots_um: tuple[tuple[float, ...], ...]
-    """Knots by segment of the program; the first knot of a segment is at its tick 0. A segment that
-    was not played has none."""
+    """Knots by segment of the program, in µm; the first knot of a segment is at its tick 0. A
+    segment that was not played has none."""
     error_um: float
-    """Standard error of r in a later run."""
+    """Standard error of r in a later run, in µm."""
 
     def __post_init__(self) -> None:
         if self.stride < 1:
@@ -50,7 +50,7 @@ class ResidualTable:
             raise ValueError(f"{count} knots, limit {MOST_KNOTS}: choose a longer stride")
 
     def at(self, segment: int, tick: int) -> Residual | None:
-        """Return r at a tick of a segment; None where the segment was not played."""
+        """Return r at a tick of a segment; None if the segment was not played."""
         if not 0 <= segment < len(self.knots_um) or tick < 0:
             return None
         knots = self.knots_um[segment]

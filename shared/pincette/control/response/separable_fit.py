@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_CREEP = 0.9
-"""Largest sum of creep fractions: at least the rest of the displacement follows the voltage at
+"""Largest sum of creep fractions; at least the rest of the displacement follows the voltage at
 once."""
 WORTH_A_ROUND = 1e-5
 """Relative decrease of the cost below which the rounds end."""
@@ -35,13 +35,13 @@ class SeparableFit(NamedTuple):
     """Coefficients of the static columns, and of their creep states."""
 
     weights: Vector
-    """w, one for each static column."""
+    """Weights w, one for each static column."""
     fractions: Vector
-    """κ ≥ 0, one for each creep time."""
+    """Creep fractions κ ≥ 0, one for each creep time."""
 
 
 class _Problem(NamedTuple):
-    """All about their means, so that no offset is needed."""
+    """Columns and target about their means, so that no offset is needed."""
 
     static: Matrix
     passed: NDArray[np.float64]
@@ -52,9 +52,9 @@ class _Problem(NamedTuple):
 
 class _Solved(NamedTuple):
     weights: Vector
-    """v."""
+    """Weights v of the displacement after all creep."""
     left: Vector
-    """Remainder of the target, and below it of the penalty."""
+    """Residual of the target, followed by that of the penalty."""
     cost: float
 
 
@@ -106,7 +106,7 @@ def _shares(problem: _Problem) -> Vector:
 
 
 def _mixed(problem: _Problem, shares: Vector) -> Matrix:
-    """Return M(a)."""
+    """Return the mixed columns M(a)."""
     at_once = 1.0 - float(np.sum(shares))
     return at_once * problem.static + np.tensordot(shares, problem.passed, axes=1)
 
@@ -122,7 +122,7 @@ def _solve(problem: _Problem, shares: Vector) -> _Solved:
 
 
 def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
-    """Change of the shares to the minimum of the linearised problem, none below 0."""
+    """Return the change of the shares to the minimum of the linearised problem, none below 0."""
     mixed = np.vstack([_mixed(problem, shares), np.diag(problem.penalty)])
     moved = np.zeros((len(mixed), len(shares)))
     moved[: len(problem.target)] = ((problem.passed - problem.static) @ now.weights).T
@@ -143,7 +143,7 @@ def _step(problem: _Problem, shares: Vector, now: _Solved) -> Vector:
 def _shortened(
     problem: _Problem, shares: Vector, step: Vector, now: _Solved
 ) -> tuple[Vector, _Solved] | None:
-    """Return the shares after the longest allowed step that lowers the cost.
+    """Return the shares after the longest allowed step that lowers the cost, or None.
 
     None if there is none.
     """

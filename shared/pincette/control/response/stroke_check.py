@@ -1,10 +1,10 @@
 """The way of a conditioned arm as a fingerprint of its stroke.
 
-Two ways are compared with the calibration. That from the bottom of the last conditioning stroke to
-the rest after the strokes is short, and creep of the past counts most in it: it shows large changes
-alone. That from this rest on to the place of the next zero repeats to 0.13 % on an arm whose stroke
-has not changed. A factor of sensor, amplifier or temperature changes both, and position and voltage
-alone do not tell which. A change is explained up to
+Two ways are compared with the calibration. The first one, from the bottom of the last conditioning
+stroke to the rest after the strokes, is short, and creep of the past affects it most: it shows only
+large changes. The second one, from this rest to the place of the next zero, repeats to 0.13 % on an
+arm whose stroke has not changed. A factor of sensor, amplifier or temperature changes both, and
+position and voltage alone do not tell which. A change is explained up to
 
     3·sqrt(s^2 + (4·sigma^2/n + c^2)/L^2) + (drift + p)/L,    s = 0.13 %, or what was calibrated
 
@@ -23,50 +23,51 @@ from pincette.control.response.free_response import FreeSample
 from pincette.control.response.identified_response import IdentifiedResponse
 
 REPEATS = 0.0013
-"""Least standard deviation of the ratio of two conditioned ways, noise taken off."""
+"""Least standard deviation of the ratio of two conditioned ways, without noise."""
 SIGMAS = 3.0
 SETTLE_SAMPLES = 3
-"""Samples at the bottom that are left out, in which the arm still moves."""
+"""Number of first samples at the bottom that are left out, since the arm still moves."""
 LEAST_WAY_UM = 2.0
-"""Shortest way from the bottom that is compared."""
+"""Shortest way from the bottom that is compared, in µm."""
 LEAST_RISE_UM = 10.0
-"""Shortest way from the rest after the strokes that is compared."""
+"""Shortest way from the rest after the strokes that is compared, in µm."""
 LARGEST_CHANGE = 0.05
-"""Change of the stroke beyond which no force is zeroed."""
+"""Largest relative change of the stroke with which a force is zeroed."""
 
 
 REST_V = 0.1
-"""Furthest from 0 V of the rest to which the way from the bottom was calibrated."""
+"""Largest distance from 0 V of the rest to which the way from the bottom was calibrated, in V."""
 
 
 class Base(FrozenRecord, frozen=True):
-    """Place of a conditioned arm at which a way begins: means over a rest."""
+    """Place of a conditioned arm at which a way begins: mean values over a rest."""
 
     x_um: float
     calibrated_um: float
-    """Displacement with the stroke of the calibration."""
+    """Displacement with the stroke of the calibration, in µm."""
     samples: int
     since_s: float
-    """Time from the bottom of the last stroke to this rest."""
+    """Time from the bottom of the last stroke to this rest, in s."""
     rested: bool = True
-    """False for the bottom of the last stroke; True for the rest after the strokes."""
+    """True for the rest after the strokes; False for the bottom of the last stroke."""
 
 
 class Bottom(FrozenRecord, frozen=True):
-    """Means over the rest at the bottom of the last conditioning stroke."""
+    """Mean values over the rest at the bottom of the last conditioning stroke."""
 
     seen: int = 0
-    """Samples there, those left out included."""
+    """Number of samples at the bottom, including those left out."""
     voltage_V: float = 0.0
     x_um: float = 0.0
     calibrated_um: float = 0.0
-    """Displacement with the stroke of the calibration."""
+    """Displacement with the stroke of the calibration, in µm."""
     apart_um: tuple[float, float] = (0.0, 0.0)
-    """Displacements of the outermost unknown pasts less the model's, at the newest sample."""
+    """Displacements of the outermost unknown pasts minus the model's, at the newest sample, in µm.
+    """
 
     @property
     def samples(self) -> int:
-        """Return the number of samples in the means."""
+        """Return the number of samples in the mean values."""
         return max(0, self.seen - SETTLE_SAMPLES)
 
     @property
@@ -80,7 +81,7 @@ class Bottom(FrozenRecord, frozen=True):
         x_um: float,
         apart_um: tuple[float, float] = (0.0, 0.0),
     ) -> "Bottom":
-        """Take in a sample of the free arm."""
+        """Add a sample of the free arm."""
         strokes = response.strokes
         if not strokes.conditioned:
             return self if self.seen == 0 else Bottom()
@@ -105,31 +106,32 @@ class Bottom(FrozenRecord, frozen=True):
 
 
 class Doubt(NamedTuple):
-    """Influences on the reading of a way, besides the stroke."""
+    """Influences on the measurement of a way, other than the stroke."""
 
     noise_um: float
-    """Standard deviation of one sample."""
+    """Standard deviation of one sample, in µm."""
     drift_um_per_s: float = 0.0
-    """Largest drift of the sensor."""
+    """Largest drift of the sensor, in µm/s."""
     past_um: float = 0.0
-    """Standard uncertainty of creep from before the strokes."""
+    """Standard uncertainty of creep from before the strokes, in µm."""
     unknown_um: float = 0.0
-    """Most by which an unknown past may have crept otherwise than the model since the bottom."""
+    """Largest difference between an unknown past's creep and the model's since the bottom, in µm.
+    """
 
 
 class StrokeChange(FrozenRecord, frozen=True):
-    """Change of the stroke since the calibration, as a conditioned way showed it."""
+    """Change of the stroke since the calibration, measured over a conditioned way."""
 
     change: float
-    """Factor of the stroke less 1."""
+    """Relative change of the stroke: its factor minus 1."""
     limit: float
-    """Change up to which noise and repetition explain it."""
+    """Largest change that noise and repeatability explain."""
     way_um: float = 0.0
-    """Way that it was found over, as the calibration has it."""
+    """Length of the way in the calibration, in µm."""
 
     @property
     def significant(self) -> bool:
-        """Return whether noise and repetition do not explain the change."""
+        """Return whether noise and repeatability do not explain the change."""
         return abs(self.change) > self.limit
 
     @property
@@ -139,7 +141,7 @@ class StrokeChange(FrozenRecord, frozen=True):
 
 
 def rest_base(response: IdentifiedResponse, rest: FreeSample, samples: int) -> Base | None:
-    """Return a rest as the place where a way begins; None where the arm is not on its branch."""
+    """Return a rest as the place where a way begins; None if the arm is not on its branch."""
     if response.branch is None or not response.strokes.fresh:
         return None
     calibrated_um = rest.displacement_um / response.factor
@@ -185,9 +187,9 @@ def stroke_change(
 
 
 def corrected(response: IdentifiedResponse, found: StrokeChange) -> IdentifiedResponse:
-    """Return the response with the stroke that a conditioned way showed.
+    """Return the response with the stroke measured over a conditioned way.
 
-    A stroke that was found before stays where the new finding agrees with it.
+    An earlier stroke stays if the new measurement agrees with it.
     """
     if abs(found.change - (response.factor - 1.0)) <= found.limit:
         return response

@@ -19,17 +19,17 @@ from pincette.control.response.free_response import FreeResponse
 from pincette.control.response.identified_response import IdentifiedResponse
 
 TOGETHER_UM = 0.02
-"""Displacement by which the plays of two pasts may still differ to be taken for the same."""
+"""Largest difference of displacement, in µm, at which the plays of two pasts count as equal."""
 
 
 class Spread(FrozenRecord, frozen=True):
-    """Between what each D_j lies, in µm; empty where that is not known."""
+    """Bounds of each D_j, in µm; empty if they are not known."""
 
     low_um: tuple[float, ...] = ()
     high_um: tuple[float, ...] = ()
 
     def since(self, before: "Spread") -> "Spread":
-        """Return how far each D_j has fallen; both its ends fall by the same share."""
+        """Return how far each D_j has decayed; both its bounds decay by the same share."""
         return Spread(
             tuple([b - a for a, b in zip(self.low_um, before.low_um, strict=True)]),
             tuple([b - a for a, b in zip(self.high_um, before.high_um, strict=True)]),
@@ -40,20 +40,20 @@ class FreePlace(FrozenRecord, frozen=True):
     """Place at which an arm was found free and at rest."""
 
     off_um: float = 0.0
-    """Position less the model's displacement."""
+    """Position minus the model's displacement, in µm."""
     spread: Spread = Spread()
 
 
 class Fallen(FrozenRecord, frozen=True):
-    """Amounts by which D_j have fallen between two free rests, each and together."""
+    """Decay of the D_j between two free rests, of each and of their sum."""
 
     each: Spread = Spread()
     least_um: float = 0.0
-    """Bounds of their sum."""
+    """Lower bound of the sum, in µm."""
     most_um: float = 0.0
 
     def extremes_um(self, since_zero: Spread) -> tuple[float, float]:
-        """Return the least and largest sum by which the same D_j have fallen since a zero."""
+        """Return the least and largest sum by which the same D_j have decayed since a zero."""
         rows = [
             (min(a, b), abs(b - a), min(c, d), abs(d - c))
             for a, b, c, d in zip(
@@ -110,7 +110,7 @@ def spread_of(response: FreeResponse, lowest: FreeResponse, highest: FreeRespons
 
 
 def widest_V(response: FreeResponse) -> float:
-    """Return the way that turns every play over; 0 if there are none."""
+    """Return the way that turns every play over, in V; 0 without plays."""
     if not isinstance(response, IdentifiedResponse):
         return 0.0
     return 2.0 * max(response.model.thresholds_V)

@@ -1,11 +1,12 @@
-"""Range of the free response x_1 for a past that nobody has followed.
+"""Range of the free response x_1 for a past that no program has followed.
 
-A program that is started anew knows neither the turning points of the voltage nor the creep of the
-arm. All it knows is the range that the voltage cannot have left. Play operators with one input
-keep their order (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996,
-chapter 2), so the pasts that come straight from either end of the range enclose all others, as far
-as the weights are not negative. Each is led through the same voltages as the model in use. By as
-much as the two part after a zero x_1 may err; a stroke that wipes the past out ends it.
+A newly started program knows neither the turning points of the voltage nor the creep of the arm. It
+only knows the range that the voltage cannot have left. Play operators with one input keep their
+order (M. Brokate and J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, chapter 2), so
+the pasts that come straight from either end of the range enclose all others, provided that the
+weights are not negative. Each follows the same voltages as the model in use. The difference that
+arises between the two after a zero bounds the error of x_1; a stroke that wipes the past out ends
+it.
 
 What a free arm does between two zeros tells how far from the model's its past is: an outermost past
 would have led it away from x_1 by a known way, and it has come by another. In proportion, the pasts
@@ -29,42 +30,44 @@ from pincette.control.response.unknown_creep import (
 from pincette.control.response.voltage_memory import VoltageMemory
 
 RESTED_S = 86400.0
-"""A rest after which creep is over: the furthest that it can be from the model's."""
+"""Duration of a rest after which creep is over, in s: creep then differs most from the model's."""
 ROOT_3 = sqrt(3.0)
 SURE = 2.0
-"""Standard uncertainties within which a comparison excludes nothing."""
+"""Allowance in a comparison, as a multiple of the standard uncertainty."""
 
 
 class UnknownPast(FrozenRecord, frozen=True):
-    """The free responses of the outermost pasts, which are followed as long as they matter."""
+    """The free responses of the outermost pasts, followed while they matter."""
 
     lowest: FreeResponse
-    """The past that rested at the lowest voltage."""
+    """Free response of a past that rested at the lowest voltage."""
     highest: FreeResponse
-    """The past that rested at the highest voltage."""
+    """Free response of a past that rested at the highest voltage."""
     ends_V: tuple[float, float]
-    """Range that the voltage has not left."""
+    """Range that the voltage has not left, in V."""
     known: bool = False
-    """Whether the past has been wiped out, or nothing had happened; nothing is followed then."""
+    """True once the past has been wiped out, or if there was none; nothing is followed then."""
     at_zero_um: tuple[float, float] = (0.0, 0.0)
-    """Displacement of each less the model's, at the last zero."""
+    """Displacement of each past minus the model's, at the last zero, in µm."""
     shares: tuple[float, float] = (1.0, 1.0)
-    """Shares of the way from the model's past to each, within which the true past may be."""
+    """Bounds of the true past, as shares of the distance from the model's past to each outermost
+    one."""
     agreed_V: float | None = None
-    """Where the free arm first rested with the plays of all pasts at the same places."""
+    """Voltage at which the free arm first rested with the plays of all pasts equal, in V; None
+    before."""
     met: FreePlace = FreePlace()
-    """The first rest since then with all of them turned over: but for creep the past is over."""
+    """First rest after that with all plays turned over: of the past only creep remains."""
     creep_at_zero: Spread = Spread()
     fallen: Fallen = Fallen()
-    """What the arm has shown of its creep since ``met``."""
+    """Decay of the creep that the arm has shown since ``met``."""
 
     @property
     def awaits_rest(self) -> bool:
-        """Whether a rest of the free arm may tell where it is but for creep."""
+        """True if a rest of the free arm may still determine its position, except for creep."""
         return not self.known and not self.met.spread.low_um
 
     def follow(self, voltage_V: float, dt_s: float) -> "UnknownPast":
-        """Take in that ``voltage_V`` has been applied for ``dt_s``."""
+        """Update both pasts by a voltage that has been applied for ``dt_s``."""
         if self.known:
             return self
         return replace(
@@ -74,23 +77,23 @@ class UnknownPast(FrozenRecord, frozen=True):
         )
 
     def led_through(self, memory: VoltageMemory) -> "UnknownPast":
-        """Take in all voltages since the start."""
+        """Return the pasts after all voltages since the start."""
         lowest, highest = memory.replayed(self.lowest), memory.replayed(self.highest)
         return replace(self, lowest=lowest, highest=highest)
 
     def rezero(self, response: FreeResponse) -> "UnknownPast":
-        """Count from here on, where x_1 of the model in use has been put through the arm."""
+        """Count errors from here on, where x_1 of the model in use goes through the arm."""
         if self.known:
             return self
         at_um, spread = self.apart_um(response), self._spread(response)
         return replace(self, at_zero_um=at_um, creep_at_zero=spread)
 
     def rested(self, response: FreeResponse, rest: FreeSample, standard_um: float) -> "UnknownPast":
-        """Take in where a free arm is at rest, as soon as the pasts differ by creep alone.
+        """Evaluate a rest of the free arm, once the pasts differ by creep alone.
 
-        The first such place is kept, and each later one is compared with it, ``SURE`` standard
-        uncertainties of x_1 between both, ``standard_um``, allowed for. Plays agree before an arm
-        of another class of hysteresis has lost its turning points; a way that turns over the
+        The first such place is kept, and each later one is compared with it, with an allowance of
+        ``SURE`` standard uncertainties ``standard_um`` of x_1 between both. Plays agree before an
+        arm of another class of hysteresis has lost its turning points; a way that turns over the
         widest play takes it round its whole loop.
         """
         spread = Spread() if self.known else self._spread(response)
@@ -148,7 +151,7 @@ class UnknownPast(FrozenRecord, frozen=True):
         return min(error_um, max(abs(least_um), abs(most_um)))
 
     def worst_um(self, response: FreeResponse) -> float:
-        """Return that error in µm if the arm were zeroed here, then moved to an end or rested."""
+        """Return the largest error in µm after a zero here and a motion to an end or a rest."""
         if self.known:
             return 0.0
         here, worst_um = self.follow(response.voltage_V, 0.0).rezero(response), 0.0
@@ -166,19 +169,19 @@ class UnknownPast(FrozenRecord, frozen=True):
         return not self.known and self.worst_um(response) > stroke.error_um()
 
     def judged(self, response: FreeResponse) -> "UnknownPast":
-        """Follow it no longer where it does not matter any more."""
+        """Stop following the past once it no longer matters."""
         return self if self.matters(response) else replace(self, known=True)
 
     def _spread(self, response: FreeResponse) -> Spread:
         return spread_of(response, self.lowest, self.highest)
 
     def _parted_um(self, response: FreeResponse) -> tuple[float, float]:
-        """Return how far each has departed from the model since the zero."""
+        """Return how far each past has departed from the model since the zero, in µm."""
         lowest_um, highest_um = self.apart_um(response)
         return lowest_um - self.at_zero_um[0], highest_um - self.at_zero_um[1]
 
     def apart_um(self, response: FreeResponse) -> tuple[float, float]:
-        """Return the displacement of each outermost past less that of the model, in µm."""
+        """Return the displacement of each outermost past minus that of the model, in µm."""
         at_um = response.displacement_um()
         return self.lowest.displacement_um() - at_um, self.highest.displacement_um() - at_um
 

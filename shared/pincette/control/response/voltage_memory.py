@@ -1,7 +1,7 @@
 """Voltages of an arm's past in few pieces, so that another model can follow them.
 
-A hysteresis without rate depends on the turning points of the voltage alone, creep on how long it
-rested; between turning points nothing need be kept. A small to-and-fro is left out.
+A hysteresis without rate depends on the turning points of the voltage alone, creep on the duration
+of its rests. Between turning points nothing has to be stored. A small to-and-fro is omitted.
 """
 
 from math import ceil
@@ -11,11 +11,13 @@ from pincette.control.record import FrozenRecord
 from pincette.control.response.free_response import FreeResponse
 
 SMALL_V = 0.01
-"""A change that begins no piece: some steps of the output, and what the sensor's noise makes."""
+"""Largest change that begins no piece, in V: some steps of the output, and the effect of sensor
+noise."""
 STRIDE_V = 0.05
-"""Longest step in which a model is led."""
+"""Longest step in which a model follows the pieces, in V."""
 MOST_PIECES = 512
-"""Beyond it the oldest are forgotten; later and wider swings have wiped most of them out."""
+"""Largest number of pieces; beyond it the oldest are discarded, most of which later and wider
+swings have wiped out."""
 
 
 class Piece(NamedTuple):
@@ -27,12 +29,12 @@ class Piece(NamedTuple):
 
 
 class VoltageMemory(FrozenRecord, frozen=True):
-    """Pieces since the arm was unpoled at 0 V."""
+    """Pieces of the voltage since the arm was unpoled at 0 V."""
 
     pieces: tuple[Piece, ...] = ()
-    """The oldest first; most voltages leave them as they are."""
+    """Pieces except the newest, oldest first; most voltages leave them unchanged."""
     newest: tuple[Piece, ...] = ()
-    """The last of them, apart: one, or none where it is still among ``pieces``."""
+    """Newest piece, kept separately; empty if it is still among ``pieces``."""
 
     @property
     def path(self) -> tuple[Piece, ...]:
@@ -40,7 +42,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         return (*self.pieces, *self.newest)
 
     def follow(self, voltage_V: float, dt_s: float) -> "VoltageMemory":
-        """Take in a voltage that has held for ``dt_s``."""
+        """Add a voltage that has held for ``dt_s``."""
         pieces, newest = self.pieces, self.newest
         if not newest:
             if not pieces:
@@ -58,7 +60,7 @@ class VoltageMemory(FrozenRecord, frozen=True):
         return VoltageMemory(kept, (Piece(voltage_V, dt_s, 0.0),))
 
     def replayed(self, response: FreeResponse) -> FreeResponse:
-        """Lead a model through all pieces, from its present voltage."""
+        """Return a model after all pieces, from its present voltage."""
         at_V = response.voltage_V
         for to_V, move_s, rest_s in self.path:
             strides = max(1, ceil(abs(to_V - at_V) / STRIDE_V))
