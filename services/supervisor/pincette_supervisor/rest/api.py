@@ -160,11 +160,13 @@ def complete(document: dict[str, Any]) -> None:
 
 
 def _name_operations(document: dict[str, Any]) -> None:
-    """Name each operation; one that has no name in ``OPERATIONS`` keeps what FastAPI made."""
+    """Name each operation and summarize it by that name, if it has one in ``OPERATIONS``."""
     for path, operations in document["paths"].items():
         for method, operation in operations.items():
             name = OPERATIONS.get(f"{method} {path.removeprefix(BASE)}")
-            operation["operationId"] = name or operation["operationId"]
+            if name:
+                operation["operationId"] = name
+                operation["summary"] = name.replace("_", " ").capitalize()
 
 
 def _sent(schema: dict[str, Any]) -> dict[str, Any]:
