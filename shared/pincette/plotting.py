@@ -20,7 +20,7 @@ def picture(
     *,
     sharex: bool = False,
 ) -> bytes:
-    """Draw into rows × columns of axes, handed over row by row; returns a PNG."""
+    """Draw into rows × columns of axes, which ``draw`` gets row by row; return a PNG."""
     # Loaded with the first picture: half a second that a help text does without.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -39,7 +39,7 @@ def picture(
 
 
 def label(axis: Axis, x: str, y: str, title: str = "") -> None:
-    """Name both axes, and the picture where it needs one."""
+    """Label both axes, and set the title of the picture where it needs one."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     if title:
@@ -47,12 +47,12 @@ def label(axis: Axis, x: str, y: str, title: str = "") -> None:
 
 
 def legend(axis: Axis, place: str = "best") -> None:
-    """Name the lines, among them."""
+    """Add a legend among the lines."""
     axis.legend(loc=place, fontsize=8.5, frameon=False, labelcolor=INK)
 
 
 def legend_above(axis: Axis) -> None:
-    """Name the lines over the axis, where they would cover what they name."""
+    """Add a legend above the axis, where it would otherwise cover the lines."""
     axis.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 0.97),

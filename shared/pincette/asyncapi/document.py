@@ -1,6 +1,6 @@
 """The AsyncAPI document of the bus: ``python -m pincette.asyncapi.document FILE``.
 
-It states the side of the rig: the rig sends samples, and receives requests.
+It describes the side of the rig: the rig sends samples, and receives requests.
 """
 
 import json
@@ -184,7 +184,7 @@ def _answer(request: Request) -> Json:
 
 
 def main() -> None:
-    """Write the document to the file that is named."""
+    """Write the document to the file on the command line."""
     Path(sys.argv[1]).write_text(document(), encoding="utf-8")
 
 

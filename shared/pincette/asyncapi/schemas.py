@@ -19,7 +19,10 @@ def summary(kind: type) -> str:
 
 
 def notes(kind: type) -> dict[str, str]:
-    """The text under each field in the source, in Markdown; fields without one are left out."""
+    """Return the text under each field in the source, in Markdown.
+
+    Fields without one are left out.
+    """
     bases = [base for base in kind.__mro__ if issubclass(base, Struct) and base is not Struct]
     found: dict[str, str] = {}
     for base in reversed(bases or [kind]):

@@ -16,16 +16,16 @@ from pincette.bus.relay import READ, WRITE, Stream
 from pincette.bus.vouching import Vouching
 
 HELLO_S, PROOF_S = 1.0, 3.0
-"""Time limits of the first bytes, and of all that follows."""
+"""Time limits of the first bytes, and of all that follows, in s."""
 TLS_HANDSHAKE = b"\x16\x03"
 """First bytes of TLS: a record of that type, of version 3."""
 
 
 class Stage(Enum):
-    """Next event that is waited for."""
+    """Next event that a pending connection waits for."""
 
     HELLO = auto()
-    """The first bytes."""
+    """The first bytes of the client."""
     PROOF = auto()
     """The end of the handshake with the client."""
     CONNECT = auto()
@@ -37,7 +37,10 @@ class Stage(Enum):
 
 @dataclass(slots=True, eq=False)
 class Pending:
-    """A connection that is being admitted; ``inner`` is the one to Zenoh that belongs to it."""
+    """A connection that is being admitted.
+
+    ``inner`` is the connection to Zenoh that belongs to it.
+    """
 
     address: str
     port: int
@@ -64,7 +67,7 @@ class Admission:
     ) -> None:
         self._selector, self._behind, self._vouching = selector, behind, vouching
         self._advance = advance
-        """Called when a connection may continue."""
+        """Function that is called when a connection may continue."""
         self._steps: dict[Stage, Callable[[Pending], Stage]] = {
             Stage.HELLO: self._hello,
             Stage.PROOF: self._proof,
@@ -96,8 +99,8 @@ class Admission:
     def end(self, one: Pending, close: Callable[[Stream], None]) -> None:
         """End both connections; ``close`` ends the outer one.
 
-        The one to Zenoh is reset, so that nothing of it is left for Zenoh's accepting thread to
-        wait for.
+        The inner one is reset, so that nothing of it remains for Zenoh's accepting thread to wait
+        for.
         """
         for line in (one.outer, one.inner):
             self._forget(line)
@@ -169,7 +172,10 @@ class Admission:
         return Stage.ADMITTED
 
     def _shaken(self, line: Stream) -> bool:
-        """Return whether a handshake is complete; otherwise register what it waits for."""
+        """Return whether a handshake is complete.
+
+        Otherwise register the event that it waits for.
+        """
         if not isinstance(line, ssl.SSLSocket):
             raise BusError("no handshake")
         try:
@@ -182,7 +188,7 @@ class Admission:
 
 
 def _tls_begins(first: bytes) -> bool:
-    """Return whether a handshake has begun; raises ConnectionError if the bytes are none."""
+    """Return whether a handshake has begun; raises ConnectionError if the bytes are not TLS."""
     if not TLS_HANDSHAKE.startswith(first[:2]):
         raise ConnectionError("no handshake")
     return len(first) >= len(TLS_HANDSHAKE)

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from pincette.security.folder import Folder
 
 LATE_ROUTER_S = 20.0
-"""Time in which a simulated rig joins: `pincette up` starts it together with the router, which
-takes longer on a busy machine, above all with certificates."""
+"""Time limit for a simulated rig to join, in s: `pincette up` starts it together with the router,
+which takes longer on a busy machine, above all with certificates."""
 THE_ROUTER, THE_UPSTREAM = program(ROUTER, ""), program(UPSTREAM, "")
 
 
@@ -102,8 +102,8 @@ def service_endpoint(
 def program_endpoint(rig: "RigFile", name: str, *, lockstep: bool) -> SessionConfig:
     """Return the session of a program outside the loop, at the router.
 
-    A program of an extra has no certificate of its own: it shows that of ``[bus] identity``, as a
-    tool.
+    A program of an extra has no certificate of its own: it presents that of ``[bus] identity``, as
+    a tool does.
     """
     config = client_session(*rig.bus.served_by, lockstep=lockstep)
     if name == "rig":
@@ -122,7 +122,7 @@ def direct_endpoint(
 ) -> SessionConfig:
     """Return the session of a client at one service, without the router.
 
-    ``identity``: whose certificate the client shows; None: that of a person's tool.
+    ``identity``: name of the certificate that the client presents; None: that of a person's tool.
     """
     config = direct_session(rig.bus.host, rig.bus.port, service)
     return _client(rig, config, identity, program(rig.program_of(service), rig.rig.name))

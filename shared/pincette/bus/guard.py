@@ -1,4 +1,4 @@
-"""Accepts TLS connections for a program, so that no client keeps others from the Zenoh behind it.
+"""Accepts TLS connections for a program, so that no client can block the Zenoh behind it.
 
 Zenoh handles failed TLS handshakes one after another, and sleeps for 0.1 s after each (zenoh issue
 2685). The guard handles many handshakes at once, each with its time limit, and ends the oldest one
@@ -31,11 +31,11 @@ BATCH = 64
 """Number of connections accepted before the links are served again."""
 BACKLOG = 4096
 LOOK_S = 0.1
-"""Interval of the search for overdue connections."""
+"""Interval of the search for overdue connections, in s."""
 REVOKED_S = 1.0
-"""Interval without pending connections, for the list of revoked certificates."""
+"""Interval of checks of the list of revoked certificates if no connection is pending, in s."""
 PAUSE_S = 0.01
-"""Pause when no more files can be opened."""
+"""Pause when no more files can be opened, in s."""
 
 
 class Guard:
@@ -50,7 +50,7 @@ class Guard:
     ) -> None:
         """Listen; raises OSError if a port is taken.
 
-        ``stalls`` ends a link if one of its sides takes nothing of what is sent.
+        ``stalls`` ends a link if one of its sides accepts none of the bytes that are sent.
         """
         self.refused = RefusedConnections()
         self._stalls = stalls
@@ -77,7 +77,7 @@ class Guard:
         self._thread = threading.Thread(target=self._run, name="guard", daemon=True)
 
     def start(self) -> None:
-        """Admit connections, once Zenoh listens behind."""
+        """Start to admit connections, once Zenoh listens behind the guard."""
         self._thread.start()
 
     def link_of(self, end: str) -> Relay | None:
@@ -163,7 +163,7 @@ class Guard:
         return list(chain.from_iterable(self._pending.values()))
 
     def _make_room(self) -> None:
-        """End the oldest connection of the address with most; those without a byte go first."""
+        """End the oldest connection of the address with most; silent connections go first."""
         if not self._many:
             return
         crowd = max(self._pending.values(), key=len)
@@ -209,7 +209,7 @@ class Guard:
 
 
 def _close(line: Stream) -> None:
-    """End a connection in order; unread bytes would make the end look like a line fault."""
+    """Close a connection in order; unread bytes would make the end look like a line fault."""
     with suppress(OSError):
         line.recv(CHUNK)
     line.close()

@@ -1,4 +1,4 @@
-"""Diagnoses a link by a handshake of Python's own TLS, since Zenoh does not give the reason."""
+"""Diagnoses a link by a handshake with Python's TLS, since Zenoh does not give the reason."""
 
 import errno
 import socket
@@ -10,8 +10,8 @@ from pincette.core.listening import bound
 from pincette.security.identity import Credentials
 
 ANSWER_S, ALERT_S = 3.0, 0.5
-"""Time limits of an answer (Zenoh hangs up on other protocols after 1 s), and of an alert after the
-handshake."""
+"""Time limits, in s, of a reply (Zenoh hangs up on other protocols after 1 s), and of an alert
+after the handshake."""
 PLAIN = "it does not speak TLS: is [bus] pki missing in its rig file?"
 REFUSED = "it does not accept the certificate {ours}"
 UNKNOWN = "it trusts another authority than the one that signed {ours}"
@@ -27,7 +27,7 @@ REASONS = {
     "WRONG_VERSION_NUMBER": PLAIN,
     "UNEXPECTED_EOF": PLAIN,
 }
-"""Meaning of a refusal by the other side, by a part of OpenSSL's name."""
+"""Meanings of a refusal by the other side, by a part of OpenSSL's name."""
 ALERT = "ALERT"
 """Part of OpenSSL's name of an alert by the other side, as ``TLSV13_ALERT_CERTIFICATE_REQUIRED``.
 """

@@ -28,20 +28,22 @@ from pincette.bus.protocol import BusError
 from pincette.bus.refused_connections import RefusedConnections
 
 MOST_PENDING = 128
-"""Connections that may be on their way to become a link."""
+"""Largest number of connections that are not yet a link."""
 SILENT_S = 1.0
-"""Time after which a connection without a byte is reset."""
+"""Time after which a connection without a byte is reset, in s."""
 BRIEF_S = 0.5
-"""Longest life of a connection that is not counted as refused when it ends by itself: it may have
-been a link that was closed before its socket was noted."""
+"""Longest life, in s, of a connection that does not count as refused when it ends by itself: it may
+have been a link that was closed before its socket was noted."""
 IDLE_S, LOOK_S = 0.2, 0.01
-"""Interval between two looks without pending connections, and the shortest pause with some."""
+"""Interval between two checks without pending connections, and the shortest pause with some, in s.
+"""
 PAUSE_LOOKS = 1.0
-"""Shortest pause after a look, in durations of that look; a flood costs half a processor."""
+"""Shortest pause after a check, in durations of that check; a flood then costs half a processor."""
 LISTENS_S, LISTENS_LOOK_S = 2.0, 0.01
-"""Time within which Zenoh listens once its session is open, and interval of the looks for it."""
+"""Time within which Zenoh must listen once its session is open, and interval of the checks for it,
+in s."""
 MOST_DESCRIPTORS = 65_536
-"""Descriptors that are tried where the list of open ones cannot be read."""
+"""Number of descriptors that are tried if the list of open ones cannot be read."""
 ESTABLISHED = 1
 """State of a TCP connection that neither side has ended; see ``tcp_states.h`` of Linux."""
 BYTES_RECEIVED = 128
@@ -60,11 +62,11 @@ class _Pending:
     address: str
     """Address of its other end."""
     seen_s: float
-    """Time of the first look that found it."""
+    """Time of the first check that found the connection."""
 
 
 class LinkSweeper:
-    """A thread that looks after the connections which some listeners of this process accept."""
+    """A thread that checks the connections which some listeners of this process accept."""
 
     def __init__(self, ports: Collection[int]) -> None:
         """``ports``: local ports at which Zenoh listens or will listen."""
@@ -74,11 +76,11 @@ class LinkSweeper:
         self._links: set[int] = set()
         """Inodes of the sockets that have become links."""
         self._pending: dict[int, _Pending] = {}
-        """By inode, in the order of arrival."""
+        """Pending connections by inode, in the order of arrival."""
         self._others: set[int] = set()
         """Inodes of open sockets that were not accepted at these ports."""
         self._queue = select.epoll()
-        """The listeners; one is ready while connections wait to be accepted."""
+        """Poll object of the listeners; one is ready while connections wait to be accepted."""
         self._closing = threading.Event()
         self._wake = os.eventfd(0, os.EFD_CLOEXEC)
         self._queue.register(self._wake, select.EPOLLIN)
@@ -101,12 +103,12 @@ class LinkSweeper:
         self._thread.start()
 
     def note_links(self, inodes: Iterable[int]) -> None:
-        """Note the sockets of a link that has come up: they are left alone from now on."""
+        """Note the sockets of a link that has come up, so that they are not reset."""
         with self._lock:
             self._links.update(inodes)
 
     def close(self) -> None:
-        """End the thread; nothing happens the second time."""
+        """End the thread; a second call has no effect."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -128,7 +130,7 @@ class LinkSweeper:
                 self._closing.wait(max(LOOK_S, PAUSE_LOOKS * (monotonic() - begun_s)))
 
     def look(self) -> None:
-        """Look once at every socket of this process."""
+        """Check every socket of this process once."""
         with self._lock:
             now_s = monotonic()
             open_now = self._find(now_s)
@@ -192,7 +194,7 @@ class LinkSweeper:
                 self._reset(inode, f"nothing came within {SILENT_S:g} s")
 
     def _make_room(self) -> None:
-        """Reset the oldest of the address with most; those that said nothing go first."""
+        """Reset the oldest connection of the address with most; silent connections go first."""
         surplus = len(self._pending) - MOST_PENDING
         if surplus <= 0:
             return
@@ -217,7 +219,7 @@ class LinkSweeper:
 def reset_connection(descriptor: int, inode: int) -> bool:
     """Reset a TCP connection without closing its descriptor; false if it was closed already.
 
-    The other end is told at once, nothing lingers in the kernel, and whoever reads or writes here
+    The other end is notified at once, nothing lingers in the kernel, and any reader or writer here
     gets ECONNRESET.
     """
     try:
@@ -256,7 +258,7 @@ def _address_of(line: socket.socket) -> str:
 
 
 def _is_silent(one: _Pending) -> bool:
-    """Return whether nothing has come over a connection, or nothing more will."""
+    """Return whether nothing has arrived over a connection, or nothing more will."""
     try:
         line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, one.descriptor)
     except OSError:

@@ -25,7 +25,7 @@ class MemoryBus:
     def step_when_empty(self, step: Callable[[], bool]) -> None:
         """Let ``pump`` call a step of a loop when no message waits.
 
-        It returns whether it did one.
+        The function returns whether it made a step.
         """
         self._step = step
 
@@ -36,7 +36,7 @@ class MemoryBus:
         self._latest[kind] = message
 
     def latest(self, topic: Topic, timeout_s: float = 1.0) -> Message | None:  # noqa: ARG002  it waits for nobody
-        """Return the last published message; see LatestBus."""
+        """Return the newest message; see LatestBus."""
         return self._latest.get(topic.message)
 
     def subscribe(self, topic: Topic, sink: Sink) -> None:
@@ -44,11 +44,11 @@ class MemoryBus:
         self._sinks.setdefault(topic.message, []).append(sink)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a request at once, in the caller's thread."""
+        """Reply to a request at once, in the caller's thread."""
         self._answerers[question] = answerer
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:
-        """Send a request; see Bus. The answer comes at once, or never."""
+        """Send a request; see Bus. The reply comes at once, or never."""
         if question not in self._answerers:
             raise BusError(f"nobody answers {question.service}/{question.name}")
         replies: list[Message | str] = []
@@ -69,6 +69,6 @@ class MemoryBus:
         return True
 
     def close(self) -> None:
-        """Forget everything."""
+        """Discard all messages and subscriptions."""
         self._queue.clear()
         self._latest.clear()

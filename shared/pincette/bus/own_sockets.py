@@ -19,9 +19,9 @@ from pathlib import Path
 from time import monotonic
 
 SEND_BYTES = 262_144
-"""Size of a send buffer; the kernel's own grows to 4 MB, which hide a stall."""
+"""Size of a send buffer, in bytes; the kernel's own grows to 4 MB, which would hide a stall."""
 LOOKS, IDLE_LOOKS = 5, 2
-"""How often within a lease the watch looks while data wait to be sent, and while none do."""
+"""Number of checks within a lease while data wait to be sent, and while none do."""
 BYTES_ACKED = 120
 """Offset of ``tcpi_bytes_acked`` in ``struct tcp_info`` of ``linux/tcp.h``."""
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
@@ -46,10 +46,10 @@ def own_sockets() -> Generator[socket.socket]:
 
 
 def let_go_at_once() -> None:
-    """Let no end of a link of this process wait until all that was sent has arrived.
+    """Prevent every end of a link of this process from waiting until all sent data have arrived.
 
-    Zenoh has the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
-    other links. Over a line that is cut nothing arrives, and for so long the program is deaf.
+    Zenoh makes the kernel wait for up to 10 s (``SO_LINGER``), in the thread that also serves the
+    other links. Over a broken line nothing arrives, and the program receives nothing for that time.
     """
     for line in own_sockets():
         with suppress(OSError):
@@ -57,12 +57,12 @@ def let_go_at_once() -> None:
 
 
 def let_go(line: socket.socket) -> None:
-    """Let the end of a connection wait for nothing; raises OSError if it has ended."""
+    """Prevent the end of a connection from waiting; raises OSError if it has ended."""
     line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
 
 
 def limit_buffer(line: socket.socket) -> None:
-    """Let at most ``SEND_BYTES`` wait in the kernel to be sent over a connection."""
+    """Limit the data of a connection that wait in the kernel to be sent to ``SEND_BYTES``."""
     with suppress(OSError):  # it has ended meanwhile
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
 
@@ -100,25 +100,25 @@ class LinkSockets:
             return found
 
     def remove(self, other_end: str) -> None:
-        """Forget the sockets of a link that has gone."""
+        """Remove the sockets of a link that has gone."""
         with self._lock, _CLAIMING:
             _CLAIMED.difference_update(self._inodes.pop(other_end, ()))
 
     def shut_down(self) -> None:
-        """End all links at once, whatever still waits to be sent or read."""
+        """End all links at once, whether or not data still wait to be sent or read."""
         with self._lock:
             inodes = set[int]().union(*self._inodes.values())
         shut_down(inodes)
 
     def close(self) -> None:
-        """Forget all sockets."""
+        """Remove all sockets."""
         for end in list(self._inodes):
             self.remove(end)
 
 
 _CLAIMING = threading.Lock()
 _CLAIMED: set[int] = set()
-"""Inodes of the sockets that are known to be a link's, of all sessions of this process."""
+"""Inodes of all sockets that belong to a link, of all sessions of this process."""
 
 
 def shut_down(inodes: Iterable[int]) -> None:
@@ -158,33 +158,36 @@ def _address(end: str) -> str:
 
 @dataclass(slots=True)
 class _Line:
-    """A socket that is watched."""
+    """A socket under observation."""
 
     inode: int
     family: int
     on_stall: Callable[[], None] | None
     mark: int = -1
-    """Bytes that the partner has acknowledged; -1 where nothing waits to be sent."""
+    """Number of bytes that the partner has acknowledged; -1 if nothing waits to be sent."""
     stalled_s: float = 0.0
 
 
 class StallWatch:
-    """Shuts a connection down whose partner has taken nothing of what waits for it for a lease.
+    """Shuts a connection down whose partner has accepted none of the waiting data for a lease.
 
-    The kernel counts what the partner's kernel has accepted.
+    The count is that of data which the partner's kernel has accepted.
     """
 
     def __init__(self, lease_s: float) -> None:
         self._lease_s = lease_s
         self._lock = threading.Lock()
         self._lines: dict[int, _Line] = {}
-        """By descriptor."""
+        """Sockets under observation by descriptor."""
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._looked_s = monotonic()
 
     def add(self, line: socket.socket, on_stall: Callable[[], None] | None = None) -> None:
-        """Watch a connection from here on until it is closed; ``on_stall`` is called before."""
+        """Watch a connection from here on until it is closed.
+
+        ``on_stall`` is called before its end.
+        """
         descriptor = line.fileno()
         with self._lock:
             inode = os.fstat(descriptor).st_ino
@@ -202,7 +205,7 @@ class StallWatch:
         return self._lease_s / (LOOKS if waits else IDLE_LOOKS)
 
     def look(self) -> None:
-        """Look at each connection once."""
+        """Check each connection once."""
         with self._lock:
             now_s = monotonic()
             # Time in which this process did not run says nothing of a partner.
@@ -223,7 +226,10 @@ class StallWatch:
                     shut_down([line.inode])
 
     def _mark(self, descriptor: int, line: _Line) -> int:
-        """Return what stays the same while a connection stalls; raises OSError if it is closed."""
+        """Return a value that is constant while a connection stalls.
+
+        Raises OSError if it is closed.
+        """
         if os.fstat(descriptor).st_ino != line.inode:
             raise OSError
         waiting = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]

@@ -14,7 +14,8 @@ TCP_MD5SIG_EXT, PREFIX, ADDRESS_BYTES, KEY_BYTES = 32, 1, 128, 80
 """Constants of RFC 2385 in Linux: see ``struct tcp_md5sig`` of ``linux/tcp.h``."""
 
 LISTENS_S, LOOK_S = 2.0, 0.01
-"""Time within which Zenoh listens once its session is open, and the interval of the checks."""
+"""Time within which Zenoh must listen once its session is open, and the interval of the checks, in
+s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +28,14 @@ class PrivatePort:
 
     @classmethod
     def chosen(cls) -> "PrivatePort":
-        """Return a random port; whether it is taken shows when Zenoh listens at it."""
+        """Return a random port; only when Zenoh listens at it can it prove to be taken."""
         a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
         return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
 
     def close_to_others(self) -> bool:
-        """Require the key of everybody who connects to this process's listener.
+        """Require the key of every client that connects to this process's listener.
 
-        Return False if impossible.
+        Return False if that is impossible.
 
         Then the kernel has no such option, and any account of this machine can open the port.
         """

@@ -1,4 +1,4 @@
-"""Tells the program that publishes a topic from others, by the session that each sample states."""
+"""Distinguishes the publisher of a topic from other programs, by the session in each sample."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -8,14 +8,15 @@ import zenoh
 from pincette.core.topics import COMMAND, LOOP, Topic
 
 SILENT_S = 0.5
-"""Silence of a program after which another one may publish its topic; a restart takes longer."""
+"""Silence of a program, in s, after which another one may publish its topic; a restart takes
+longer."""
 
 
 class Producer:
-    """The session of which samples of one topic are taken.
+    """The session whose samples of one topic are accepted.
 
-    Programs state their session with every sample. The first one heard keeps the topic until it is
-    silent. A program that states another one's session cannot be told from it.
+    Programs state their session with every sample. The first session received keeps the topic until
+    it is silent. A program that states another one's session cannot be distinguished from it.
     """
 
     __slots__ = ("_clock", "_heard_s", "_name", "_session")
@@ -23,13 +24,13 @@ class Producer:
     _session: zenoh.ZenohId
 
     def __init__(self, name: str, clock: Callable[[], float] = monotonic) -> None:
-        """``name``: of the program that publishes the topic."""
+        """``name``: name of the program that publishes the topic."""
         self._name, self._clock = name, clock
         self._heard_s = float("-inf")
-        """Time of the newest sample that was taken."""
+        """Time of the newest accepted sample."""
 
     def refusal(self, source: zenoh.SourceInfo | None) -> str:
-        """Return why a sample is refused; empty where it is taken."""
+        """Return why a sample is refused; empty if it is accepted."""
         if source is None:
             return f"the sample states no session, so it is not from the {self._name}"
         session, now_s = source.source_id.zid, self._clock()
@@ -40,9 +41,9 @@ class Producer:
 
 
 def producer_of(topic: Topic) -> Producer | None:
-    """Return whose samples of a topic are taken; None where every program's are.
+    """Return the program whose samples of a topic are accepted; None if every program's are.
 
-    Commands state an owner, by which the actuator knows a second controller.
+    Commands state an owner, by which the actuator detects a second controller.
     """
     checked = topic.producer in LOOP and topic is not COMMAND
     return Producer(topic.producer) if checked else None

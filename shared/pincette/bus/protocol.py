@@ -8,18 +8,17 @@ from pincette.core.topics import Request, Topic
 
 Sink = Callable[[Topic, Message], None]
 RequestHandler = Callable[[Request, Message, Callable[[Message | str], None]], None]
-"""Function that gets a request, and a function for the reply or the text of a refusal."""
+"""Function that receives a request, and a function for the reply or the text of a refusal."""
 
 
 class BusError(Exception):
-    """The bus cannot be joined, or a request was not answered; the text gives the remedy."""
+    """The bus cannot be joined, or a request got no reply; the text gives the remedy."""
 
 
 class AbsentError(BusError):
     """A liveliness token names the program, but nothing on the bus accepts requests for it.
 
-    Any tool can hold such a token. A program declares what it answers before it declares its own
-    token.
+    Any tool can hold such a token. A program declares its requests before its own token.
     """
 
 
@@ -28,7 +27,7 @@ class RefusalError(BusError):
 
 
 class Bus(Protocol):
-    """Publish and subscribe to messages, and send and answer requests."""
+    """Publish and subscribe to messages; send requests and reply to them."""
 
     def publish(self, message: Message) -> None:
         """Publish a message on its topic; never blocks for long, never raises for a lost link."""
@@ -39,7 +38,7 @@ class Bus(Protocol):
         ...
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a request; the reply may come later and from another thread."""
+        """Serve a request; the reply may come later and from another thread."""
         ...
 
     def call(self, question: Request, request: Message, timeout_s: float = 2.0) -> Message:

@@ -1,4 +1,4 @@
-"""Queries that reach the programs of a rig, whatever else answers on the same keys.
+"""Queries that reach the programs of a rig, whatever else replies on the same keys.
 
 Every query and request of this project goes through `Query`, because Zenoh's own defaults let other
 tools on the bus take it away. By default Zenoh asks only the best matching queryable, which is the
@@ -32,8 +32,8 @@ MESSAGE = zenoh.Encoding(ENCODING)
 REFUSAL = zenoh.Encoding.TEXT_PLAIN
 """Encoding of a refusal. Its schema is the mark of the query, in hexadecimal digits."""
 LEEWAY_S = 1.0
-"""Time from the deadline of a query until Zenoh gives it up by itself, which is too late to
-matter: a query is cancelled at its deadline."""
+"""Time from the deadline of a query until Zenoh gives it up, in s. It is too late to matter, since
+a query is cancelled at its deadline."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +50,10 @@ class ProgramReply:
 
 
 class Query:
-    """One query under way. Iterate over it for the replies of programs, as they arrive.
+    """A pending query. Iterate over it for the replies of programs, as they arrive.
 
     The iteration ends when every queryable has finished, or at the deadline. Leave the context to
-    cancel what is still under way.
+    cancel the rest.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Query:
     ) -> None:
         """Send the query; raises ZError if the session is closed.
 
-        ``marked``: False takes every reply, for Zenoh's own admin space, which returns no mark.
+        ``marked``: False accepts every reply, for Zenoh's own admin space, which returns no mark.
         """
         self._needs_mark = marked
         mark = secrets.token_bytes(MARK_BYTES)
@@ -75,7 +75,7 @@ class Query:
         self._deadline_s = monotonic() + timeout_s
         self._arrived: SimpleQueue[ProgramReply | None] = SimpleQueue()
         self.ignored = 0
-        """Replies without the mark, from stores and other tools."""
+        """Number of replies without the mark, from stores and other tools."""
         self.finished = False
         """True once every queryable has finished; False while one is silent."""
         self._cancellation = zenoh.CancellationToken()

@@ -10,12 +10,12 @@ from pincette.core.faults import Fault, FaultCode, fault
 
 log = logging.getLogger("pincette")
 LOG_EVERY_S = 10.0
-"""Shortest time between two log lines, however many messages are refused."""
+"""Shortest time between two log lines, in s, however many messages are refused."""
 SHOWN_S = 60.0
-"""Time for which a refusal stays a finding of its program."""
+"""Time for which a refusal stays a finding of its program, in s."""
 MANY, MANY_WITHIN_S = 5, 10.0
-"""Samples of one topic that are refused because of their numbers within so many seconds, from which
-on they become a finding. The bus itself may repeat or reorder a few."""
+"""Number of samples of one topic refused because of their numbers, and the time in s within which
+they occur, from which on they become a finding. The bus itself may repeat or reorder a few."""
 
 
 class RefusedMessages:
@@ -34,7 +34,7 @@ class RefusedMessages:
     def note(self, place: str, reason: str, *, also: bool = False) -> None:
         """Count a message on the key ``place``, and log the reason unless one was just logged.
 
-        ``also``: the caller counts it in a number of its own.
+        ``also``: True if the caller also counts the message in a number of its own.
         """
         with self._lock:
             now_s = self._clock()
@@ -65,13 +65,13 @@ class RefusedNumbers:
     """Reports samples that a program refused because of their numbers, where there are many."""
 
     def __init__(self, refused: RefusedMessages, clock: Callable[[], float] = monotonic) -> None:
-        """``refused``: receives the report."""
+        """``refused``: object that receives the report."""
         self._refused, self._clock = refused, clock
         self._times_s: dict[str, deque[float]] = {}
         """Times of the newest refusals, by topic."""
 
     def note(self, topic: str, producer: str, seq: int) -> None:
-        """Note a sample of a topic, which ``producer`` publishes and another program may, too."""
+        """Note a sample of a topic, which programs other than ``producer`` may publish, too."""
         times_s = self._times_s.setdefault(topic, deque(maxlen=MANY))
         times_s.append(self._clock())
         if len(times_s) == MANY and times_s[-1] - times_s[0] <= MANY_WITHIN_S:

@@ -6,7 +6,7 @@ from time import monotonic
 
 log = logging.getLogger("pincette")
 LOGGED_S = 10.0
-"""Shortest time between two log lines, however many connections are refused."""
+"""Shortest time between two log lines, in s, however many connections are refused."""
 
 
 class RefusedConnections:
@@ -17,7 +17,7 @@ class RefusedConnections:
         self.count = 0
         """Number of refused connections since the program started."""
         self._log_s = 0.0
-        """Time from which a refusal is logged again."""
+        """Time from which on a refusal is logged again."""
         self._unlogged = 0
 
     def note(self, address: str, reason: str) -> None:

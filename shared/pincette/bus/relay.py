@@ -23,13 +23,13 @@ class Side:
     line: Stream
     other: "Side" = field(init=False)
     waiting: bytearray = field(default_factory=bytearray)
-    """Bytes waiting to be sent to it."""
+    """Bytes that wait to be sent to this side."""
     watched: int = 0
     """Events registered at the selector."""
 
     @property
     def behind(self) -> bool:
-        """Return whether so many bytes wait for it that nothing more is read for it."""
+        """Return whether too many bytes wait for this side to read more for it."""
         return len(self.waiting) >= MOST_WAITING
 
 
@@ -50,7 +50,7 @@ class Relay:
         self._selector, self._ended = selector, ended
         self.whence = whence
         self.why = ""
-        """Why the relay has ended; empty before."""
+        """Reason why the relay has ended; empty before."""
         self.outer = outer
         self._outer, self._inner = Side(outer), Side(inner)
         self._outer.other, self._inner.other = self._inner, self._outer
@@ -123,7 +123,7 @@ class Relay:
             self._read(side.other)
 
     def _watch(self, side: Side) -> None:
-        """Register the events that a side is waiting for; unregister it if there are none."""
+        """Register the events that a side waits for; unregister the side if there are none."""
         if not self._open:
             return
         wanted = (0 if side.other.behind else READ) | (WRITE if side.waiting else 0)

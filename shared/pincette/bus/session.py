@@ -28,19 +28,20 @@ from pincette.core.listening import bound
 
 log = logging.getLogger("pincette")
 CLOSE_S = 1.0
-"""Time for which the end of a session waits for links that accept nothing."""
+"""Time for which the end of a session waits for links that accept nothing, in s."""
 GIVEN_UP_S = 0.2
-"""The same time if the session is given up."""
+"""Time for which the end of a session waits if the session is given up, in s."""
 AskRouter = Callable[[], None]
 OWN_QUESTION = "@pincette/router"
 """Key of the query that a router sends to itself. No wildcard matches a part that begins with @."""
 UNANSWERED_S = 3600.0
-"""Zenoh's timeout of this query, which a missing answer must not end."""
+"""Zenoh's timeout of this query, in s; it is so long that a missing reply does not end the query.
+"""
 THREADS = "ZENOH_RUNTIME", "(rx:(worker_threads:1))"
 """Environment variable of Zenoh's threads, and its value: one thread that receives.
 
-By default there are two, which wake each other for most messages. Connections are still accepted by
-another thread, since that one may have to wait for the end of a connection.
+By default there are two, which wake each other for most messages. Another thread still accepts
+connections, since that one may have to wait for the end of a connection.
 """
 UNSIGNED = (
     "%s: this kernel signs no TCP segments (CONFIG_TCP_MD5SIG), so any account of this "
@@ -49,7 +50,7 @@ UNSIGNED = (
 
 
 class Joined:
-    """A session, and what protects its ports."""
+    """A session, and the protection of its ports."""
 
     def __init__(
         self,
@@ -58,7 +59,7 @@ class Joined:
         sweeper: LinkSweeper | None = None,
         guard: Guard | None = None,
     ) -> None:
-        """``stalls`` ends links that take nothing of what is sent.
+        """``stalls`` ends links that accept none of the bytes that are sent.
 
         ``sweeper`` is for a session that listens, ``guard`` for one that listens with TLS.
         """
@@ -66,7 +67,8 @@ class Joined:
         self._sweeper, self._stalls = sweeper, stalls
         self._sockets = LinkSockets(stalls)
         self._up: dict[str, tuple[float, str]] = {}
-        """Time at which each link came up, and with whom, by Zenoh's name of its other end."""
+        """Time at which each link came up, and the program at its other end, by Zenoh's name of
+        that end."""
         self._listener = session.info.declare_link_events_listener(self._note, history=True)
 
     @property
@@ -109,8 +111,8 @@ class Joined:
     def close(self, limit_s: float = CLOSE_S) -> None:
         """Leave the bus, and log that the remaining links end with the session.
 
-        Links that are still there after ``limit_s`` are ended by their sockets, since Zenoh waits
-        for a partner that reads nothing, and may keep the sockets of a session for ever.
+        Links that still exist after ``limit_s`` are ended by their sockets, since Zenoh waits for a
+        partner that reads nothing, and may keep the sockets of a session forever.
         """
         late = threading.Timer(limit_s, self._sockets.shut_down)
         late.daemon = True
@@ -132,7 +134,7 @@ class Joined:
             self._sockets.close()
 
     def give_up(self) -> None:
-        """Close a session that carries nothing, without waiting."""
+        """Close a session that transports nothing, without waiting."""
         limit = (GIVEN_UP_S,)
         threading.Thread(
             target=self.close, args=limit, name="session given up", daemon=True
@@ -219,16 +221,16 @@ def serve_router(
 ) -> None:
     """Route between the services of a rig and the tools around it until ``wait`` returns.
 
-    ``wait`` is called with a function that asks this router a question and returns with the answer.
+    ``wait`` is called with a function that queries this router and returns with its reply.
     """
     with open_session(config, f"{rig}/{name}") as session:
         wait(partial(ask_router, session))
 
 
 def ask_router(session: "zenoh.Session") -> None:
-    """Ask the router of a session for liveliness tokens; returns with the answer.
+    """Query the router of a session for liveliness tokens; return when it has replied.
 
-    The question needs the routing tables' locks as a new link and a message do, and it declares
+    The query needs the same locks of the routing tables as a new link or a message, and it declares
     nothing that the router would state to others.
     """
     for _ in session.liveliness().get(OWN_QUESTION, timeout=UNANSWERED_S):

@@ -15,15 +15,15 @@ QUEUE = 16
 BLOCK_US = 200_000
 """Longest time that a message may wait for a stalled link, in µs; Zenoh's default is 5 s."""
 PATIENT_MS = 20_000
-"""Limit of both times in lockstep, where an overloaded machine must not cost a sample."""
+"""Limit of both times in lockstep, in ms, where an overloaded machine must not lose a sample."""
 ACCEPT_MS = 2000
-"""Longest time from an accepted connection to a link; longer than the one in which a connection
-that stays silent is reset: see ``link_sweeper``."""
+"""Longest time from an accepted connection to a link, in ms; it is longer than the time after which
+a silent connection is reset: see ``link_sweeper``."""
 MOST_ACCEPTING = 2048
-"""Connections that may be on their way to become a link before Zenoh closes new ones at once.
+"""Largest number of connections that are not yet a link; Zenoh closes further ones at once.
 
-A last resort below the limit of open files. Long before it, a guard or a `LinkSweeper` ends
-connections that never become a link; where Zenoh closes them, clients of the rig are refused too.
+It is a last resort below the limit of open files. Long before it, a guard or a `LinkSweeper` ends
+connections that never become a link; if Zenoh closes them, clients of the rig are refused too.
 """
 NEVER_WAIT = {
     "messages": ["put", "delete", "query"],
@@ -39,7 +39,7 @@ receiving thread, which serves other links too. A reply has the quality of servi
 the rule applies to queries as they arrive.
 """
 MOST_BYTES = 2 * MAX_BYTES
-"""Size limit of a received message: larger than any payload that a decoder accepts."""
+"""Size limit of a received message, in bytes: larger than any payload that a decoder accepts."""
 PRIORITIES = (
     "control",
     "real_time",
@@ -53,7 +53,7 @@ PRIORITIES = (
 
 
 def lease_s(config: SessionConfig) -> float:
-    """Return the time for which a link may be silent, or accept nothing, before it is ended."""
+    """Return the time that a link may be silent, or accept nothing, before it is ended, in s."""
     return 1e-3 * (PATIENT_MS if config.patient else LEASE_MS)
 
 

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 ROUTED, DIRECT = "through the router", "at the actuator"
 """Ways to an actuator."""
 CONNECT_S = 1.0
-"""Limit of the time to connect to a port, and of the time to open a session there."""
+"""Time limit to connect to a port, and to open a session there, in s."""
 REPLY_S = 1.0
-"""Limit of the time in which an actuator replies."""
+"""Time limit for the reply of an actuator, in s."""
 TRIP_S = 1.2
-"""Limit of the time for all ways together."""
+"""Time limit for all ways together, in s."""
 MOST_AT_ONCE = 64
 """Largest number of actuators that are tripped at the same time, of those whose rig the supervisor
 does not serve."""
@@ -34,7 +34,7 @@ does not serve."""
 class StopAttempts:
     """Attempts to stop rigs, each in its own thread, and the rigs that they have confirmed.
 
-    An attempt may hang for ever: its thread is a daemon, and nobody waits longer than asked.
+    An attempt may hang forever: its thread is a daemon, and no caller waits longer than its limit.
     """
 
     def __init__(self) -> None:
@@ -42,12 +42,12 @@ class StopAttempts:
         self._running: Counter[str] = Counter()
         self._threads: list[threading.Thread] = []
         self.confirmed: dict[str, str] = {}
-        """Way on which each rig was stopped first."""
+        """Way by which each rig was stopped first."""
         self.failed: list[tuple[str, BaseException]] = []
         """Ways that have failed, each with its error."""
 
     def start(self, way: str, attempt: Callable[[], object]) -> None:
-        """Run an attempt in a thread. It calls ``confirm``, and raises where it fails."""
+        """Run an attempt in a thread. It calls ``confirm``, and raises if it fails."""
         with self._changed:
             self._running[way] += 1
         thread = threading.Thread(
@@ -85,7 +85,7 @@ class StopAttempts:
 
     @property
     def running(self) -> list[str]:
-        """Ways on which an attempt has not ended."""
+        """Return the ways whose attempt has not ended."""
         return [way for way, count in self._running.items() if count > 0]
 
     def join(self, timeout_s: float) -> None:

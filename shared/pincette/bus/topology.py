@@ -25,17 +25,17 @@ class TlsIdentity:
 
 @dataclass(frozen=True, slots=True)
 class SessionConfig:
-    """How one program joins the bus."""
+    """Settings with which one program joins the bus."""
 
     mode: str
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     patient: bool = False
-    """In lockstep: wait for a stalled link, so that no sample is lost on it."""
+    """True in lockstep: wait for a stalled link, so that no sample is lost on it."""
     tls: TlsIdentity | None = None
-    """Certificates of the links; None: they are neither encrypted nor access-controlled."""
+    """Certificates of the links; None: links are neither encrypted nor access-controlled."""
     connect_s: float = 3.0
-    """Limit of the time in which a client joins, in s."""
+    """Time limit for a client to join, in s."""
 
 
 def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
@@ -48,7 +48,7 @@ def secured(config: SessionConfig, member: TlsIdentity) -> SessionConfig:
 
 
 def endpoint(host: str, port: int, program: str) -> str:
-    """Return where a program listens: the router at ``port``, each service at a port of its own."""
+    """Return the endpoint of a program: the router at ``port``, each service at its own port."""
     offset = 0 if program == "router" else 1 + LOOP.index(member_services(program)[0])
     return f"{PLAIN}{host}:{port + offset}"
 
@@ -78,12 +78,12 @@ def direct_session(host: str, port: int, program: str) -> SessionConfig:
 
 
 def producers(service: Participant, *, lockstep: bool) -> set[str]:
-    """Return the services whose samples a program takes; in lockstep also those that pace it."""
+    """Return the services whose samples a program receives; in lockstep also those that pace it."""
     return {item.topic.producer for item in service.inputs if item.role != "pace" or lockstep}
 
 
 def consumers(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> set[str]:
-    """Return the programs that take what a program produces."""
+    """Return the programs that receive the samples of a program."""
     own = member_services(name)
     return {
         other
@@ -100,7 +100,7 @@ def partners(name: str, services: Mapping[str, Participant], *, lockstep: bool) 
 
 
 def awaited(name: str, services: Mapping[str, Participant], *, lockstep: bool) -> frozenset[Topic]:
-    """Return the topics of a program that services of the loop in other programs take."""
+    """Return the topics of a program that services of the loop in other programs receive."""
     own = member_services(name)
     return frozenset(
         item.topic
@@ -134,5 +134,5 @@ def peer_session(
 
 
 def _place(program: str) -> int:
-    """Return the place of a program's first service in a tick."""
+    """Return the position of a program's first service in a tick."""
     return LOOP.index(member_services(program)[0])

@@ -1,4 +1,4 @@
-"""Both TLS sessions of a guard: with the client, and on its behalf with the Zenoh behind."""
+"""Both TLS sessions of a guard: with the client, and on its behalf with Zenoh."""
 
 # Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
 # real one, shows Zenoh another of the same name, signed by an authority of this process alone.
@@ -55,8 +55,8 @@ class Vouching:
     def inner(self, shown: Any) -> ssl.SSLContext:
         """Return a client's context with a certificate of the same name and end as the one shown.
 
-        That is as ``getpeercert`` gives it; raises BusError where it was revoked, or had ended
-        before the time of day was set back.
+        ``shown`` has the form of ``getpeercert``; raises BusError if that certificate was revoked,
+        or had ended before the time of day was set back.
         """
         if self.revoked.holds(serial_of(shown)):
             raise BusError(f"the certificate of {_name(shown)} was revoked")
@@ -84,15 +84,15 @@ class Vouching:
 
 
 def serial_of(shown: Any) -> int:
-    """Return the serial number of a certificate, as ``getpeercert`` gives it."""
+    """Return the serial number of a certificate in the form of ``getpeercert``."""
     return int(shown["serialNumber"], 16)
 
 
 def _load(context: ssl.SSLContext, pair: "Pair") -> None:
     """Load a certificate from memory.
 
-    OpenSSL's loader takes files only. This one needs no folder, so that a full disk locks nobody
-    out.
+    OpenSSL's loader accepts only files. This one needs no folder, so that a full disk locks no
+    client out.
     """
     with os.fdopen(os.memfd_create("certificate"), "wb") as file:
         file.write(pair.certificate + pair.private_key)

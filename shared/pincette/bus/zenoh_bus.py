@@ -1,4 +1,4 @@
-"""The bus over Zenoh: publishes, subscribes, requests and answers in messages."""
+"""The bus over Zenoh: publishes and receives messages, sends requests and serves them."""
 
 # Zenoh's stubs leave the return types of its calls open.
 # pyright: reportUnknownMemberType=false
@@ -44,10 +44,10 @@ Way = Callable[["zenoh.Session"], Any]
 """Function that declares something at a session; its result is kept."""
 log = logging.getLogger("pincette")
 UNANSWERED_S = 3.0
-"""Time from an unanswered request until the session is opened again."""
+"""Time from an unanswered request until the session is opened again, in s."""
 REOPENED_S = 30.0
-"""Shortest time between two such openings, since a program that hangs is not cured by a new
-session."""
+"""Shortest time between two such openings, in s, since a new session does not cure a hanging
+program."""
 NOTHING_YET = "nothing has been published here yet"
 EMPTY = "a request needs a payload: its message as a MessagePack map"
 """Reply to a query without a payload, such as tools send to list keys."""
@@ -62,7 +62,7 @@ class ForeignDeclaration:
     place: str
     """Key expression."""
     session: str
-    """Zenoh's id of the session."""
+    """Zenoh's identifier of the session."""
 
 
 class ZenohBus:
@@ -80,24 +80,23 @@ class ZenohBus:
         self._ways: list[Way] = []
         self._declared: list[Any] = []
         self._unanswered_s: dict[tuple[str, str], float] = {}
-        """Time at which each program, by rig and name, was sent the first request that it has not
-        answered."""
+        """Time at which the first unanswered request was sent to each program, by rig and name."""
         self._reopened_s = -inf
         self.refused = RefusedMessages(self._name)
-        """Messages and requests that were invalid."""
+        """Messages and requests that were refused as invalid."""
 
     def announce(self, program: str) -> None:
-        """Hold a liveliness token while this program runs; safety never rests on it."""
+        """Hold a liveliness token while this program runs; no safety function depends on it."""
         self._declare(lambda one: one.liveliness().declare_token(live_key(self._rig, program)))
 
     def _declare(self, way: Way) -> None:
-        """Declare something here, and again whenever the session is opened again."""
+        """Declare something at the session, and again whenever the session is opened again."""
         with self._declaring:
             self._ways.append(way)
             self._declared.append(way(self._session))
 
     def _asked(self, ask: Callable[["zenoh.Session"], T]) -> T:
-        """Return what ``ask`` returns, with the new session if another thread just replaced it."""
+        """Return the result of ``ask``, with the new session if another thread just replaced it."""
         session = self._session
         try:
             return ask(session)
@@ -133,7 +132,7 @@ class ZenohBus:
     def foreign_declarations(self, timeout_s: float = 1.0) -> list[ForeignDeclaration]:
         """Return what sessions without a program's token have declared on this rig's keys.
 
-        The routers' admin spaces state it, unless an access list keeps them closed.
+        The routers' admin spaces state this, unless an access list keeps them closed.
         """
         own, tokens = {str(self._session.zid())}, zenoh.KeyExpr(live_key_of_any_wire("*"))
         for place, sources in self._admin("token", timeout_s):
@@ -181,10 +180,10 @@ class ZenohBus:
         self._declare(way)
 
     def _delivered(self, declare: Callable[[Any], Any], sink: Callable[[Any], None]) -> Any:
-        """Declare a subscriber or a queryable, and have its deliveries passed on to ``sink``.
+        """Declare a subscriber or a queryable, and pass its deliveries on to ``sink``.
 
-        A program of the loop takes them in Zenoh's own thread, which is faster, and so does one in
-        lockstep, of which no sample may be lost.
+        A program of the loop receives them in Zenoh's own thread, which is faster, and so does a
+        program in lockstep, which must not lose a sample.
         """
         if self._config.listen or self._config.patient:
             return declare(sink)
@@ -193,9 +192,9 @@ class ZenohBus:
         return source
 
     def declare(self, topic: Topic, service: str = "") -> None:
-        """Prepare to publish a topic, and to answer queries on its key with the newest message.
+        """Prepare to publish a topic, and to reply to queries on its key with the newest message.
 
-        ``service``: of a topic that has a key for each service.
+        ``service``: producer, if the topic has a key for each service.
         """
         name = (topic.message, service)
         with self._declaring:
@@ -261,7 +260,7 @@ class ZenohBus:
         self._declare(way)
 
     def serve(self, question: Request, answerer: RequestHandler) -> None:
-        """Answer a request; see Bus."""
+        """Serve a request; see Bus."""
         place = request_key(self._rig, question)
 
         def deliver(query: zenoh.Query) -> None:
@@ -293,7 +292,7 @@ class ZenohBus:
         *,
         rig: str | None = None,
     ) -> Message:
-        """Send a request and return the reply; see Bus. ``rig``: None for the bus's own."""
+        """Send a request and return the reply; see Bus. ``rig``: None for the bus's own rig."""
         rig = rig or self._rig
         program, asked_s = question.service, monotonic()
         place, trouble = f"{program}/{question.name}", ""
@@ -319,9 +318,9 @@ class ZenohBus:
     def _is_absent(self, query: Query, rig: str, program: str, place: str) -> bool:
         """Return whether a token names a program, and no queryable is declared that takes requests.
 
-        A query ends at once too where a program drops it, and where an access list denies it. So
-        the router is asked what is declared. It answers in order: the token, which comes after,
-        shows that the answer is complete.
+        A query also ends at once if a program drops it, and if an access list denies it. The router
+        is therefore asked for its declarations. It replies in order: the token, which comes last,
+        shows that the reply is complete.
         """
         if self._config.tls is not None or not query.finished:
             return False
@@ -343,10 +342,10 @@ class ZenohBus:
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
     def _unanswered(self, rig: str, program: str, asked_s: float) -> None:
-        """Open the session again if a program that is alive has not answered for too long.
+        """Open the session again if a program that is alive has not replied for too long.
 
-        After a cut a session has been seen to keep its tokens and to answer no request. A session
-        that others connect to stays: its links are the loop's.
+        After a broken link, sessions have been observed to keep their tokens and to answer no
+        request. A session that others connect to is kept: its links are the loop's.
         """
         with self._declaring:
             since_s = self._unanswered_s.setdefault((rig, program), asked_s)
@@ -410,8 +409,8 @@ class _Publisher:
     def reply(self, query: zenoh.Query) -> None:
         """Reply with the newest payload.
 
-        Before the first, a program that marks its queries is told so, so that it need not wait for
-        other queryables; others get no reply.
+        Before the first payload, a program that marks its queries gets a refusal, so that it need
+        not wait for other queryables; other clients get no reply.
         """
         newest = self._newest
         with query:

@@ -24,7 +24,7 @@ SIMULATED_INSTRUMENTS = "pincette.simulated_instruments"
 COMMANDS = "pincette.commands"
 
 DRIVERS = {POSITION_SENSORS: "position sensor", VOLTAGE_OUTPUTS: "voltage output"}
-"""Groups from which a rig file chooses, and what one member of them is called."""
+"""Groups from which a rig file chooses, each with the word for one of its members."""
 CALLED = {**DRIVERS, LAWS: "control law", JOB_KINDS: "kind of job", CALIBRATIONS: "calibration"}
 
 

@@ -42,9 +42,9 @@ class RestStop:
     unconfirmed: tuple[str, ...] = ()
     """Names of the rigs whose actuator has not confirmed."""
     notes: tuple[str, ...] = ()
-    """What could not be used, and why."""
+    """Information that could not be used, each with the reason."""
     proven: bool = False
-    """Whether a certificate proved who answered. Plain HTTP proves nothing."""
+    """True if a certificate proved the identity of the supervisor. Plain HTTP proves nothing."""
     foreign_account: str = ""
     """Account of the program that answered, if it belongs to another user of this machine."""
 

@@ -35,7 +35,7 @@ class Acquired(FrozenRecord, frozen=True):
 
 
 class ArmReading(FrozenRecord, frozen=True):
-    """Measurement of one arm's position sensor in this tick, or why there is none."""
+    """Measurement of one arm's position sensor in this tick, or the reason why there is none."""
 
     x_um: float
     fault: Fault | None = None
@@ -134,23 +134,28 @@ class Service(Generic[R, C, S, I]):
     handle: Callable[[C, S, Message, float], tuple[S, Message, tuple[Message | DeviceCommand, ...]]]
     instrument: Literal["position_sensor", "voltage_output"] | None = None
     wake_s: Callable[[C], float] | None = None
-    """In real time, step at least this often; None: only when a message arrives."""
+    """Function that returns the longest time between two steps in real time, in s; None: only a
+    message causes a step."""
     timer_s: Callable[[C, S], float] | None = None
-    """In real time, the time between two timer steps in a state; None: one control period for a
-    sensor, ``wake_s`` for others."""
+    """Function that returns the time between two timer steps in a state, in real time, in s; None:
+    one control period for a sensor, ``wake_s`` for others."""
     initialize_from_output: Callable[[C, S, tuple[float, ...]], S] | None = None
-    """Begin from the voltages that each arm's instrument reports, whoever set them."""
+    """Function that begins from the voltages that each arm's instrument reports, whatever program
+    has set them."""
     booted: Callable[[S, Predecessor], S] | None = None
-    """Begin after an earlier program, depending on how it ended; None: it does not matter."""
+    """Function that begins after an earlier program, depending on how that has ended; None: it does
+    not matter."""
     ending: Callable[[S], Predecessor] | None = None
-    """Message to the next program when this one is told to end; None: there is none."""
+    """Function that returns the message to the next program when this one is stopped; None: there
+    is no message."""
     state_snapshot: tuple[str, ...] = ()
     """Fields of the state that an arming carries over because outputs depend on them."""
     may_kick_watchdog: Callable[[C, S, float], bool] | None = None
-    """Whether an instrument with a watchdog may be told that its host works; None: always."""
+    """Function that returns whether an instrument with a watchdog may receive a heartbeat; None: it
+    always may."""
     shutdown: Callable[[C, S, float], tuple[S, bool]] | None = None
-    """Begin or continue to bring the instrument to rest before the program ends; true once at rest.
-    """
+    """Function that begins or continues to bring the instrument to rest before the program ends; it
+    returns true once at rest."""
 
 
 AnyService = Service[Any, Any, Any, Any]

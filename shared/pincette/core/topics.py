@@ -17,7 +17,7 @@ from pincette.core.messages import Message
 
 NAMESPACE = "pincette"
 WIRE = 2
-"""Version of keys and payloads; raised by every change that breaks a listener."""
+"""Version of keys and payloads; increased by every change that breaks a listener."""
 ROOT = f"{NAMESPACE}/v{WIRE}"
 RIG_NAME = r"[a-z][a-z0-9-]{0,30}"
 """Regular expression of a rig's name."""
@@ -49,13 +49,13 @@ class Topic:
 
     @property
     def per_service(self) -> bool:
-        """Whether the key ends with the service, since each service of the loop publishes one."""
+        """Return whether the key ends with the service: each service publishes such a topic."""
         return self.producer == EACH_SERVICE
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One query a program answers, with its request and its reply."""
+    """One query that a program answers, with its request and its reply."""
 
     name: str
     service: str

@@ -29,7 +29,7 @@ OF_FILES = {
     "_MB": "MB",
     "_GB": "GB",
 }
-"""Units that occur in rig files only, not in messages."""
+"""Units that occur only in rig files, not in messages."""
 
 
 def unit_of(name: str) -> str:

@@ -14,7 +14,7 @@ comes last: in lockstep its arming is the first tick."""
 
 
 def status(bus: Bus, service: str, timeout_s: float = 2.0) -> Status:
-    """Return the status of a service; raises BusError if it does not answer."""
+    """Return the status of a service; raises BusError if it does not reply."""
     return cast(Status, bus.call(STATUS[service], StatusRequest(), timeout_s))
 
 

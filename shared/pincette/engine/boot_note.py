@@ -1,7 +1,7 @@
 """How the previous program ended, noted in a file of the program's own.
 
-The supervisor may have been away, or died with it: so the program itself notes that it runs, before
-it serves, and that it has ended cleanly, after it has come to rest.
+The supervisor may have been absent, or have died at the same time. The program itself therefore
+notes that it runs, before it serves, and that it has ended cleanly, after it has come to rest.
 """
 
 import logging
@@ -63,10 +63,10 @@ class BootNote:
         return found
 
     def begin(self) -> None:
-        """Note that the program runs, before it answers any request.
+        """Note that the program runs, before it replies to any request.
 
-        On a full disk the note is emptied in its place, which needs no room: an empty note is no
-        clean end. Raises OSError where that is not possible.
+        On a full disk the note is emptied in place, which needs no space: an empty note does not
+        mean a clean end. Raises OSError if that is not possible.
         """
         if self._write(RUNNING, None):
             return

@@ -1,6 +1,6 @@
 """The whole loop in one process: the same services and instruments, the bus in memory, lockstep.
 
-Nothing but the carrier differs from the loop of five processes, so the numbers are the same to
+Only the transport differs from the loop of five processes, so that the numbers are the same to
 the last bit.
 """
 
@@ -25,7 +25,7 @@ Benches = Callable[[Callable[[GroundTruth], None]], Bench]
 class ComposedLoop:
     """A simulated rig and its four services, ready to be armed; ``bus.pump`` makes its steps.
 
-    ``bench`` sets up the simulated rig for one who has to do with it between programs.
+    ``bench`` sets up the simulated rig, for callers that operate it between programs.
     """
 
     def __init__(self, rig: RigFile, bench: Benches | None = None) -> None:

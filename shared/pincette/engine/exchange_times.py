@@ -36,7 +36,7 @@ def times_of(took_s: Sequence[float]) -> ExchangeTimes | None:
 
 
 def with_hop(times: ExchangeTimes, arrivals: Arrivals | None) -> ExchangeTimes:
-    """Return the durations, with what the arrival of answers reveals about a device server."""
+    """Return the durations, with what the arrival of replies reveals about a device server."""
     if arrivals is None:
         return times
     hop = arrivals.hop()

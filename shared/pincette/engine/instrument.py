@@ -59,7 +59,7 @@ LEAST_READING_S = 0.005
 """Shortest limit of a reading's duration, in s: a machine that stands still so long does not make a
 reading old."""
 WAITED_SHARE = 0.8
-"""Share of that limit for which a sensor is waited for."""
+"""Share of that limit for which the service waits for a sensor."""
 NO_PARTS = (
     "this voltage output writes no steps in parts, since it has no clock of its own: leave "
     "[output] shaping out, and fit an RC of 3.3 ms before the amplifier"
@@ -67,9 +67,9 @@ NO_PARTS = (
 TRIES = 3
 """Number of attempts to open an instrument, or to read back its voltage."""
 PAUSE_S = 0.05
-"""Pause before another attempt after bytes that were no answer, in s: noise may last."""
+"""Pause before another attempt after bytes that were no valid reply, in s: noise may last."""
 QUESTIONS = 5
-"""Number of questions to the output at each arming."""
+"""Number of queries to the output at each arming."""
 REOPEN_PERIODS = 1.5
 """Time, in control periods, within which a lost line to an output may be opened again without a
 fault. A command is at most one period old when it is written, and the default age limit is 2.5."""

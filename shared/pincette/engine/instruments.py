@@ -46,7 +46,7 @@ class Instruments:
         )
         self._several = len(devices) > 1
         self.watched = any(one.watched for one in self._arms)
-        """Whether an output waits for heartbeats."""
+        """True if an output needs heartbeats."""
 
     def read(self) -> Reading:
         """Read the sensor of each arm; the first reading is as old as all readings took."""

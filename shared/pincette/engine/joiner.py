@@ -1,4 +1,4 @@
-"""The inputs of one service: which samples are taken, and which of them a step is made of.
+"""The inputs of one service: which samples are accepted, and which of them a step uses.
 
 A sample of a trigger waits for its partners, the samples of other topics that are joined to it by
 epoch and number. In lockstep nothing is lost, so every sample is taken and every step waits for all
@@ -52,9 +52,9 @@ class Joiner:
         self._period_s = period_s
         self._lockstep = lockstep
         self._checks = not (lockstep or recorded)
-        """Whether numbers of triggers are checked."""
+        """True if numbers of triggers are checked."""
         self._needs_partners = lockstep and not recorded
-        """Whether no step is made without its partners."""
+        """True if no step is made without its partners."""
         self._wait_s = 0.0 if recorded else JOIN_WAIT_PERIODS * period_s
         self._idle_periods = idle_periods(period_s)
         self.refused = 0
@@ -160,7 +160,7 @@ class Joiner:
         return True
 
     def next(self, now: float) -> Joined | None:
-        """Remove the first step that can be made and return its inputs; None where there is none.
+        """Remove the first step that can be made and return its inputs; None if there is none.
 
         A partner that has not come in time is None.
         """
@@ -190,9 +190,9 @@ class Joiner:
         return row, sample, since_s
 
     def wait_s(self, now: float) -> float | None:
-        """Return the time until a step can be made: 0.0 where it can be made now.
+        """Return the time until a step can be made, in s: 0.0 if it can be made now.
 
-        None where nothing but another sample can lead to a step.
+        None if only another sample can lead to a step.
         """
         if not self.pending:
             return None
@@ -207,7 +207,7 @@ class Joiner:
         return 0.0
 
     def _patience_s(self, sample: Sample) -> float:
-        """Return how long a step waits for its partners in real time.
+        """Return the time that a step waits for its partners in real time, in s.
 
         The actuator publishes the partner of an idle sensor's sample only when it has the sample,
         so there is more time: as much as for each of the samples that are left out. A sample that

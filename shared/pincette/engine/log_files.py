@@ -1,8 +1,8 @@
 """Log files of the programs of ``pincette up``, kept across starts and bounded in size.
 
-A program writes to its file over an inherited descriptor in append mode. So a file that is full is
-copied to the next name and emptied, as logrotate does with ``copytruncate``: the program goes on
-writing to the same descriptor, and never waits for who rotates.
+A program writes to its file over an inherited descriptor in append mode. A full file is therefore
+copied to the next name and emptied, as logrotate does with ``copytruncate``: the program continues
+to write to the same descriptor, and never waits for the rotation.
 """
 
 import os
@@ -38,7 +38,7 @@ def open_to_append(log: Path) -> TextIO:
 
 
 def rotate_if_full(log: Path, full_bytes: int = FULL_BYTES) -> None:
-    """Move what a full log file holds to the next name; on a disk without room it is dropped."""
+    """Move the content of a full log file to the next name, or drop it if the disk is full."""
     try:
         if log.stat().st_size < full_bytes:
             return

@@ -13,7 +13,7 @@ from queue import Full, Queue
 from time import monotonic, sleep
 
 CAPACITY = 2000
-"""Lines that may wait to be written; some minutes of a busy program."""
+"""Number of lines that may wait to be written: some minutes of a busy program."""
 END_S = 1.0
 """Longest time for which the end of a program waits for its last lines to be written."""
 LOOK_S = 0.005

@@ -119,7 +119,7 @@ class Loop:
         self._later: list[Message] = []
         """Messages that are published when no step is ready."""
         self._unfinished = False
-        """Whether a step of the next tick is ready."""
+        """True if a step of the next tick is ready."""
         self._collector = Collector()
         self._sleep = SleepWatch() if sleep_watch is None else sleep_watch
         self._delay_s, self._random = delay_s, random.Random(delay_seed)
@@ -129,12 +129,13 @@ class Loop:
 
         self._queue: deque[Item] = deque()
         self._running = threading.Lock()
-        """Held by the thread that handles items; by the program's own thread until it waits."""
+        """Lock of the thread that handles items; the program's own thread holds it until it waits.
+        """
         self._running.acquire()
         self._nudges: SimpleQueue[None] = SimpleQueue()
-        """Wakes the program's own thread."""
+        """Queue that wakes the program's own thread."""
         self._wakes_s = inf
-        """Time at which that thread wakes by itself."""
+        """Time at which the program's own thread wakes without being woken."""
         self._stopped = False
         self._failure: Exception | None = None
         self._submit: Callable[[Item], object] = self._take if inline else self.submit

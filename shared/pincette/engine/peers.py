@@ -1,4 +1,4 @@
-"""Waits until the consumers of a service are connected, and logs who is missing and why."""
+"""Waits until the consumers of a service are connected, and logs which are missing and why."""
 
 import logging
 import threading
@@ -27,7 +27,7 @@ def wait_for_peers(
     services: Mapping[str, Participant],
     stop: threading.Event,
 ) -> bool:
-    """Wait until every consumer is linked; return False if the program is told to stop before."""
+    """Wait until every consumer is linked; return False if the program is stopped before."""
     programs = consumers(name, services, lockstep=rig.lockstep)
     wanted = {service for one in programs for service in member_services(one)}
     causes: dict[str, str] = {}
@@ -55,7 +55,7 @@ def _cause(name: str, rig: RigFile, config: SessionConfig) -> str:
 
 
 def absent(missing: set[str], wires: Mapping[str, int], causes: Mapping[str, str]) -> str:
-    """Return who is missing, and which side to update if the wire differs, else the reason."""
+    """Return the missing consumers, and which side to update if wires differ, else the reason."""
     reasons = {name: update_which(name, wires[name]) for name in missing & wires.keys()}
     reasons = {**causes, **reasons}
     return ", ".join(

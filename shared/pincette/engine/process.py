@@ -52,12 +52,13 @@ OF_THE_ROUTER = ("router", "upstream", "supervisor")
 
 OTHERS = 0o077
 MOST_FILES = 4096
-"""Largest number of files that a program may have open; strangers hold far fewer of them."""
+"""Largest number of files that a program may have open; connections of unknown clients use far
+fewer."""
 
 FAILED = FailedThreads()
 """Threads of this process that ended with an error."""
 Notes = dict[Runner, BootNote]
-"""Notes of the services for which it matters how they ended before."""
+"""Notes of the services to which the end of their previous program matters."""
 
 CannotStart = (
     ConfigError,
@@ -90,7 +91,7 @@ class Options:
 
 
 def run_program(name: str, rig_path: Path, options: Options) -> int:
-    """Run one program until it is told to stop; return the exit status."""
+    """Run one program until it is stopped; return the exit status."""
     try:
         lines = logs.begin(name, logs.chosen(options.log_format))
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Programs outside the loop: what each is given at its start, and the router."""
+"""Programs outside the loop: what each receives at its start, and the router."""
 
 import threading
 from collections.abc import Callable
@@ -21,19 +21,22 @@ class OpenBus(Protocol):
     """Function that joins the bus of the rig file's rig, or of another named one."""
 
     def __call__(self, rig: str | None = None, *, lockstep: bool | None = None) -> ZenohBus:
-        """Join; raises BusError. ``lockstep`` is the named rig's; None: as in the rig file."""
+        """Join a bus; raises BusError.
+
+        ``lockstep`` is that of the named rig; None: as in the rig file.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Context:
-    """What a program of ``pincette.programs`` is called with; it returns when ``stop`` is set."""
+    """Argument of a program of ``pincette.programs``, which returns when ``stop`` is set."""
 
     rig: RigFile
     data: Path
     """Folder of records and the journal."""
     open_bus: OpenBus
-    """Joins the bus as a client of the router; the program closes it."""
+    """Function that joins the bus as a client of the router; the program closes the bus."""
     ready: Callable[[str], None]
     """Function that reports, in one line, that the program serves."""
     stop: threading.Event
@@ -52,14 +55,14 @@ def require_port(host: str, port: int, table: str) -> None:
 
 
 def run_router(context: Context) -> None:
-    """Route for a rig until stopped."""
+    """Run the router of a rig until stopped."""
     if not context.rig.lockstep:
         raise_priority(context.rig.realtime.of("router"))
     _route(context, router_endpoint(context.rig), "router")
 
 
 def run_upstream(context: Context) -> None:
-    """Route on a laboratory server, which the router of a rig connects to, until stopped."""
+    """Run a laboratory server's router, to which the routers of rigs connect, until stopped."""
     _route(context, upstream_endpoint(context.rig), "upstream")
 
 

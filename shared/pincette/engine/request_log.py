@@ -1,8 +1,8 @@
 """What a replay needs besides samples: the requests that a service accepted, and its state.
 
-A request is noted with where among the steps it came. Of the state only what differs from a start
-is noted, as JSON: the coefficients of a model, which the rig file and the calibration give, are
-left out. A float keeps every bit.
+Each request is noted with its position among the steps. Only those parts of the state are noted, as
+JSON, that differ from a start; the coefficients of a model, which follow from the rig file and the
+calibration, are left out. A float keeps every bit.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Restarts of ended programs: at once, then less often, and not for ever."""
+"""Restarts of ended programs: at once, then at growing intervals, and not forever."""
 
 from collections.abc import Callable, Sequence
 from time import monotonic
@@ -6,8 +6,9 @@ from time import monotonic
 from pincette.engine.fleet import Child, Fleet
 
 REVIVED = ("router", "upstream", "supervisor", "recorder")
-"""Programs that are restarted. They are no part of the loop, which goes on without them, and a held
-part stays held. A program of the loop is not restarted before a person has looked at the rig."""
+"""Programs that are restarted. They do not belong to the loop, which continues without them, and a
+held part stays held. A program of the loop is not restarted before a person has looked at the rig.
+"""
 FIRST_S, LONGEST_S = 0.5, 10.0
 WELL_S = 60.0
 """Running time after which a program's restarts begin with the shortest wait again."""

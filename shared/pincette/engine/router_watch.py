@@ -1,9 +1,9 @@
 """Ends a router that no longer routes, so that a new one can take its place.
 
-A thread of Zenoh may wait for ever for a lock of the routing tables that it holds itself (Zenoh
-1.10.2, https://github.com/eclipse-zenoh/zenoh/pull/2619). Such a router still accepts links and
+A thread of Zenoh may wait forever for a lock of the routing tables that it holds itself (Zenoh
+1.10.2, https://github.com/eclipse-zenoh/zenoh/pull/2619). Such a router still accepts links but
 carries nothing over them, and nothing within the process helps. A router keeps no state, the links
-of the loop do not lead through it, and its clients connect again by themselves. So it ends, and
+of the loop do not use it, and its clients reconnect automatically. The process therefore ends, and
 whatever started it (``pincette up``, systemd, a container engine) starts another one.
 """
 
@@ -21,12 +21,12 @@ ENDED_STATUS = 75
 """Exit status of a router that has ended itself: EX_TEMPFAIL, a failure that a new start cures."""
 ASK_S, LOOK_S = 1.0, 0.5
 LEASES = 10
-"""Longest time without an answer of the own router, in leases of a link: 5 s in real time. With it,
-a router is back before the supervisor's lease on a job ends, which is 10 s by default."""
+"""Longest time without a reply of the own router, in leases of a link: 5 s in real time. With it, a
+router is back before the supervisor's lease on a job ends, which is 10 s by default."""
 
 
 class RouterWatch:
-    """Watches whether a router answers itself, and calls ``end`` once it has not for too long.
+    """Watches whether a router replies, and calls ``end`` when it has not for too long.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class RouterWatch:
         self._silent_s = 0.0
 
     def look(self) -> None:
-        """Call ``end`` if the router has not answered for too long."""
+        """Call ``end`` if the router has not replied for too long."""
         now_s = self._clock()
         # Time in which this process did not run says nothing about the router.
         self._silent_s += min(now_s - self._looked_s, 2.0 * LOOK_S)
@@ -72,7 +72,7 @@ class RouterWatch:
             self._end(self._silent_s)
 
     def close(self) -> None:
-        """Stop to watch; waits for no query that is under way."""
+        """Stop watching; does not wait for a pending query."""
         self._looking.close(0.0)
         self._asking.close(0.0)
 

@@ -101,7 +101,7 @@ class Runner:
         self._urls = [arm.output.url if self._drives else arm.sensor.url for arm in rig.arms]
         self.joiner = Joiner(service, self.period_s, lockstep=self.lockstep, recorded=recorded)
         self.on_refused: Callable[[Any], object] | None = None
-        """Called with each sample that is refused because of its number."""
+        """Function called with each sample that is refused because of its number."""
         self._paced = any(item.role == "pace" for item in service.inputs)
         self._requests = RequestRecorder(service)
         self._told_to_end: Predecessor | None = None
@@ -111,9 +111,9 @@ class Runner:
         self._stepped_s = 0.0
         """Time at which the newest step began."""
         self._timed = False
-        """Whether the timer caused that step."""
+        """True if the timer caused the newest step."""
         self.on_grid = self._reads and not self.lockstep
-        """Whether the timer takes samples, not only checks the time."""
+        """True if the timer takes samples, and does not only check the time."""
         self.starts_tick = self._reads and self.lockstep
         self.due_at: float | None = None
         own_grid = self.interval_s is not None
@@ -166,7 +166,7 @@ class Runner:
             self.due_at -= floor(ahead_s / until_next_s) * until_next_s
 
     def _begin_from(self, found: PutOut) -> None:
-        """Begin from the voltages that are applied, whoever set them."""
+        """Begin from the voltages that are applied, whatever program has set them."""
         if self.service.initialize_from_output is not None:
             self.state = self.service.initialize_from_output(
                 self.config, self.state, found.voltages_V
@@ -290,7 +290,7 @@ class Runner:
         return outputs
 
     def _obey(self, outputs: tuple[Any, ...], now: float) -> Outputs:
-        """Pass the command of a step to the instrument, and let the service process the answer."""
+        """Pass the command of a step to the instrument, and let the service process the reply."""
         service = self.service
         found = self._device.put_out(outputs[0])
         while found is not None:
@@ -447,7 +447,7 @@ class Runner:
 
     @property
     def ending(self) -> Predecessor:
-        """Return how this program, which was told to end, is reported to the next one."""
+        """Return the report to the next program about the end of this one, which was stopped."""
         noted = self._told_to_end
         at_rest = self.lockstep or (self._at_rest and not getattr(self.state, "unconfirmed", False))
         return noted if noted is not None and at_rest else Predecessor.DIED

@@ -1,4 +1,4 @@
-"""Whether the instruments of a rig fit into its control period, by the sum of all durations."""
+"""Checks whether the instruments of a rig fit into its control period, by all durations."""
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -15,13 +15,13 @@ from pincette.core.service import AnyService
 from pincette.instruments.protocols import Timing
 
 PATIENCE_WAKES = 1.5
-"""For how many looks of an actuator at its clock its program may wait for a silent sensor: with the
-third it takes itself for one that was not run, and leaves the time out of every age."""
+"""Number of checks of its clock for which an actuator's program may wait for a silent sensor: at
+the third the actuator concludes that it was not run, and excludes the time from every age."""
 RESPONSE_TIME_CONSTANTS = 3.0
 """Time constants within the response that the driver of an output states: it settles to 5 %."""
 EXCHANGE_RESERVE = 1.25
-"""By how much an exchange may exceed its time on the line, since an instrument thinks before it
-answers: with less to spare, each answer would come too late."""
+"""Factor by which an exchange may exceed its time on the line, since an instrument needs time
+before it replies: with a smaller reserve, every reply would come too late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +35,14 @@ class Budget:
     sensors: tuple[Timing, ...]
     """Timing of each sensor, as its driver states it."""
     outputs: tuple[Timing, ...]
-    """Timing of each output, likewise."""
+    """Timing of each output, as its driver states it."""
     computing_s: float
     parts_s: float = 0.0
     """Time from the first to the last part of a voltage step; 0: it has one part."""
     sensors_measured_s: tuple[float, ...] = ()
-    """Measured duration of a reading; empty where nothing was measured."""
+    """Measured duration of a reading of each sensor; empty if nothing was measured."""
     outputs_measured_s: tuple[float, ...] = ()
-    """Measured duration of an exchange with the output, likewise."""
+    """Measured duration of an exchange with each output; empty if nothing was measured."""
 
     @property
     def sensors_s(self) -> tuple[float, ...]:
@@ -81,7 +81,7 @@ class Budget:
 
     @property
     def loop_s(self) -> float:
-        """Return the time that the loop waits and computes, in s: all but the output's response."""
+        """Return the loop's waiting and computing time, in s, without the output's response."""
         return self.total_s - self.output_response_s - self.parts_s
 
     @property
@@ -182,9 +182,9 @@ def shared_timeout_s(rig: RigFile, services: Iterable[AnyService]) -> float:
 def lets_go_s(rig: RigFile) -> float:
     """Return the earliest time after a heartbeat at which the output may release a part, in s.
 
-    That of its own watchdog, as the driver states it. Without one it is what ``[output]
-    on_silence`` says: ∞ where the hardware holds, and 0 where it goes to a safe value at a time
-    that nobody states, or where nothing is stated.
+    It is the time of the output's own watchdog, as its driver states it. Without a watchdog it
+    follows from ``[output] on_silence``: ∞ if the hardware holds, and 0 if it goes to a safe value
+    after an unknown time, or if nothing is stated.
     """
     return min(_lets_go_s(arm) for arm in rig.arms)
 
@@ -200,7 +200,7 @@ def _lets_go_s(arm: RigFile) -> float:
 
 
 def stated_output(rig: RigFile) -> OutputTiming:
-    """Return when a voltage acts according to the drivers; at once if they state nothing."""
+    """Return the times at which a voltage acts according to the drivers; at once without any."""
     try:
         timing = budget(rig)
     except (ConfigError, plugins.PluginError):

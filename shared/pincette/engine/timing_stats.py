@@ -20,10 +20,10 @@ Outputs = tuple[Any, ...]
 class SeenGrid:
     """Lateness of samples against the grid of the earliest among them, ``period_s`` apart.
 
-    A sample is due one period after the one before it, for each number between them. One that
-    comes before it is due shows that the grid lies earlier. One that is late by whole periods may
-    have found the grid moved on, since points that are missed have no number: from there on it is
-    taken to have. Where that was wrong the next sample comes early, and sets it right.
+    A sample is due one period after the one before it, for each number between them. A sample that
+    comes before it is due shows that the grid lies earlier. If a sample is late by whole periods,
+    the grid may have moved, since missed points have no number: it is assumed to have moved. If
+    that was wrong, the next sample comes early and corrects it.
     """
 
     __slots__ = ("_due_s", "_number", "_period_s")
@@ -39,7 +39,10 @@ class SeenGrid:
         self._number = None
 
     def lateness_s(self, number: int, at_s: float) -> float:
-        """Return how late a sample came; one whose number does not grow begins another grid."""
+        """Return the lateness of a sample, in s.
+
+        One whose number does not grow begins another grid.
+        """
         before, self._number = self._number, number
         if before is None or number <= before:
             self._due_s = at_s

@@ -1,4 +1,4 @@
-"""What suits a machine that was measured: period, law, composition, age limit, priority; pure.
+"""Recommendations for a measured machine: period, law, composition, age limit, priority; pure.
 
 The actuator trips where no newer command comes for the age limit A, counted from the arrival of the
 sample that the last one was based on. So between two samples a machine may stand still for as long
@@ -29,8 +29,8 @@ FIFO = 10
 
 
 SUITED = ((0.001, "fpbsmic"), (0.02, "pbsmic"))
-"""Periods in s, and the law for each, the fastest first. Those between let a mode at 388 Hz alias
-to a frequency at which the loop works: 12 Hz at 5 ms, 112 Hz at 2 ms."""
+"""Periods in s, and the law for each, the fastest first. Periods between them would let a mode at
+388 Hz alias to a frequency at which the loop works: 12 Hz at 5 ms, 112 Hz at 2 ms."""
 TOGETHER = "loop"
 """Value of [rig] composed for a loop in one process."""
 
@@ -49,9 +49,9 @@ class Recommended(NamedTuple):
 
 
 def recommended(measured: Sequence[Measured], hop: Distribution) -> Recommended | None:
-    """Return the fastest of ``SUITED`` that a machine supports; None where it supports none.
+    """Return the fastest of ``SUITED`` that a machine supports; None if it supports none.
 
-    Four programs are recommended where their hops fit into the period too, else one.
+    Four programs are recommended if their hops also fit into the period, otherwise one.
     """
     for period_s, scheme in SUITED:
         for one in measured:
@@ -67,7 +67,7 @@ class Asked(NamedTuple):
     age_periods: float
     computing_s: float
     priority: int
-    """Highest priority of its programs; 0: none."""
+    """Highest fixed priority of the programs; 0: none."""
     composed: Sequence[str]
 
 
@@ -84,7 +84,9 @@ class Change(NamedTuple):
 
 
 def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
-    """Age limit A/T that a machine keeps; above ``MOST_PERIODS`` where no rig file can state it.
+    """Return the age limit A/T that a machine keeps.
+
+    Above ``MOST_PERIODS`` if no rig file can state it.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def age_periods(period_s: float, late_s: float, transit_s: float) -> float:
 
 
 def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
-    """Return the age limit, or the period if no limit is long enough.
+    """Return the change of the age limit, or of the period if no limit is long enough.
 
     None if the rig file suits.
     """
@@ -115,7 +117,7 @@ def age_change(asked: Asked, late_s: float, transit_s: float) -> Change | None:
 
 
 def changes(asked: Asked, measured: Measured, hop: Distribution, refused: str) -> list[Change]:
-    """Return what to change in a rig file for a machine, the most serious first.
+    """Return the changes of a rig file for a machine, the most serious first.
 
     Empty if it suits.
 

@@ -46,11 +46,12 @@ class Distribution(FrozenRecord, frozen=True):
     """Counted durations as they are sent: the buckets that hold any, in order."""
 
     buckets: Items[Whole] = ()
-    """Bucket b begins at b ns below 64, else at (32 + b mod 32) · 2^(b div 32 - 1) ns."""
+    """Indices of the buckets in use; bucket b begins at b ns below 64, else at (32 + b mod 32) ·
+    2^(b div 32 - 1) ns."""
     counts: Items[Whole] = ()
-    """Number of durations in each of them."""
+    """Number of durations in each of these buckets."""
     max_s: Second = 0.0
-    """Longest duration, exactly."""
+    """Longest duration, without rounding."""
 
     def __post_init__(self) -> None:
         buckets, counts = self.buckets, self.counts
@@ -73,7 +74,9 @@ class Distribution(FrozenRecord, frozen=True):
         return total
 
     def quantile_s(self, share: float) -> float | None:
-        """Duration that a share of them does not exceed, in s; None where none was counted.
+        """Return the duration that a share of the durations does not exceed, in s.
+
+        None without any.
 
         The end n(b+1) of the least bucket up to which ⌈share · count⌉ were counted, and no more
         than the longest: at most 1/32 or 1 ns above the true order statistic, never below it.
@@ -100,7 +103,7 @@ class Histogram:
     def add(self, duration_s: float) -> None:
         """Count a duration in s.
 
-        As ``bucket_of`` does, whose call would take as much time again.
+        It repeats the code of ``bucket_of``, since calling that would double the time.
         """
         if duration_s > self._max_s:
             self._max_s = duration_s

@@ -15,7 +15,7 @@ HOPS = 4
 HOPS_SHARE = 0.5
 """Largest duration of all hops of a tick, as a share of the period."""
 FEWEST = 100
-"""Number of wake-ups below which nothing is concluded for a period."""
+"""Smallest number of wake-ups from which a period can be judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +25,11 @@ class Measured:
     period_s: float
     lateness: Distribution
     missed: int
-    """Number of grid points that had passed before the wake-up came."""
+    """Number of grid points that had passed before the wake-up for them."""
 
 
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
-    """Return why a period T is not supported; none where it is.
+    """Return why a period T is not supported; none if it is.
 
     It is where of at least 100 wake-ups on a grid of T
 
@@ -61,7 +61,7 @@ def shortest_supported_s(
 ) -> float | None:
     """Return the shortest period that is supported together with every longer one.
 
-    None if none is.
+    None if there is none.
     """
     found: float | None = None
     for one in sorted(measured, key=lambda one: one.period_s, reverse=True):

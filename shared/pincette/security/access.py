@@ -28,7 +28,7 @@ ANSWERS = ("declare_queryable", "reply")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule of a link in one direction: kinds of messages on some keys."""
+    """A rule for one direction of a link: kinds of messages on some keys."""
 
     flow: Flow
     messages: tuple[str, ...]
@@ -40,12 +40,12 @@ Access = Mapping[str, tuple[Rule, ...]]
 
 
 def router_access(identities: Iterable[Identity]) -> Access:
-    """Return what a router lets pass from and to each identity that it knows."""
+    """Return the messages that a router passes from and to each identity that it knows."""
     return {one.name: _of_router(rights(one)) for one in identities if one.role not in ROUTERS}
 
 
 def neighbour_access(router: Identity, beyond: Iterable[Identity]) -> Access:
-    """Return what a router lets pass from and to another router: all rights beyond that one."""
+    """Return the messages that a router passes from and to another router: all rights beyond it."""
     return {router.name: _of_router(united(map(rights, beyond)))}
 
 
@@ -83,7 +83,7 @@ def _of_router(own: Rights) -> tuple[Rule, ...]:
 def service_access(
     service: Participant, rig: str, partners: Mapping[str, Participant], operators: Collection[str]
 ) -> Access:
-    """Return what a program of the loop lets pass: from a linked partner what its steps take.
+    """Return the messages that a program of the loop passes: from a partner, inputs of its steps.
 
     ``operators`` and the supervisor may trip the actuator without the router.
     """
@@ -129,14 +129,14 @@ def _from_partner(service: Participant, partner: Participant, rig: str) -> tuple
 
 
 def _between(giver: Participant, taker: Participant, rig: str) -> tuple[str, ...]:
-    """Return the keys of what one program takes from another."""
+    """Return the keys that one program receives from another."""
     given = member_services(giver.name)
     wanted = {item.topic for item in taker.inputs if item.topic.producer in given}
     return tuple(sorted(key(rig, topic) for topic in wanted))
 
 
 def client_access(server: Identity) -> Access:
-    """Return what a client lets pass: everything from its server, and nothing from others."""
+    """Return the messages that a client passes: everything from its server, no others."""
     every = (f"{NAMESPACE}/**",)
     messages = ("put", "declare_subscriber", "query", *ANSWERS, "liveliness_token", *LOOKS)
     return {server.name: (_in(messages, every), _out(messages, every))}

@@ -1,4 +1,4 @@
-"""Certificates of an authority of one's own: P-256, SHA-256, X.509 version 3 after RFC 5280."""
+"""Certificates of a private authority: P-256, SHA-256, X.509 version 3 after RFC 5280."""
 
 # A program that serves may be connected to at the hosts that its certificate names; a person's
 # certificate names none, so that it is not taken for a program's.
@@ -46,7 +46,7 @@ class Facts:
 
 
 def new_authority(now: datetime, days: float) -> Pair:
-    """Make an authority, with a random part in its name, that signs no other authority."""
+    """Create an authority, with a random part in its name, that signs no other authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     serial = x509.random_serial_number()
     name = _named(Identity(f"pincette {serial % 2**32:08x}", AUTHORITY))

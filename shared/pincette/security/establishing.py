@@ -88,7 +88,7 @@ def enrol_upstream(
 
 
 def due(folder: Folder, now: datetime) -> Iterator[Identity]:
-    """Return identities whose certificates end soon, or have ended."""
+    """Return the identities whose certificates end soon, or have ended."""
     return (facts.identity for facts in folder.all() if facts.ends - now < SOON)
 
 

@@ -12,19 +12,22 @@ from pincette.security.identity import AUTHORITY, Credentials, Identity, Securit
 from pincette.security.revocation import begin_revoked, note_revoked, read_revoked
 
 SOON = timedelta(days=30)
-"""Within this before its end a certificate should be renewed."""
+"""Time before the end of a certificate from which on it should be renewed."""
 CERTIFICATE, KEY = ".crt", ".key"
 SECRET, PUBLIC, OWNED = 0o600, 0o644, 0o700
 
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Certificates and keys below one place; a certificate lies where its name says."""
+    """Certificates and keys below one folder; the name of a certificate gives its path."""
 
     path: Path
 
     def begin(self, now: datetime, days: float) -> None:
-        """Make an empty folder, for its owner alone, with a new authority; raises SecurityError."""
+        """Create an empty folder, for its owner alone, with a new authority.
+
+        Raises SecurityError.
+        """
         try:
             make_folder(self.path, OWNED)
             taken = any(self.path.iterdir())
@@ -42,23 +45,23 @@ class Folder:
     def issue(
         self, identity: Identity, hosts: Sequence[str], now: datetime, days: float
     ) -> Credentials:
-        """Make a certificate with its key; raises SecurityError where there is one already."""
+        """Create a certificate with its key; raises SecurityError if there is one already."""
         self._write(identity.name, self._signed(identity, hosts, now, days))
         return self.credentials(identity)
 
     def renew(self, identity: Identity, now: datetime, days: float) -> Credentials:
-        """Make a certificate anew, with another key, for the same hosts as before."""
+        """Replace a certificate by a new one, with another key, for the same hosts."""
         hosts = self.facts(identity).hosts
         self._write(identity.name, self._signed(identity, hosts, now, days), again=True)
         return self.credentials(identity)
 
     def revoke(self, identity: Identity) -> None:
-        """Withdraw a person's certificate, and take it out of the folder; raises SecurityError."""
+        """Revoke a person's certificate, and remove it from the folder; raises SecurityError."""
         note_revoked(self.path, self.facts(identity).serial, identity.name)
         self.remove(identity)
 
     def replace(self, identity: Identity, now: datetime, days: float) -> Credentials:
-        """Withdraw a program's certificate, and make it another one; raises SecurityError."""
+        """Revoke a program's certificate, and create a new one; raises SecurityError."""
         serial = self.facts(identity).serial
         read_revoked(self.path)  # or it has another one, and the old one is not withdrawn
         credentials = self.renew(identity, now, days)
@@ -66,13 +69,13 @@ class Folder:
         return credentials
 
     def remove(self, identity: Identity) -> None:
-        """Take a certificate, and its key where it is here, out of the folder."""
+        """Remove a certificate from the folder, and its key if it is there."""
         for suffix in (CERTIFICATE, KEY):
             self._place(identity.name, suffix).unlink(missing_ok=True)
         sync_folder(self._place(identity.name, KEY).parent)
 
     def credentials(self, identity: Identity) -> Credentials:
-        """Return where the files of an identity are, whether they are there or not."""
+        """Return the paths of an identity's files, whether or not they exist."""
         return Credentials(
             identity,
             self._place(AUTHORITY, CERTIFICATE),
@@ -81,7 +84,7 @@ class Folder:
         )
 
     def facts(self, identity: Identity) -> Facts:
-        """Return what the certificate of an identity says; raises SecurityError."""
+        """Return the content of an identity's certificate; raises SecurityError."""
         place = self._place(identity.name, CERTIFICATE)
         try:
             return certificates.read(_content(place))
@@ -89,11 +92,11 @@ class Folder:
             raise SecurityError(f"{place}: {error}") from error
 
     def authority(self) -> Facts:
-        """Return what the authority's own certificate says."""
+        """Return the content of the authority's own certificate."""
         return self.facts(Identity(AUTHORITY, AUTHORITY))
 
     def all(self) -> Iterator[Facts]:
-        """Every certificate of this authority that is at its name's place; raises SecurityError."""
+        """Return every certificate of this authority that is at its name's path."""
         above = _content(self._place(AUTHORITY, CERTIFICATE))
         for place in sorted([*self.path.glob("*.crt"), *self.path.glob("*/*.crt")]):
             name = place.relative_to(self.path).with_suffix("").as_posix()
@@ -108,7 +111,7 @@ class Folder:
                 yield facts
 
     def named(self, name: str) -> Identity:
-        """Return the identity of a name; raises SecurityError where it has no certificate."""
+        """Return the identity with a name; raises SecurityError if it has no certificate."""
         known = {facts.identity.name: facts.identity for facts in self.all()}
         if name not in known:
             raise SecurityError(
@@ -118,7 +121,7 @@ class Folder:
         return known[name]
 
     def rigs(self) -> tuple[str, ...]:
-        """Return rigs whose programs have certificates."""
+        """Return the rigs whose programs have certificates."""
         return tuple(dict.fromkeys(one.identity.rig for one in self.all() if one.identity.rig))
 
     def _signed(self, identity: Identity, hosts: Sequence[str], now: datetime, days: float) -> Pair:
@@ -134,7 +137,10 @@ class Folder:
         return self.path / f"{name}{suffix}"
 
     def _write(self, name: str, pair: Pair, *, again: bool = False) -> None:
-        """Write both files, each whole or not at all; the key first, that none is without one."""
+        """Write both files, each whole or not at all.
+
+        The key first, so that no certificate lacks one.
+        """
         parts = ((KEY, SECRET, pair.private_key), (CERTIFICATE, PUBLIC, pair.certificate))
         try:
             make_folder(self._place(name, KEY).parent, OWNED)
@@ -148,7 +154,7 @@ class Folder:
 
 
 def checked(credentials: Credentials, now: datetime) -> Facts:
-    """What a certificate says; SecurityError unless it is valid and fits key and authority."""
+    """Return a certificate's content; raises SecurityError if it does not fit key and authority."""
     authority = _content(credentials.authority)
     certificate = _content(credentials.certificate)
     private_key = _content(credentials.private_key)
@@ -186,7 +192,7 @@ def checked(credentials: Credentials, now: datetime) -> Facts:
 
 
 def _content(path: Path) -> bytes:
-    """Return bytes of a file; raises SecurityError where it cannot be read."""
+    """Return the bytes of a file; raises SecurityError if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

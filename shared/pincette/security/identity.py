@@ -10,21 +10,21 @@ from pincette.core.topics import LOOP
 
 ROUTER, UPSTREAM, SUPERVISOR = "router", "upstream", "supervisor"
 ROUTERS = (ROUTER, UPSTREAM)
-"""That of a rig, and that of a laboratory server, which it connects to."""
+"""Router of a rig, and that of a laboratory server, to which the former connects."""
 SHARED = (*ROUTERS, SUPERVISOR)
-"""Programs that all rigs on one router have in common."""
+"""Programs that all rigs on one router share."""
 OF_A_RIG = (*LOOP, "recorder", "rig")
-"""Programs that each rig has of its own."""
+"""Programs that each rig has for itself."""
 VIEWER, OPERATOR = "viewer", "operator"
 PEOPLE = (VIEWER, OPERATOR)
-"""Roles of people and their tools: one reads all and writes nothing, one may also stop."""
+"""Roles of people and their tools: one may only read everything, the other may also stop."""
 AUTHORITY = "authority"
 NAME = re.compile(r"[a-z][a-z0-9-]{0,30}")
-"""Of a rig or a person."""
+"""Pattern of the name of a rig or a person."""
 
 
 class SecurityError(Exception):
-    """Certificates that cannot be made, read or used; the text says what to do."""
+    """Certificates that cannot be created, read or used; the text gives the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,23 +32,23 @@ class Identity:
     """A program or a person."""
 
     name: str
-    """The common name of its certificate, and its file's path: ``viewer``, ``demo/controller``."""
+    """Common name of the certificate, and path of its file: ``viewer``, ``demo/controller``."""
     role: str
 
     @property
     def rig(self) -> str:
-        """The rig whose program it is; empty for those that belong to none."""
+        """Name of the rig whose program this is; empty for identities that belong to no rig."""
         return self.name.partition("/")[0] if "/" in self.name else ""
 
     @property
     def serves(self) -> bool:
-        """Whether others connect to it, on the bus or over REST."""
+        """True if others connect to this identity, on the bus or over REST."""
         return self.role in SHARED or bool(member_services(self.role))
 
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """Files of one identity, and of the authority that it believes."""
+    """Files of one identity, and of the authority that it trusts."""
 
     identity: Identity
     authority: Path
@@ -62,13 +62,16 @@ def program(name: str, rig: str) -> Identity:
 
 
 def programs_of(rig: str, composed: Iterable[str] = ()) -> tuple[Identity, ...]:
-    """All programs of a rig, also those that compose services of its loop; raises SecurityError."""
+    """Return all programs of a rig, also those that compose services of its loop.
+
+    Raises SecurityError.
+    """
     _checked(rig, "rig")
     return tuple(program(name, rig) for name in (*OF_A_RIG, *composed))
 
 
 def person(name: str, role: str) -> Identity:
-    """Return a person, or a tool that people use; raises SecurityError for a bad name or role."""
+    """Return a person or a person's tool; raises SecurityError for an invalid name or role."""
     if role not in PEOPLE:
         raise SecurityError(f"role {role!r}: wanted {' or '.join(PEOPLE)}")
     _checked(name, "person")

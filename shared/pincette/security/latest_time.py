@@ -1,7 +1,7 @@
-"""UTC that never goes back, by which dates that grant access are judged.
+"""UTC that never goes back, for the validity of dates that grant access.
 
-The time of day can be set back by a person, by a time server, or by a computer without a battery.
-A key or a certificate whose end has passed would be valid again.
+A person, a time server, or a computer without a battery can set the time of day back. An expired
+key or certificate would then be valid again.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,10 @@ class LatestTime:
     def __init__(
         self, wall: Callable[[], datetime] = utc, clock_s: Callable[[], float] = since_boot_s
     ) -> None:
-        """``clock_s`` never steps."""
+        """``clock_s``: a clock that never steps."""
         self._wall, self._clock_s = wall, clock_s
         self._latest = wall(), clock_s()
-        """Latest time that was seen, and when; one value, replaced whole."""
+        """Latest time seen, and the reading of the clock then; one value, replaced as a whole."""
 
     def now(self) -> datetime:
         """Return the time, which is never before an earlier one."""
@@ -46,14 +46,14 @@ class LatestTime:
         return wall
 
     def learn(self, seen: datetime) -> None:
-        """Note a time that an earlier program has seen."""
+        """Take account of a time that an earlier program has seen."""
         clock_s = self._clock_s()
         if seen > self._counted(clock_s):
             self._latest = min(seen, LAST), clock_s
 
     @property
     def ahead(self) -> timedelta:
-        """Return by how much this time is ahead of the time of day."""
+        """Return the time, in s, by which this time is ahead of the time of day."""
         return max(timedelta(0), self._counted(self._clock_s()) - self._wall())
 
     def agree(self) -> None:

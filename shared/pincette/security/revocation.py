@@ -1,7 +1,8 @@
 """Certificates that were revoked before their end: a file of their serial numbers.
 
-The list ends with the SHA-256 of what is before it, so that one that was cut is no shorter list. It
-begins with the folder, so that one that is lost is not taken for one that was never needed.
+The list ends with the SHA-256 of its content, so that a truncated list is not mistaken for a
+shorter one. It is created with the folder, so that a lost list is not mistaken for one that was
+never needed.
 """
 
 import hashlib
@@ -15,8 +16,8 @@ from pincette.security.identity import SecurityError
 
 log = logging.getLogger("pincette")
 REVOKED = "revoked"
-"""File in a folder of certificates: one serial number a line, in hex, with its owner; then the sum.
-"""
+"""File in a folder of certificates: one serial number a line, in hex, with its owner; then the
+checksum."""
 HEX, SUM = 16, "sha256"
 REMEDY = (
     "copy it from another machine of the rig, or from a backup; where nobody was ever revoked, "
@@ -30,7 +31,7 @@ def begin_revoked(folder: Path) -> None:
 
 
 def note_revoked(folder: Path, serial: int, name: str) -> None:
-    """Add a certificate to the list; raises SecurityError, also for a list that is damaged."""
+    """Add a certificate to the list; raises SecurityError, also for a damaged list."""
     _write(folder, [*_rows(folder), f"{serial:x} {name}"])
 
 
@@ -71,7 +72,7 @@ def _write(folder: Path, rows: Sequence[str]) -> None:
 class RevocationList:
     """The list in a running program: it grows, and never shrinks.
 
-    A list that cannot be read at the start is a SecurityError. Later the known entries are kept.
+    A list that cannot be read at the start raises SecurityError. Later the known entries are kept.
     """
 
     folder: Path
@@ -105,7 +106,10 @@ class RevocationList:
         return serial in self._serials
 
     def _stamp(self) -> tuple[int, int] | None:
-        """Return what distinguishes two versions of the list; None if there is none."""
+        """Return a stamp that differs between two versions of the list.
+
+        None if there is no list.
+        """
         try:
             found = (self.folder / REVOKED).stat()
         except OSError:

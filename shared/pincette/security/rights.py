@@ -1,4 +1,4 @@
-"""Rights of each identity to publish, receive, request and answer, by topics and requests."""
+"""Rights of each identity to publish, receive, request and reply, by topics and requests."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -29,7 +29,8 @@ ASKS: dict[str, tuple[str, ...]] = {
     VIEWER: ("status", "rig_file"),
     OPERATOR: ("status", "rig_file", "trip", "sim_command"),
 }
-"""Requests that people may send, by role. The supervisor may send all, others none."""
+"""Requests that people may send, by role. The supervisor may send all requests, other programs
+none."""
 ANY = "*"
 EVERY_TOPIC = topic_keys(ANY)
 """Key expressions of all topics of all rigs; they cover no request and no token."""
@@ -41,15 +42,16 @@ class Rights:
     """Key expressions that one identity may use, by the kind of use."""
 
     tells: tuple[str, ...] = ()
-    """Keys that it publishes, and whose newest message it returns."""
+    """Keys that the identity publishes, and whose newest message it returns."""
     answers: tuple[str, ...] = ()
     asks: tuple[str, ...] = ()
     hears: tuple[str, ...] = ()
-    """Keys that it subscribes to, and whose newest message it queries, through the router."""
+    """Keys that the identity subscribes to, and whose newest message it queries, through the
+    router."""
     lives: tuple[str, ...] = ()
-    """Key of its own liveliness token."""
+    """Key of the identity's own liveliness token."""
     sees: tuple[str, ...] = ()
-    """Tokens that it may look at."""
+    """Liveliness tokens that the identity may see."""
 
 
 def rights(identity: Identity) -> Rights:
@@ -91,5 +93,5 @@ def may_ask(role: str, question: Request) -> bool:
 
 
 def _token(rig: str, program: str) -> str:
-    """Return a token of any version of the wire, so that a program to be updated is visible too."""
+    """Return a token of any version of the wire, so that outdated programs are visible too."""
     return f"{NAMESPACE}/*/{rig}/live/{program}"

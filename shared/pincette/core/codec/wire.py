@@ -23,7 +23,7 @@ def of_other_wires(tokens: Iterable[str]) -> dict[str, int]:
 
 
 def update_which(program: str, wire: int) -> str:
-    """Return what to tell a person about a program with another version of the wire."""
+    """Return what a person should update if a program has another version of the wire."""
     older = "this program" if wire > WIRE else f"the {program}"
     return f"{program} runs with wire version {wire}, this program has {WIRE}: update {older}"
 

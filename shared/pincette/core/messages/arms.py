@@ -15,7 +15,7 @@ class ArmPosition(FrozenRecord, frozen=True):
     """Position towards the part."""
     valid: bool = False
     fault: Fault | None = None
-    """Why there is no valid measurement."""
+    """Reason why there is no valid measurement."""
 
 
 class ArmEstimate(FrozenRecord, frozen=True):
@@ -28,11 +28,11 @@ class ArmEstimate(FrozenRecord, frozen=True):
     perturbation_mN: Millinewton
     zero_age_s: Second | None
     zero_refusal: Fault | None
-    """Why the last requested zero was refused."""
+    """Reason why the last requested zero was refused."""
     applied_V: Volt
     limits_active: Whole
     touch_x_um: Micrometre | None = None
-    """Position at which an arm that should be free met something; None: nowhere."""
+    """Position at which an arm that should be free met something; None: it met nothing."""
     touch_mN: Millinewton | None = None
     """Smallest force of that touch: from the lag of the closing arm since a kink in its way, which
     needs no zero, or the force less three uncertainties, negative if the arm is held from behind;
@@ -41,9 +41,9 @@ class ArmEstimate(FrozenRecord, frozen=True):
     """Change of the arm's stroke since its calibration, as a share, from the last way that began
     with conditioning strokes; None: not compared since the start."""
     stroke_limit: Number | None = None
-    """Change up to which noise and repetition explain it."""
+    """Largest change of the stroke that noise and repetition explain, as a share."""
     zero_unconfirmed: bool = False
-    """True where the zero may hide the force of a part that already pressed when it was taken: the
+    """True if the zero may hide the force of a part that already pressed when it was taken: the
     estimator knows no zero from before its start, nobody has confirmed that the arm was free, and
     no part has been found at its planned place since."""
 

@@ -19,7 +19,7 @@ from pincette.core.faults import ActionCode, Cause, Fault, LeaseEnd, Mode, Prede
 
 
 class Arm(FrozenRecord, frozen=True):
-    """Start a new epoch. Refused where the rig file's digest differs."""
+    """Start a new epoch. Refused if the rig file's digest differs."""
 
     epoch: Epoch
     owner: Whole
@@ -30,12 +30,13 @@ class Arm(FrozenRecord, frozen=True):
     capture_hz: Hertz = 0.0
     """Rate of buffered acquisition, as in the program that is played."""
     zero_confirmed: bool = False
-    """A person has said that nothing touches the arm: zeros of earlier epochs are dropped."""
+    """True if a person has stated that nothing touches the arm: zeros of earlier epochs are
+    dropped."""
     voltages: Items[VoltageRange] = ()
     """Range of voltages that the plan states for each arm, the first arm first; the limits of the
     rig hold for an arm that is left out."""
     zero_kept: bool = False
-    """Whether the force of a part that is still held keeps the zero of the previous epoch."""
+    """True if the force of a part that is still held keeps the zero of the previous epoch."""
 
 
 class Load(FrozenRecord, frozen=True):
@@ -45,14 +46,14 @@ class Load(FrozenRecord, frozen=True):
 
 
 class Action(FrozenRecord, frozen=True):
-    """Ask the controller to act at ``at_seq``, or at its next tick (None).
+    """Request an action of the controller at ``at_seq``, or at its next tick (None).
 
     ``stop``     a held part stays held; without one the arm comes to rest and the program ends.
     ``let_go``   a stop that unloads a held part and ends where the arm is then.
     ``retract``  a stop that unloads a held part and plays the retreat; without a part, at once.
-    ``pause``    at the next safe point the references rest, and the segment's time stands still.
-    ``resume``   go on where the pause began, or give up a pause that has not begun.
-    ``release``  go on with the unload and what follows it.
+    ``pause``    at the next safe point the references rest, and the segment's time stops.
+    ``resume``   continue where the pause began, or cancel a pause that has not begun.
+    ``release``  continue with the unload and the segments after it.
     ``continue`` leave a segment that waits for a person.
     ``keep``     end with the part held, at the voltage that is applied.
     """
@@ -60,15 +61,13 @@ class Action(FrozenRecord, frozen=True):
     action: ActionCode
     at_seq: Seq | None = None
     reason: Fault | None = None
-    """Why the controller itself requests it; None if somebody else requested it."""
+    """Reason why the controller itself requests the action; None if another program requests it."""
 
 
 class Lease(FrozenRecord, frozen=True):
     """Let the program of an epoch continue for ``length_s`` from now.
 
-    A repeated request starts the time again.
-
-    When the time ends, nobody has been heard of for so long, and the controller stops by itself.
+    A repeated request restarts the time. When the time ends without one, the controller stops.
     """
 
     epoch: Epoch
@@ -84,7 +83,7 @@ class Idle(FrozenRecord, frozen=True):
 
 
 class Trip(FrozenRecord, frozen=True):
-    """Ask the actuator to go to its safe state and latch."""
+    """Request that the actuator go to its safe state and latch."""
 
     cause: Cause
     release_now: bool = False
@@ -141,7 +140,7 @@ class SimCommand(FrozenRecord, frozen=True):
     after_s: Second = 0.0
     """Delay from now, in the rig's own time."""
     for_s: Second | None = None
-    """How long a fault lasts; None: until ``heal``."""
+    """Duration of a fault; None: until ``heal``."""
 
 
 class Record(FrozenRecord, frozen=True):
@@ -173,22 +172,22 @@ class Recorded(FrozenRecord, frozen=True):
     """Number of messages that did not fit or did not arrive."""
     complete: bool
     detail: Text
-    """Why the record is not complete, for people."""
+    """Reason why the record is not complete, for people."""
 
 
 class StatusRequest(FrozenRecord, frozen=True):
-    """Ask any program for its status."""
+    """Request for the status of any program."""
 
 
 class InstrumentCounts(FrozenRecord, frozen=True):
     """Numbers of failed exchanges with a program's instruments since the program started."""
 
     late: Whole = 0
-    """Number of answers that arrived after their timeout and were dropped."""
+    """Number of replies that arrived after their timeout and were dropped."""
     lost: Whole = 0
-    """Number of answers that never arrived."""
+    """Number of replies that never arrived."""
     unexpected: Whole = 0
-    """Number of answers without a request, such as those that a line repeats."""
+    """Number of replies without a request, such as those that a line repeats."""
     reopened: Whole = 0
     """Number of times that a lost or silent port was reopened."""
     retried: Whole = 0
@@ -204,8 +203,8 @@ class ExchangeTimes(FrozenRecord, frozen=True):
     median_s: Second
     worst_s: Second
     held_s: Second = 0.0
-    """Time for which a device server holds answers back before it forwards them whole; 0 where
-    none was found."""
+    """Time for which a device server holds replies back before it forwards them whole; 0 if none
+    was found."""
     line_baud: Whole = 0
     """Estimated rate of the serial line behind a device server where it is slower than the rig file
     states; 0 where it is not."""
@@ -227,7 +226,7 @@ class Status(FrozenRecord, frozen=True):
     mode: Mode | None = None
     """Mode of the actuator."""
     cause: Cause = Cause.NONE
-    """Why the actuator has tripped."""
+    """Cause of the actuator's trip."""
     faults: Items[Fault] = ()
     """Faults behind the cause; see ``Applied``."""
     findings: Items[Fault] = ()
@@ -243,11 +242,11 @@ class Status(FrozenRecord, frozen=True):
 
 
 class TimingRequest(FrozenRecord, frozen=True):
-    """Ask a program of the loop for its timing. Refused in lockstep, which has no clock."""
+    """Request for the timing of a program of the loop. Refused in lockstep, which has no clock."""
 
 
 class RigFileRequest(FrozenRecord, frozen=True):
-    """Ask a program of the loop for its rig file."""
+    """Request for the rig file of a program of the loop."""
 
 
 class RigFileReply(FrozenRecord, frozen=True):

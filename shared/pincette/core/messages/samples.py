@@ -64,12 +64,12 @@ class Estimate(FrozenRecord, frozen=True):
     """Number of the sample whose voltages were used; -1 if there were none."""
     tripped: bool
     degraded: bool
-    """Whether the voltage applied to an arm is missing."""
+    """True if the voltage applied to an arm is missing."""
     arms: Arms[ArmEstimate]
     """Estimate of each driven arm, the first arm first; ``valid`` and ``fault`` are of all."""
     valid: bool = False
     fault: Fault | None = None
-    """Why the estimate is not valid."""
+    """Reason why the estimate is not valid."""
 
 
 class Command(FrozenRecord, frozen=True):
@@ -82,15 +82,15 @@ class Command(FrozenRecord, frozen=True):
     """Command for each driven arm, the first arm first. The actuator refuses a command for another
     number of arms than the rig has."""
     part_held: bool
-    """What a fault means from here on: freeze if a part is held, otherwise ramp to the safe
-    voltage."""
+    """True if a part is held from here on: a fault then freezes the voltage, and otherwise ramps it
+    to the safe voltage."""
     zero: bool
-    """Whether the estimator shall zero the force again at this seq."""
+    """True if the estimator must zero the force again at this seq."""
     final: bool
-    """Whether this is the last command of this arming."""
+    """True if this is the last command of this arming."""
     valid: bool = False
     fault: Fault | None = None
-    """Why the command is not valid, which the controller cannot measure itself."""
+    """Reason why the command is not valid, which the controller cannot measure itself."""
     sweep: Sweep | None = None
     """Sweep to play around the first arm's voltage; the following commands confirm that it may
     continue."""
@@ -101,7 +101,7 @@ class Command(FrozenRecord, frozen=True):
 
 
 class Applied(FrozenRecord, frozen=True):
-    """What the actuator did in tick ``seq``.
+    """Output of the actuator in tick ``seq``.
 
     ``part_held, zero, final, segment, segment_tick`` are copied from the command.
     """
@@ -117,7 +117,7 @@ class Applied(FrozenRecord, frozen=True):
     zero: bool
     final: bool
     answered: bool
-    """False where no command for this tick was taken and the voltage was kept or ramped."""
+    """False if no command for this tick was accepted and the voltage was kept or ramped."""
     refused: Whole
     command_age_s: Second
     faults: Items[Fault] = ()
@@ -129,7 +129,7 @@ class Applied(FrozenRecord, frozen=True):
     """Time since the last change of the output, at most a period, for which the slew limit was
     computed; None in lockstep, where it is a period."""
     unconfirmed: bool = False
-    """Whether the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
+    """True if the output of an arm has not confirmed its ``voltage_V``, so that the actual voltage
     is unknown."""
 
     def confirmed_V(self, arm: int = 0) -> float | None:
@@ -170,16 +170,16 @@ class Telemetry(FrozenRecord, frozen=True):
     perturbation_mN: Millinewton
     """Estimated perturbation p̂, with the force that the law used."""
     perturbation_error_mN: Millinewton
-    """Error of the perturbation p̃, likewise."""
+    """Error p̃ of the perturbation, with the force that the law used."""
     residual_um: Micrometre
-    """Position less its prediction (17)."""
+    """Position minus its prediction (17)."""
     outcome: Outcome
     contact_x_um: Micrometre | None
     contact_stiffness_mN_per_um: MillinewtonPerMicrometre | None
     held: bool
     acted: Items[Acted]
     """Actions that took effect at this seq. ``let_go`` and ``retract`` are reported as ``stop``,
-    after ``lease`` if a lease has ended and nobody has asked."""
+    after ``lease`` if a lease has ended without any request for the stop."""
     paused: bool = False
     """From this sample on the references rest, and the segment's time does not advance."""
     touch_x_um: Micrometre | None = None
@@ -215,8 +215,8 @@ class GroundTruth(FrozenRecord, frozen=True):
     arms: Arms[ArmTruth]
     """State of each driven arm, the first arm first."""
     part_um: Micrometre | None = None
-    """Position where the first of two arms touches the part; None where there is no part, and on a
-    rig of one arm."""
+    """Position where the first of two arms touches the part; None if there is no part, and on a rig
+    of one arm."""
 
 
 class JobNotice(FrozenRecord, frozen=True):

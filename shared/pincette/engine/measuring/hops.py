@@ -17,7 +17,7 @@ EVERY_S = 0.005
 """Time between two exchanges, so that both sides sleep in between, as in a tick."""
 MATCHED_S = 5.0
 LOST_S = 1.0
-"""Time after which an answer counts as lost."""
+"""Time after which a reply counts as lost, in s."""
 SETTLED = 20
 """Number of exchanges at the beginning that are not counted."""
 Messages = SimpleQueue[Message]
@@ -80,7 +80,7 @@ def _match(bus: ZenohBus, queue: Messages) -> None:
 
 
 def _exchange(bus: ZenohBus, queue: Messages, seq: int) -> float:
-    """Send a sample and wait for its answer; return the duration in s."""
+    """Send a sample and wait for its reply; return the duration in s."""
     began_s = monotonic()
     bus.publish(Position(1, seq, 0.0, (ArmPosition(0.0, valid=True),)))
     while True:

@@ -47,7 +47,7 @@ def keep(data: Path, found: Findings, measured_at: str) -> None:
 
 
 def kept(data: Path) -> Kept | None:
-    """Return the measurement of this very machine; None without one."""
+    """Return the stored measurement of this machine; None if there is none."""
     try:
         tree: Any = json.loads((data / FILE).read_text(encoding="utf-8"))
         if {name: tree[name] for name in _machine()} != _machine():
@@ -64,12 +64,12 @@ def kept(data: Path) -> Kept | None:
 
 
 def how(rig: RigFile) -> str:
-    """Return how a person can have it measured."""
+    """Return an instruction for measuring the machine."""
     return f"`pincette latency --seconds 5 --period-s {rig.rig.period_s:g}` measures the machine"
 
 
 def asked(rig: RigFile) -> Asked:
-    """Return what a rig file states of its age limit, its priority and its programs."""
+    """Return the age limit, the priority and the programs that a rig file states."""
     programs = [rig.realtime.of(*member_services(name)).priority for name in rig.programs]
     return Asked(
         rig.rig.period_s,
@@ -91,7 +91,7 @@ def _nearest(known: Kept | Findings, period_s: float) -> Measured:
 
 
 def words(rig: RigFile, known: Kept) -> str:
-    """Return what this machine can keep, for people."""
+    """Return a text for people about the timing that this machine achieves."""
     measured = _nearest(known, rig.rig.period_s)
     late_ms = 1e3 * measured.lateness.max_s
     tail_ms = 1e3 * (measured.lateness.quantile_s(0.999) or 0.0)

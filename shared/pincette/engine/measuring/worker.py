@@ -1,7 +1,7 @@
 """A program that measures: ``python -m pincette.engine.measuring.worker SCHEDULING TASK NUMBERS``.
 
-It asks the system for what a program of the loop asks for, says in a line of JSON what it was
-refused, and then in another what it has found.
+It requests the same settings from the system as a program of the loop, prints the refused ones as
+one line of JSON, and then the results as another.
 """
 
 import json

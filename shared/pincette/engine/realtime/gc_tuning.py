@@ -1,8 +1,8 @@
 """Settings of Python itself for periodic programs: garbage collection and thread switching.
 
-Reference counts free nearly all that a tick makes. What is left for the collector are cycles, a few
-for each question that is refused; left to itself it would look for them in the middle of a tick, as
-often as a count of objects says, and through everything that has ever been imported.
+Reference counts free nearly everything that a tick makes. Only cycles are left for the collector, a
+few for each refused request. By default it would search for them in the middle of a tick, whenever
+the number of objects reaches a threshold, and among everything that has ever been imported.
 """
 
 import ctypes
@@ -26,13 +26,13 @@ def freeze_gc() -> None:
 
 
 def return_free_memory() -> None:
-    """Return to the system what was needed only to start: 2 to 5 MB of a program."""
+    """Return to the system the memory that only the start needed: 2 to 5 MB of a program."""
     with suppress(AttributeError):  # of a C library other than glibc
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def disable_gc() -> None:
-    """As ``freeze_gc``, and no collection begins by itself: for a program that keeps ticks."""
+    """Do the same as ``freeze_gc``, and disable automatic collections: for programs with ticks."""
     freeze_gc()
     gc.disable()
 

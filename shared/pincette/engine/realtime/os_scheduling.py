@@ -1,8 +1,9 @@
 """Requests the scheduling of a program from the system, and states what is not permitted.
 
-On one machine the loop goes first, then the system, then what plans, draws and records. Without
-what is not permitted a program runs all the same, and says so once, unless the rig file requires
-it. To be asked before the bus is joined, since only later threads inherit the answer.
+On one machine the loop has precedence, then the system, then programs that plan, draw and record. A
+program without permission still runs, and reports that once, unless the rig file requires the
+setting. The request must come before the bus is joined, since only later threads inherit the
+result.
 """
 
 import logging
@@ -29,11 +30,11 @@ class Refusal:
     words: str
     """Name of the setting, and the limit that forbids it."""
     remedy: str
-    """How it can be permitted."""
+    """Action that permits the setting."""
 
 
 def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
-    """Request in the first thread, from which others inherit it; return what was refused."""
+    """Request the settings in the first thread, from which others inherit; return the refusals."""
     found = (
         _priority(scheduling.priority, system),
         _cores(scheduling.cores, system),
@@ -45,7 +46,7 @@ def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 
 def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
-    """Request in a thread of its own, without the priority; return what would be refused."""
+    """Request the settings in a separate thread, without the priority; return the refusals."""
     # Memory is the process's, not a thread's, and so is judged by its limit.
     with ThreadPoolExecutor(1) as pool:
         tried = replace(scheduling, priority=0, lock_memory=False)
@@ -180,7 +181,7 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
 
 
 def lower_priority() -> None:
-    """Let the calling thread run after everything that has a tick to keep."""
+    """Give the calling thread a lower priority than everything that has a tick to keep."""
     with suppress(OSError):
         Linux().be_nice(max(LAST, os.getpriority(os.PRIO_PROCESS, 0)))
 

@@ -1,8 +1,8 @@
-"""Whether the machine was suspended: a clock that counts sleep against one that does not.
+"""Detection of a suspended machine, by a clock that counts sleep and one that does not.
 
-CLOCK_BOOTTIME goes on while the machine sleeps, CLOCK_MONOTONIC stands still, and with it every
-age. A virtual machine that is paused stands still by both; where its clock is put right afterwards
-it jumps, which the actuator sees as a standstill of its own and forgives only in part.
+CLOCK_BOOTTIME advances while the machine sleeps; CLOCK_MONOTONIC stops, and with it every age. In a
+paused virtual machine both stop. If its clock is corrected afterwards, it jumps, which the actuator
+sees as a standstill of its own and excludes only in part.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class SleepWatch:
         """Last difference of the clock that counts sleep to the one that does not."""
 
     def slept_s(self) -> float:
-        """Return how long the machine slept since the last call; 0.0 if it did not."""
+        """Return the time that the machine slept since the last call, in s; 0.0 if it did not."""
         before_s = self._clock(CLOCK_MONOTONIC)
         with_sleep_s = self._clock(CLOCK_BOOTTIME)
         if self._clock(CLOCK_MONOTONIC) - before_s > APART_S:

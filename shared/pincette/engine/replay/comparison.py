@@ -39,7 +39,7 @@ class Findings:
     """Number of outputs that only the clock of a real time caused; they are not repeated."""
     first: Difference | None = None
     stopped: str = ""
-    """Why the replay did not begin, or did not reach the end."""
+    """Reason why the replay did not begin, or did not reach the end."""
 
     @property
     def same(self) -> bool:

@@ -21,7 +21,7 @@ from pincette.instruments.protocols import ErrorCode, InstrumentError
 CAUSES: Mapping[FaultCode, ErrorCode] = {
     FaultCode(f"instrument_{cause}"): cause for cause in get_args(ErrorCode)
 }
-"""By the code of an instrument's fault."""
+"""Error codes by the fault codes of an instrument."""
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class Tape:
         self.look()
 
     def read_V(self) -> float:
-        """Return the voltage that it was told to state."""
+        """Return the voltage that was set in ``found_V``."""
         return self.found_V
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:  # noqa: ARG002
@@ -117,7 +117,7 @@ def _tape_that_fails(tapes: tuple[Tape, ...], failure: Fault | None) -> Tape:
 def _now(runner: Runner, step: Step) -> float:
     """Return a time at which the slew limit gives a command the recorded time.
 
-    Else always the same.
+    Without a recorded time the result is always the same.
     """
     moved_s: float = getattr(runner.state, "moved_s", 0.0)
     return moved_s + (step.slewing_s or 0.0)

@@ -1,7 +1,7 @@
 """Steps that a service made, and their samples, as far as a record shows; pure.
 
-In real time a sample may be passed over, and a partner may come too late. The outputs say so: an
-estimate that is degraded had no partner, and a sample without an output was not stepped with.
+In real time a sample may be skipped, and a partner may come too late. The outputs show it: a
+degraded estimate had no partner, and a sample without an output caused no step.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ S = TypeVar("S", bound=Sample)
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The samples of one step, the trigger last, and the instrument's answer to its output."""
+    """The samples of one step, the trigger last, and the instrument's reply to its output."""
 
     samples: tuple[Sample, ...]
     fault: Fault | None = None
@@ -60,7 +60,7 @@ class Samples:
         return next((seq for seq in between if not any(seq in kind for kind in known)), None)
 
     def newest(self, kind: type[S], seq: int) -> S | None:
-        """Return the last sample; None without one."""
+        """Return the last sample; None if there is none."""
         found = self.all(kind, seq)
         return found[-1] if found else None
 
@@ -98,7 +98,10 @@ def estimator_steps(samples: Samples) -> Iterator[Step | Gap]:
 
 
 def _joined(estimate: Estimate, applied: Applied) -> bool:
-    """Return whether an estimate may have been made with this; a tick may be answered twice."""
+    """Return whether ``applied`` may have led to an estimate.
+
+    A tick may have several ``applied``.
+    """
     return (
         estimate.arms[0].applied_V == applied.arms[0].voltage_V
         and estimate.arms[0].limits_active == applied.arms[0].limits_active
@@ -119,7 +122,7 @@ def controller_steps(samples: Samples) -> Iterator[Step | Gap]:
 def actuator_steps(samples: Samples) -> Iterator[Step | Gap]:
     """Return all steps in lockstep.
 
-    In real time those that took a command, as no clock is recorded.
+    In real time it returns only those with an accepted command, since no clock is recorded.
     """
     last = max(samples.seqs(Applied), default=-1)
     for seq in samples.seqs(Position, Command):
