@@ -39,8 +39,8 @@ from pincette_supervisor.rigs.counters import (
 from pincette_supervisor.rigs.standing import standing
 
 MOST_RIGS = 64
-"""Largest number of exported rigs; the label sets are fixed, so this bounds the number of series.
-"""
+"""Largest number of exported rigs; the label sets are fixed, so this bounds the number of
+series."""
 ASKED_S = 10.0
 """Age in s from which an unanswered status request counts against a program's token."""
 N_PER_MN = 1e-3

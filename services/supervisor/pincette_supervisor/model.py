@@ -274,8 +274,8 @@ class RigModel:
         self.changed: list[ModelChange] = []
         """Changes that prevent the use of the model."""
         self.set_aside: list[ModelChange] = []
-        """Values of the model that are not used, since a person has changed them in the rig file.
-        """
+        """Values of the model that are not used, since a person has changed them in the rig
+        file."""
         self._basis = basis(rig_file)
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store

@@ -340,8 +340,8 @@ def free_space_MB(folder: Path) -> float | None:
 
 
 LOOK_S, ASK_S = 0.25, 2.0
-"""Interval of the checks, and of the status requests to the programs of a rig in real time, in s.
-"""
+"""Interval of the checks, and of the status requests to the programs of a rig in real time, in
+s."""
 IDLE_S = 10.0
 """Time without a job at rest after which the sensor is set to its slow rate, in s."""
 JOIN_S = 2.0

@@ -33,8 +33,8 @@ IDLE_H = 12.0
 HOUR = len("2026-01-01T00")
 """Number of characters of a time up to its hour."""
 UNCONFIRMED_S = 15.0
-"""Longest time without a successful reading of the keys after which they are still accepted, in s.
-"""
+"""Longest time without a successful reading of the keys after which they are still accepted, in
+s."""
 BYTES = 32
 # Nobody guesses one of 256 random bits, so a plain SHA-256 is kept: a slow hash protects words that
 # people choose, and would let a flood of wrong keys cost more than a flood of requests.

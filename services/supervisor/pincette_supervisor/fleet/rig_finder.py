@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 FIRST_S = 4.0
 """Time in s that the supervisor waits at its start for rigs that are already running."""
 SETTLE_S = 0.1
-"""Time in s within which changes are handled together: the programs of a rig come and go together.
-"""
+"""Time in s within which changes are handled together: the programs of a rig come and go
+together."""
 AGAIN_S, AGAIN_MOST_S = 1.0, 30.0
 """Delay of the next check, in s. A rig that is served and not ready is checked again after the
 first time. One that cannot be served is checked after the same time, which doubles with each

@@ -78,8 +78,8 @@ class InstrumentBandwidth:
     driver: str
     bandwidth_hz: float
     buffered_hz: float | None
-    """Highest rate of a buffered acquisition or output, in Hz; None for an instrument without one.
-    """
+    """Highest rate of a buffered acquisition or output, in Hz; None for an instrument without
+    one."""
     exchange_s: float
     response_s: float
     note: str
@@ -120,8 +120,8 @@ class Present:
     memory_known: bool | None = None
     """True if the estimator knows the past of the arm's hysteresis well enough for a force."""
     stroke: Fault | None = None
-    """Fault that the estimator reports when the stroke of an arm has changed; None: no such fault.
-    """
+    """Fault that the estimator reports when the stroke of an arm has changed; None: no such
+    fault."""
     pose_um: float | None = None
     """Target or final position of the last move, in µm, if the arm is still there; see
     ``last_pose``."""

@@ -60,8 +60,8 @@ class WorkQueue:
         """Create a queue; with ``alternates``, the newest and the oldest are served in turn."""
         self._break_s, self._alternates, self._newest = break_s, alternates, alternates
         self._silent: dict[Peer, None] = {}
-        """Connections that wait for the data of their first request; the longest silent one first.
-        """
+        """Connections that wait for the data of their first request; the longest silent one
+        first."""
         self._kept: dict[Peer, None] = {}
         """Connections that wait for data and have had a successful request; the longest silent one
         first."""

@@ -49,8 +49,8 @@ WAIT_S, LONGEST_WAIT_S = 30.0, 60.0
 STOP_THREADS = ThreadPoolExecutor(4, thread_name_prefix="stop-job")
 """Threads for stops of jobs. No rate limit rejects a stop, and no other request delays it."""
 ACTION_THREADS = ThreadPoolExecutor(4, thread_name_prefix="act-on-job")
-"""Threads for the other actions, such as a release; requests that read the journal do not use them.
-"""
+"""Threads for the other actions, such as a release; requests that read the journal do not use
+them."""
 DRY_RUN_THREADS = ThreadPoolExecutor(2, thread_name_prefix="dry-run")
 """Threads for dry runs: those that wait for a prediction leave the threads of all other requests
 free, and at most two of them compute."""

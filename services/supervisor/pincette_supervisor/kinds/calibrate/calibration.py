@@ -90,9 +90,9 @@ class CalibrationFunctions:
     """True if a part is expected, and a law moves the arm against it."""
     goes_on: Callable[[Any, Run], tuple[Any, str]] | None = None
     """Function that returns the request that continues after a stall has tripped the calibration
-    and keeps the measured values, and a message that says where it continues. None: the calibration
-    starts again, since the voltage went to the safe one and the state of the hysteresis was lost.
-    """
+    and keeps the measured values, and a message that says where it continues. None: the
+    calibration starts again, since the voltage went to the safe one and the state of the
+    hysteresis was lost."""
     moves_less: Callable[[Any, Run], tuple[Any, str] | None] | None = None
     """Function that returns the request of a smaller motion after the arm has exceeded a position
     limit, and a message that describes it; None: there is no smaller motion."""

@@ -46,8 +46,8 @@ LESS = 0.8
 QUICKEST = 0.9
 """Share of the slew limit up to which a grip is rehearsed at the speed of a quick one."""
 GAIN_DIFFERENCE = 0.01
-"""Relative difference of the model's own gain from the measured one above which a warning is given.
-"""
+"""Relative difference of the model's own gain from the measured one above which a warning is
+given."""
 
 
 def program(

@@ -51,8 +51,8 @@ class ComplianceRequest(CalibrationRequest, frozen=True):
     calibration: Literal["compliance"]
     weights_mN: list[NotNegative] | None = Field(default=None, min_length=2, max_length=WEIGHTS_MAX)
     """Weights in ascending order from 0. They pull in the direction in which a part presses,
-    against the closing of the gripper. Default: three round weights within the limits of the rig.
-    """
+    against the closing of the gripper (default: three round weights within the limits of the
+    rig)."""
     weight_uncertainty: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Relative standard uncertainty of the weights, common to all of them."""
     taken: list[WeighedStep] = Field(default_factory=list[WeighedStep], max_length=2 * WEIGHTS_MAX)
@@ -88,8 +88,8 @@ class ContactStiffnessRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["contact_stiffness"]
     levels_V: list[Positive] | None = Field(default=None, min_length=3, max_length=LEVELS_MAX)
-    """Levels of the sinusoid, peak to peak. Default: those of the paper, scaled down to the limits
-    of the rig."""
+    """Levels of the sinusoid, peak to peak (default: those of the paper, scaled down to the
+    limits of the rig)."""
     load_s: Duration | None = None
     """Duration of the press up to the mean voltage, and of the unload."""
     approach_um_per_s: Speed | None = None
@@ -185,7 +185,7 @@ class FrequencyResponseRequest(CalibrationRequest, frozen=True):
     duration_s: Annotated[float, Field(ge=1, le=120)] = SWEEP_S
     """Duration of the measurement."""
     amplitude_V: Positive | None = None
-    """Amplitude of the sine. Default: the largest that limits and resonance permit."""
+    """Amplitude of the sine (default: the largest that limits and resonance permit)."""
     capture_hz: Annotated[float, Field(ge=LEAST_CAPTURE_HZ, le=100_000)] = LEAST_CAPTURE_HZ
     """Sample rate of the sweep's output and of its acquisition."""
 
@@ -273,8 +273,8 @@ class OutputTimingRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["output_timing"]
     amplitude_V: Positive | None = None
-    """Amplitude of the bursts. Default: the largest that the limits of position, slew and sweeps
-    permit."""
+    """Amplitude of the bursts (default: the largest that the limits of position, slew and sweeps
+    permit)."""
 
 
 OUTPUT_TIMING = Variant(
@@ -317,7 +317,7 @@ class ResidualRequest(CalibrationRequest, frozen=True):
 
     calibration: Literal["residual"]
     of_job: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,60}$")] | None = None
-    """Job whose voltages are replayed, a grip or a track. Default: the newest that succeeded."""
+    """Job whose voltages are replayed, a grip or a track (default: the newest that succeeded)."""
     runs: Annotated[int, Field(ge=2, le=10), WHOLE] = RUNS
     """Number of runs; their difference gives the error of the stored values."""
     confirm: bool = True

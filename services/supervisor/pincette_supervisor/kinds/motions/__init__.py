@@ -46,8 +46,8 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     by_V: float | None = None
     """Change from the applied voltage."""
     speed_um_per_s: Speed | None = None
-    """Peak speed; for a voltage, by the nominal gain. Default: the speed of the rig file's
-    approach."""
+    """Peak speed; for a voltage, by the nominal gain (default: the speed of the rig file's
+    approach)."""
     conditioning_cycles: Annotated[int, Field(ge=0, le=CYCLES_MAX), WHOLE] = 0
     """Full cycles of voltage before the move, each from ``low_V`` to ``high_V`` and back."""
     warm_up_s: Annotated[float, Field(ge=0, le=3600)] = 0.0
@@ -55,8 +55,8 @@ class MoveJobRequest(GoalRequest, ZeroingRequest, frozen=True):
     low_V: float | None = None
     """Lowest voltage of the cycles, or of a grip."""
     high_V: float | None = None
-    """Highest voltage of the cycles. Default: as high as the rig file's limits and its part permit.
-    """
+    """Highest voltage of the cycles (default: as high as the rig file's limits and its part
+    permit)."""
     rate_V_per_s: Positive | None = None
     """Peak rate of the cycles."""
     zero: bool = True
@@ -150,13 +150,13 @@ class HoldJobRequest(PolicyRequest, frozen=True):
     force_mN: Positive | None = None
     """Force to which the held part is loaded or unloaded. None: the voltage stays as it is."""
     load_s: Duration | None = None
-    """Duration of the change to ``force_mN``. Default: as long as a grip loads."""
+    """Duration of the change to ``force_mN`` (default: as long as a grip loads)."""
     hold_s: Duration | None = None
-    """Duration of the hold. Default: until the action ``release``."""
+    """Duration of the hold (default: until the action ``release``)."""
     until_released: bool = False
     """Hold without an end, as without ``hold_s``, which this excludes."""
     release_s: Duration | None = None
-    """Duration of the motion to the safe voltage. Default: as in a release."""
+    """Duration of the motion to the safe voltage (default: as in a release)."""
 
     @model_validator(mode="after")
     def _way_to_a_force(self) -> "HoldJobRequest":
@@ -247,8 +247,8 @@ class ReleaseJobRequest(JobRequest, frozen=True):
 
     kind: Literal["release"]
     release_s: Duration | None = None
-    """Duration of the release. Default: as long as a grip takes to unload, or as the slew limit
-    requires."""
+    """Duration of the release (default: as long as a grip takes to unload, or as the slew limit
+    requires)."""
 
 
 RELEASE = JobKind(
@@ -281,8 +281,8 @@ class CarryJobRequest(PairJobRequest, frozen=True):
     by_um: float | None = None
     """Distance of the carry, positive towards the second arm."""
     to_um: float | None = None
-    """Target place q = (x_1 - x_2)/2; the carry starts where both tips are when the job is planned.
-    """
+    """Target place q = (x_1 - x_2)/2; the carry starts where both tips are when the job is
+    planned."""
 
     @model_validator(mode="after")
     def _one_target(self) -> "CarryJobRequest":

@@ -51,7 +51,7 @@ class ForcePath(Model):
 
     shape: Shape = "sinusoid"
     mean_mN: Positive | None = None
-    """Mean of a swing. Default: the force of the rig file's track."""
+    """Mean of a swing (default: the force of the rig file's track)."""
     pp_mN: Positive | None = None
     """Height of a swing, peak to peak."""
     frequency_hz: Positive | None = None
@@ -73,7 +73,7 @@ class PlacePath(Model):
 
     shape: Shape = "sinusoid"
     mean_um: float | None = None
-    """Mean of a swing. Default: the place where the part is expected."""
+    """Mean of a swing (default: the place where the part is expected)."""
     pp_um: Positive | None = None
     """Height of a swing, peak to peak."""
     frequency_hz: Positive | None = None
@@ -133,8 +133,8 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     force_mN: Positive | None = None
     """Two arms only: force to hold without a path of the force."""
     centre: bool = False
-    """Two arms only: find the part from both sides first. A place is still counted from the tips.
-    """
+    """Two arms only: find the part from both sides first. A place is still counted from the
+    tips."""
 
     @model_validator(mode="after")
     def _one_force(self) -> "TrackJobRequest":
