@@ -1,4 +1,4 @@
-"""The command line: exit statuses, the error that a person reads, and the rig file to use."""
+"""Command line: exit statuses, the error for people, and the choice of the rig file."""
 
 import os
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ MEANINGS: Mapping[Exit, str] = {
 
 
 class CliError(Exception):
-    """The command cannot be carried out; the text says why, and what to do."""
+    """Error of a command that cannot be carried out; the text states the reason and the remedy."""
 
     def __init__(self, text: str, status: int = Exit.FAILED) -> None:
         super().__init__(text)
@@ -49,14 +49,15 @@ if TYPE_CHECKING:
 
 RIG_VARIABLE = "PINCETTE_RIG"
 PKI = "PINCETTE_PKI"
-"""Names a folder of certificates in place of the rig file's, for tools beside `up --secure`."""
+"""Environment variable that names a folder of certificates in place of the rig file's, for tools
+beside `up --secure`."""
 IN_A_CHECKOUT = Path("deploy/rigs/demo.toml")
 IN_THE_PACKAGE = "rigs/demo.toml"
-"""The same file in the installed package."""
+"""Path of the demo's rig file in the installed package."""
 
 
 def chosen(given: Path | None) -> Path:
-    """The file of ``--rig``, else of the environment, else the demo's: a checkout's, or ours.
+    """Return the rig file of ``--rig``, else of the environment, else of the demo.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def chosen(given: Path | None) -> Path:
 
 
 def working_folder() -> str:
-    """Return the working folder as text; it may have been deleted."""
+    """Return the working folder as text, even if it has been deleted."""
     try:
         return str(Path.cwd())
     except OSError:
@@ -95,7 +96,7 @@ def brought() -> Path | None:
 
 
 def opened(path: Path) -> "RigFile":
-    """Read a rig file; raises CliError with what is wrong in it."""
+    """Read a rig file; raises CliError with its errors."""
     # The models of a rig file take longer to load than a help text to show.
     from pincette.config import ConfigError, read_rig
 

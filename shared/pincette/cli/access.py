@@ -1,4 +1,4 @@
-"""The supervisor of a command and the key for it."""
+"""Supervisor of a command, and the key for it."""
 
 import os
 from collections.abc import Generator
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from pincette.client import JobHandle, RigHandle, Supervisor
 
 CLAIM = "PINCETTE_CLAIM"
-"""Holds the secret of a claim, which every command then sends."""
+"""Environment variable with the secret of a claim, which every command then sends."""
 PATIENCE_S = 0.5
-"""Time that a person waits to learn that no supervisor answers."""
+"""Time that a person waits until a supervisor counts as unreachable, in s."""
 FOLLOWED_S = 30.0
-"""Time for which a job is followed while its supervisor does not answer, as in a restart."""
+"""Time for which a job is followed while its supervisor does not answer, as in a restart, in s."""
 STATUSES = {  # of refusals, by their codes
     **dict.fromkeys(("estop-engaged", "rig-latched", "rig-not-ready"), Exit.NOT_READY),
     "limit-violation": Exit.LIMIT,
@@ -44,7 +44,7 @@ SILENT_REMEDIES = (
     "ask again: the supervisor may be busy",
     "`pincette rigs` shows whether it replies at all; `pincette estop` stops the rig without it",
 )
-"""Remedies for a connection on which no reply came."""
+"""Remedies for a connection without a reply."""
 Key = Annotated[str | None, Option("--key", metavar="KEY", help=KEY_HELP)]
 Authority = Annotated[
     Path | None,
@@ -54,7 +54,7 @@ Authority = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Address(Json):
-    """For a command that asks a supervisor."""
+    """Options of commands that send requests to a supervisor."""
 
     url: Annotated[
         str,
@@ -86,13 +86,13 @@ class Address(Json):
             raise CliError(f"{CLAIM}: {error}", Exit.USAGE) from error
 
     def guarded(self) -> AbstractContextManager[None]:
-        """Turn a refusal or a missing answer into a CliError."""
+        """Turn a rejected request or a missing reply into a CliError."""
         return refusals(self.url, as_json=self.json)
 
 
 @dataclass(frozen=True, slots=True)
 class Target(Address):
-    """For a command that asks a supervisor about one of its rigs."""
+    """Options of commands that send requests about one rig of a supervisor."""
 
     rig_name: Annotated[
         str | None,
@@ -100,7 +100,10 @@ class Target(Address):
     ] = None
 
     def rig(self) -> "RigHandle":
-        """The rig of ``--rig-name``, else the only one; raises CliError if there are several."""
+        """Return the rig of ``--rig-name``, else the only one.
+
+        Raises CliError if there are several.
+        """
         from pincette.client import WhichRigError
 
         try:
@@ -109,7 +112,7 @@ class Target(Address):
             raise CliError(f"{error} with --rig-name", Exit.USAGE) from error
 
     def job(self, name: str) -> "JobHandle":
-        """A job by its id; ``last`` is the newest of the rig."""
+        """Return a job by its id; ``last`` is the newest job of the rig."""
         if name != "last":
             return self.supervisor().job(name)
         found = self.rig().jobs(1)
@@ -120,7 +123,7 @@ class Target(Address):
 
 @contextmanager
 def refusals(url: str, *, as_json: bool) -> Generator[None]:
-    """Turn a refusal or a missing answer into a CliError; the problem goes to JSON if wanted."""
+    """Turn a rejected request or a missing reply into a CliError; print it as JSON if wanted."""
     from pincette.client import ClientError, NoAnswerError, ProblemError
 
     try:
@@ -143,7 +146,7 @@ def refusals(url: str, *, as_json: bool) -> Generator[None]:
 
 
 def key_of(given: str | None) -> str | None:
-    """Return the key as ``find_key`` does; raises CliError also where no header can carry it."""
+    """Return the key as ``find_key`` does; also raises CliError if no header can contain it."""
     from pincette.client.call import identity_headers
 
     key = find_key(given)

@@ -1,4 +1,4 @@
-"""``pincette bring-up``: through the calibrations of a rig, in the order of its checklist."""
+"""``pincette bring-up``: leads through the calibrations of a rig in checklist order."""
 
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,7 +45,7 @@ def bring_up(
         Option("--skip", metavar="CALIBRATION", help="leave it out; repeatable"),
     ] = None,
 ) -> int:
-    """Lead through the calibrations of a rig: which is next, what it needs, what it has found."""
+    """Lead through the calibrations of a rig: the next one, its requirements, its result."""
     rig = target.rig().patient(FOLLOWED_S)
     found = rig.checklist()
     if show or target.json:
@@ -78,9 +78,9 @@ def bring_up(
 
 
 def path_warnings(rig: "RigHandle") -> list[str]:
-    """Return the warnings of the rig's own path, as where its steps ring the mode.
+    """Return the warnings of the rig's own path, for example steps that excite the mode.
 
-    Empty where the rig plans no path.
+    Empty if the rig plans no path.
     """
     from pincette.client.errors import ProblemError
 
@@ -92,7 +92,10 @@ def path_warnings(rig: "RigHandle") -> list[str]:
 
 
 def _show_exchanges(rig: "Rig", console: "Console") -> None:
-    """Show what the programs have measured of their instruments; nothing in lockstep."""
+    """Show the exchange times that the programs measured at their instruments.
+
+    Nothing in lockstep.
+    """
     from pincette.diagnostics.hops import hop_findings
 
     for program in rig.programs:
@@ -108,7 +111,7 @@ def _show_exchanges(rig: "Rig", console: "Console") -> None:
 
 
 def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
-    """The first step that is to be made and not left out."""
+    """Return the first step that is still to be made and was not skipped."""
     return next(
         (
             step
@@ -120,7 +123,7 @@ def _next(found: "Checklist", left_out: set[str]) -> "ChecklistStep | None":
 
 
 def _made(target: Target, step: "ChecklistStep", console: "Console", *, yes: bool) -> bool:
-    """Make a step, or decide about what it has proposed; false where a person leaves it out."""
+    """Run a step, or decide about its proposal; returns False if a person skips it."""
     console.print(f"\n[bold]{step.label}[/bold]: {step.summary}")
     for reason in step.reasons:
         console.print(f"  {reason.text}", markup=False)
@@ -141,7 +144,7 @@ def _made(target: Target, step: "ChecklistStep", console: "Console", *, yes: boo
 
 
 def _run(job: "JobHandle", console: "Console") -> None:
-    """Follow the job of a calibration; raises CliError where it does not succeed."""
+    """Follow the job of a calibration; raises CliError if it does not succeed."""
     ended = follow(job, console)
     if ended.state != "succeeded":
         raise CliError(f"job {job.id} {ended.state}: {ended.cause}\n`pincette bring-up` tries anew")
@@ -150,7 +153,7 @@ def _run(job: "JobHandle", console: "Console") -> None:
 def _decided(
     supervisor: "Supervisor", proposal: "Proposal", console: "Console", *, yes: bool
 ) -> bool:
-    """Show what was found, and accept it if a person agrees; else it is discarded."""
+    """Show the proposal, and accept it if a person agrees; otherwise discard it."""
     shown = tree(proposal)
     show_proposal(shown, console)
     console.print(f"  {proposal.statement}", markup=False)
@@ -164,7 +167,7 @@ def _decided(
 
 
 def _agreed(words: str) -> bool:
-    """Whether a person presses Enter; ``s`` leaves it out."""
+    """Return True if a person presses Enter, False for ``s``, which skips the step."""
     try:
         return input(f"  {words}: ").strip().lower() not in ("s", "skip", "n", "no")
     except EOFError as error:
@@ -176,7 +179,7 @@ def _needs(needs: "list[BenchNeed]") -> str:
 
 
 def show_checklist(found: "Checklist", console: "Console") -> None:
-    """Print the calibrations in their order: how far each is, and what it found or needs."""
+    """Print the calibrations in their order: their state, and their result or requirement."""
     rows: list[tuple[Any, ...]] = []
     for place, step in enumerate(found.steps, 1):
         colour = COLOURS.get(step.state, "default")

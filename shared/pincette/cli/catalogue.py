@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pincette.config import Table
 
 TABLES = {plugins.POSITION_SENSORS: "sensor", plugins.VOLTAGE_OUTPUTS: "output"}
-"""Table of the rig file that names a driver of the group."""
+"""Tables of the rig file that name a driver of each group."""
 MET = {True: "has met its instrument", False: "has not met its instrument"}
 UNSAID = "does not say whether it has met its instrument"
 
@@ -29,17 +29,17 @@ class Driver:
 
     name: str
     origin: str
-    """Distribution and version that it comes from."""
+    """Distribution and version that contain the driver."""
     met: bool | None = None
-    """Whether it has been tried with its instrument; None where it does not say."""
+    """True if the driver has been tested with its instrument; None if it does not state this."""
     options: tuple[str, ...] = ()
-    """Each with its default, as a rig file writes it."""
+    """Options, each with its default, in the form of a rig file."""
     fault: str = ""
-    """Why it cannot be used; empty where it can."""
+    """Reason why the driver cannot be used; empty if it can."""
 
 
 def show_drivers(form: Json) -> None:
-    """Print the drivers and laws that a rig file can name, and why one cannot be used."""
+    """Print the drivers and laws that a rig file can name, with the errors of unusable ones."""
     from pincette.config.laws import described_laws
 
     if form.json:
@@ -74,7 +74,7 @@ def _law_lines(entry: EntryPoint) -> Iterator[str]:
 
 
 def installed(group: str) -> list[Driver]:
-    """Every driver registered in a group, by name."""
+    """Return every driver registered in a group, by name."""
     return [_described(group, entry) for entry in plugins.registered(group)]
 
 
@@ -91,7 +91,7 @@ def _described(group: str, entry: EntryPoint) -> Driver:
 
 
 def options_of(module: ModuleType) -> "Iterator[tuple[type[Table], str, FieldInfo]]":
-    """Yield the options of a driver with their table, a class of its module named …Options."""
+    """Yield the options of a driver with their table, from its module's class named …Options."""
     from pincette.config import Table
 
     for name, thing in vars(module).items():
@@ -119,7 +119,7 @@ def _lines(driver: Driver) -> Iterator[str]:
 
 
 def show_topics(form: Json, name: str) -> None:
-    """Print what a rig publishes and which requests it answers, a key a line."""
+    """Print the keys on which a rig publishes and replies, one a line."""
     topics = topics_tree(name)
     form.answer(topics, lambda: _print_topics(topics, screen()))
 

@@ -1,6 +1,6 @@
-"""Key, authority and name that a command shows a supervisor.
+"""Key, authority and name that a command presents to a supervisor.
 
-This module loads nothing but the standard library, so that an emergency stop does not wait for it.
+This module loads only the standard library, so that an emergency stop does not wait for it.
 """
 
 import os
@@ -29,7 +29,7 @@ AUTHORITY_HELP = (
 
 
 def authority_of(given: Path | None, pki: str | None) -> Path | None:
-    """The authority whose certificates are believed: as given, else that of a folder, if any."""
+    """Return the trusted authority: the given one, else that of a folder, if any."""
     if given is not None or not pki:
         return given
     return Path(pki) / "authority.crt"

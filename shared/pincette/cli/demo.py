@@ -1,4 +1,4 @@
-"""``pincette demo``: one grip, from nothing to its record."""
+"""``pincette demo``: one complete grip on a simulated rig, with its record."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -78,10 +78,10 @@ def _gripped(
 
 
 def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
-    """Grip on a rig that can do no harm, so that no person is needed to clear its latch.
+    """Grip on a simulated rig, where the latch is cleared without a person.
 
-    What an earlier demo has left is cleared, and a grip is made once more where this machine stood
-    still in the first: its command is late then, and the actuator rightly trips.
+    The remains of an earlier demo are cleared. The grip is repeated once if this machine stalled
+    during the first: a command is late then, and the actuator rightly trips.
     """
     if rig.state().latch.state in ("latched", "ramping"):
         clear(rig, console)
@@ -94,13 +94,13 @@ def grip_simulated(rig: "RigHandle", console: "Console") -> "Job":
 
 
 def clear(rig: "RigHandle", console: "Console") -> None:
-    """Clear the latch of a simulated rig, and say so."""
+    """Clear the latch of a simulated rig, and print a line about it."""
     _, cause = cleared(rig)
     console.print(f"this rig is simulated: its latch is cleared ({cause})", style="yellow")
 
 
 def stood_still(job: "Job") -> bool:
-    """Whether nothing but a late command has tripped the actuator."""
+    """Return True if only a late command has tripped the actuator."""
     ending = job.ending
     return (
         ending is not None

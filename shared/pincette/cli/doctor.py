@@ -1,4 +1,4 @@
-"""``pincette doctor``: what is missing for a rig, what a rig file can name, what a rig sends."""
+"""``pincette doctor``: missing requirements of a rig, contents of a rig file, topics."""
 
 import logging
 import sys
@@ -74,7 +74,7 @@ def doctor(
 
 @contextmanager
 def _findings_alone() -> Generator[None]:
-    """Print no warnings of drivers: the findings say the same, once."""
+    """Suppress warnings of drivers, which the findings already contain."""
     handler = logging.NullHandler()
     logging.getLogger().addHandler(handler)
     try:
@@ -93,13 +93,13 @@ def _show(finding: "Finding", console: "Console") -> None:
 
 
 def consent(question: str) -> bool:
-    """Ask the person at the terminal; no other word than y or yes is one."""
+    """Ask the person at the terminal; only y or yes counts as consent."""
     print(question, end="", flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Iterator[Finding]":
-    """Machine, rig file, ports, instruments, and with a person's consent a small motion."""
+    """Check machine, rig file, ports, instruments and, with a person's consent, a small motion."""
     from pincette.diagnostics import Finding
     from pincette.diagnostics.bus import exchanges, foreign_sessions
     from pincette.diagnostics.certificates import certificates
@@ -147,7 +147,7 @@ def findings(rig_path: Path, data: Path, consent: Consent | None = None) -> "Ite
 
 
 def moved(rig: "RigFile", consent: Consent) -> "Finding":
-    """Ask a person, then find the direction of the motion."""
+    """Ask a person for consent, then find the direction of the motion."""
     from pincette.diagnostics import Finding
     from pincette.diagnostics.instruments import (
         MOVE_STEPS,

@@ -1,8 +1,9 @@
-"""``pincette estop``: stops rigs over REST and straight at their actuators, at the same time.
+"""``pincette estop``: stops rigs over REST and directly at their actuators, simultaneously.
 
 The command starts without Typer and without the models of a rig file, which would take longer than
-the stop. Whatever is not needed for the stop is optional: the rig file, the key, the certificates,
-a home, a place for output. What cannot be used is named, and the other way is taken.
+the stop. Everything that the stop does not need is optional: the rig file, the key, the
+certificates, a home folder, a place for output. The command reports what it cannot use, and stops
+the rigs by the remaining ways.
 """
 
 import json
@@ -35,17 +36,18 @@ if TYPE_CHECKING:
     from pincette.config.stop_file import StopFile
 
 REST_S, LIMIT_S = 2.0, 3.0
-"""Limits of the time for a reply over REST, and for all ways together."""
+"""Limits of the time for a reply over REST, and for all ways together, in s."""
 FOUND_S = 0.5
-"""Limit of the time to read a key or a rig file, which may be on a share that hangs."""
+"""Time limit for reading a key or a rig file, which may be on a share that hangs, in s."""
 HEAD_START_S = 0.1
-"""Time by which the way straight to an actuator is ahead of that through the router."""
+"""Head start of the direct way to an actuator over the way through the router, in s."""
 MARGIN_S, LOOK_S = 0.3, 0.02
 """Time before ``LIMIT_S`` at which a confirmation over plain HTTP is judged without the actuator's,
-and time between two looks for that."""
+and interval of the checks for the latter, in s."""
 ENDED_S = 4.0
-"""Limit of the further wait for ways that have not ended after ``LIMIT_S``, such as on a machine
-under heavy load, and of the wait for threads that are inside the bus once the result is printed."""
+"""Limit in s of the further wait for ways that have not ended after ``LIMIT_S``, for example on a
+heavily loaded machine, and of the wait for threads that are inside the bus after the result was
+printed."""
 POWER = "take the amplifier's power away unless you know that the rig is not up"
 URL = "PINCETTE_URL"
 ACTUATOR = "actuator"
@@ -70,7 +72,7 @@ OPTIONS = (
 def main(arguments: Sequence[str]) -> int:
     """Trip the actuators over REST and directly at once; status 0 only if all have confirmed.
 
-    Status 1: some rigs have confirmed, not all. Status 3: none has.
+    Status 1: some rigs have confirmed, not all. Status 3: none has confirmed.
     """
     prepare_streams()
     given = read_options(parser_of("estop", ABOUT, OPTIONS), OPTIONS, arguments)
@@ -96,27 +98,28 @@ def main(arguments: Sequence[str]) -> int:
 
 
 class EmergencyStop:
-    """One emergency stop: what is known of the rigs, and which of them have confirmed it."""
+    """Emergency stop: the known rigs, and those that have confirmed."""
 
     def __init__(self, only: str | None) -> None:
-        """``only``: name of the only rig to stop."""
+        """Prepare an emergency stop; ``only`` names the only rig to stop."""
         self.only = only
         self.attempts = StopAttempts()
         self.file: RigFile | StopFile | None = None
         self.file_given = self.url_given = False
-        """Whether the caller has named a rig file, and an address."""
+        """True if the caller has named a rig file; the next variable states the same for an
+        address."""
         self.notes: list[str] = []
-        """What could not be used, and why."""
+        """Inputs that could not be used, each with the reason."""
         self.found: set[str] = set()
-        """Rigs that the supervisor serves, or whose actuator is on the router."""
+        """Names of rigs that the supervisor serves, or whose actuator is on the router."""
         self.absent: set[str] = set()
-        """Rigs with a token on the router and no actuator; see ``AbsentError``."""
+        """Names of rigs with a token on the router and no actuator; see ``AbsentError``."""
         self.answered = False
-        """Whether the supervisor has stopped all rigs that it serves."""
+        """True once the supervisor has stopped all rigs that it serves."""
         self.nobody_there = False
-        """Whether no program listens at the actuator's port."""
+        """True if no program listens at the actuator's port."""
         self._limit_s = LIMIT_S
-        """Time for which the ways have been waited for."""
+        """Time for which the ways have been waited for, in s."""
         self._until_s = monotonic() + LIMIT_S
         self._file_read, self._direct_ended, self._routed_ended = Event(), Event(), Event()
 
@@ -129,7 +132,7 @@ class EmergencyStop:
         return self.answered and own and not self.missing()
 
     def missing(self) -> list[str]:
-        """Return what has not confirmed: names of rigs, or words where a name is not known."""
+        """Return the unconfirmed targets: names of rigs, or words if a name is not known."""
         confirmed = self.attempts.confirmed
         if self.only is not None:
             return [] if self.only in confirmed else [self.only]
@@ -145,7 +148,7 @@ class EmergencyStop:
     # Over REST.
 
     def start_over_rest(self, url: str | None, key: str | None, authority: Path | None) -> None:
-        """Ask the supervisor; without an address that of the rig file, else the usual one."""
+        """Send the stop to the supervisor at the given, the rig file's or the usual address."""
 
         def attempt() -> None:
             address = url or self._file_url()
@@ -184,10 +187,10 @@ class EmergencyStop:
         self.answered = True
 
     def _doubt(self, rig: str, url: str, reply: RestStop) -> str:
-        """Return why a confirmation over plain HTTP is not believed; empty where it counts.
+        """Return why a confirmation over plain HTTP is not trusted; empty if it counts.
 
-        Another program may have taken the supervisor's port. For the rig of the rig file the
-        actuator itself is waited for. A confirmation that nothing contradicts counts, with a note.
+        Another program may have taken the supervisor's port. For the rig of the rig file, this also
+        waits for the actuator itself. A confirmation that nothing contradicts counts, with a note.
         """
         file = self.file
         if file is not None and rig == file.rig.name and is_same_place(url, file.supervisor.url):
@@ -216,7 +219,7 @@ class EmergencyStop:
     # Past the supervisor.
 
     def start_past_supervisor(self, path: Callable[[], Path]) -> None:
-        """Go to the actuators of a rig file, and of the rigs on its router."""
+        """Start the stop at the actuators of a rig file, and of the rigs on its router."""
 
         def attempt() -> None:
             try:
@@ -240,7 +243,7 @@ class EmergencyStop:
         return file.secured(Path(pki)) if pki else file
 
     def past_supervisor(self, file: "RigFile") -> "EmergencyStop":
-        """Stop only past the supervisor, and wait for that."""
+        """Stop only at the actuators, without the supervisor, and wait for the result."""
         self.file, self.file_given = file, True
         self._file_read.set()
         self._start(file)
@@ -289,7 +292,7 @@ class EmergencyStop:
             self.attempts.confirm(rig, way)
 
     def _stop_others(self, file: "RigFile | StopFile") -> None:
-        """Stop the rigs on the router whose actuator is there, except the file's own.
+        """Stop all other rigs on the router whose actuator is reachable.
 
         One session serves them all, since any tool can hold the tokens of many rigs.
         """
@@ -319,7 +322,7 @@ class EmergencyStop:
     # The result.
 
     def wait_for_late_confirmations(self) -> None:
-        """Say at once that a rig has not confirmed, and wait for the ways that are still tried."""
+        """Report at once that a rig has not confirmed, and wait for the ways that still run."""
 
         def is_confirmed() -> bool:
             return bool(self.attempts.confirmed) and not self.missing()
@@ -333,7 +336,7 @@ class EmergencyStop:
         self.attempts.wait(ENDED_S, is_confirmed)
 
     def report(self, *, as_json: bool) -> int:
-        """Print the result, where there is a place for it, and return the exit status."""
+        """Print the result, if output is possible, and return the exit status."""
         ways, missing = dict(self.attempts.confirmed), self.missing()
         elapsed_ms = 1e3 * since_start_s()
         failed = [f"{way}: {error}" for way, error in self.attempts.failed]
@@ -369,7 +372,7 @@ class EmergencyStop:
 
 
 def within(limit_s: float, read: Callable[[], T], otherwise: T, notes: list[str]) -> T:
-    """Return what is read, or another value where that fails or takes too long."""
+    """Return the result of ``read``, or another value if it fails or takes too long."""
     found = [otherwise]
 
     def run() -> None:
@@ -385,7 +388,7 @@ def within(limit_s: float, read: Callable[[], T], otherwise: T, notes: list[str]
 
 
 def written(stream: Any, write: Callable[[], object]) -> None:
-    """Write to a stream; output that cannot be written changes nothing."""
+    """Write to a stream; ignores output that cannot be written."""
     try:
         write()
         stream.flush()

@@ -1,4 +1,4 @@
-"""``pincette job list`` and ``describe``: jobs found again, and what is said of them."""
+"""``pincette job list`` and ``describe``: search for jobs, and descriptions of them."""
 
 import json
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ SHOWN = 20
 
 
 def label(text: str) -> tuple[str, str]:
-    """A label as NAME=TEXT."""
+    """Read a label in the form NAME=TEXT."""
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is no label: give NAME=TEXT, such as part=b12")
@@ -41,7 +41,7 @@ def label(text: str) -> tuple[str, str]:
 
 
 RECORDS = {True: "complete", False: "incomplete", None: ""}
-"""State of a record by ``record_complete`` of its job."""
+"""Texts for the state of a record, by ``record_complete`` of its job."""
 ID = "its id, or `last`"
 JobName = Annotated[str, Argument(metavar="JOB", help=ID)]
 Labels = Annotated[
@@ -67,9 +67,9 @@ FILTERS = [
     text_option("since", "TIME", f"accepted at this time or later: {MOMENTS}", moment),
     text_option("until", "TIME", "taken before then", moment),
 ]
-"""Options of a command about the jobs that are as named."""
+"""Options of a command that selects jobs."""
 IN_QUERY = {"since": "created_from", "until": "created_to"}
-"""Names in the query of REST, where they differ."""
+"""Names in the query of REST that differ from those of the options."""
 SAID = [
     text_option("sample", "NAME", "what is gripped"),
     text_option("batch", "NAME", "its batch"),
@@ -80,7 +80,7 @@ SAID = [
 
 
 def filters_of(target: Target, given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the values of ``FILTERS`` as the query of REST has them."""
+    """Return the values of ``FILTERS`` in the form of a REST query."""
     found = {IN_QUERY.get(name, name): value for name, value in given.items()}
     found |= {"rig": target.rig_name, "pinned": "true" if given["pinned"] else None}
     return {name: value for name, value in found.items() if value is not None}
@@ -200,6 +200,6 @@ def describe(
 
 
 def add_to(app: Typer) -> None:
-    """Add the commands below ``job``."""
+    """Add these commands to ``job``."""
     command(app, "list", FILTERS)(list_jobs)
     command(app, "describe", SAID)(describe)

@@ -21,7 +21,7 @@ from pincette.core import plugins
 from pincette.core.files import sync_folder
 
 FIRST_PORT = "/dev/ttyUSB0"
-"""Port of an instrument if its driver states no usual place."""
+"""Port of an instrument if its driver states no typical url."""
 
 
 SIDES = {
@@ -33,7 +33,7 @@ Answer = Callable[[Question], Value]
 
 
 def pair(text: str) -> tuple[str, Value]:
-    """An option of a driver as NAME=VALUE."""
+    """Read an option of a driver in the form NAME=VALUE."""
     name, equals, value = text.partition("=")
     if not equals or not name:
         raise BadParameter(f"{text!r} is no option: give NAME=VALUE, such as baud=9600")
@@ -46,7 +46,7 @@ def _value(name: str, text: str) -> Value:
 
 
 def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
-    """How a question is answered: by its option, by a person, or by its default."""
+    """Return the function that answers a question: by its option, a person, or its default."""
 
     def answer(asked: Question) -> Value:
         value = given.get(asked.name)
@@ -58,7 +58,7 @@ def _answers(given: dict[str, Any], *, ask: bool) -> Answer:
 
 
 def _asked(asked: Question) -> Value:
-    """Ask until the answer can be read; Enter takes the default."""
+    """Ask until the answer is valid; Enter takes the default."""
     unit = f" in {asked.unit}" if asked.unit else ""
     shown = f"{asked.words}{unit} ({asked.where})\n  [{asked.default}] "
     while True:
@@ -88,7 +88,7 @@ def _value_like(asked: Question, text: str) -> Value:
 
 
 def _side(side: str, answer: Answer, given: dict[str, Any], values: dict[str, Value]) -> list[str]:
-    """Ask for an instrument: driver, place, and the driver's own options, which are returned."""
+    """Ask for an instrument: driver, place, and the driver's own options; return those options."""
     from pincette.config.bench_form import SENSOR
 
     group_name, words = SIDES[side]
@@ -140,7 +140,7 @@ def _options(
 
 
 def _on_silence(options: dict[str, Value], answer: Answer) -> Value:
-    """What the output does by itself; a watchdog makes it safe."""
+    """Return the output's behaviour if its host falls silent; with a watchdog it is safe."""
     default = "safe" if options.get("watchdog_s") else "holds"
     words = "what the output does if its host falls silent: safe, or holds"
     value = answer(Question("on_silence", words, "", default, "manual of the output"))

@@ -1,4 +1,4 @@
-"""``pincette job``, ``plan``, ``stop`` and ``learning``: start jobs, follow them, act on them."""
+"""``pincette job``, ``plan``, ``stop`` and ``learning``: start, follow and control jobs."""
 
 import sys
 from collections.abc import Mapping
@@ -54,9 +54,9 @@ ACTIONS: Mapping[ActionType, str] = {
     "start": "start a job that was created and is ready",
 }
 SAID = ("sample", "batch", "operator", "notes")
-"""Members of a job's edit besides its labels."""
+"""Fields of a job that can be edited, except its labels."""
 STOPPED_S = 60.0
-"""Time that ``stop`` waits for the rig to confirm."""
+"""Time that ``stop`` waits for the rig to confirm, in s."""
 
 
 NoWait = Annotated[
@@ -67,7 +67,7 @@ Asked = Annotated[
     str | None,
     Argument(metavar="JOB", help="the job; a new one if not given"),
 ]
-"""Argument of a kind of job that is also an action of other jobs."""
+"""Argument of a kind of job whose name is also that of an action."""
 
 
 def _add_start(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[str, Any]) -> None:
@@ -127,7 +127,7 @@ def _add_plan(below: Typer, name: str, about: str, kind: "JobKind", fixed: dict[
 
 
 class JobKinds(Group):
-    """Commands below ``job``. Those of the kinds of job are made when one of them is wanted.
+    """Commands below ``job``. The commands of the kinds of job are made on demand.
 
     They need the models of all requests, which take longer to load than a list of jobs to show.
     """
@@ -179,7 +179,7 @@ for one in (job_app, plan_app):
 
 
 def _act(target: Target, name: str, action: ActionType) -> None:
-    """Ask a job for an action."""
+    """Send an action to a job."""
     job = target.job(name)
     answer = job.act(action)
     target.answer(answer, f"job {job.id}: {action} accepted; it is {answer.state}")
@@ -253,7 +253,7 @@ def show(target: Target, job: JobName, everything: Everything = False) -> None:
 
 
 def _show_record(job: "JobHandle", files: "list[Artifact]", console: "Console") -> None:
-    """Print the files of a job's record, and how punctual the loop was."""
+    """Print the files of a job's record, and the timing of the loop."""
     from pincette.api.live import LoopTiming
     from pincette.cli.rigs import timing_table
     from pincette.core.files import temporary_folder
@@ -271,7 +271,7 @@ def _show_record(job: "JobHandle", files: "list[Artifact]", console: "Console") 
 
 
 def size(count: int) -> str:
-    """Return a number of bytes with its unit."""
+    """Format a number of bytes with its unit."""
     amount = float(count)
     for unit in ("B", "kB", "MB"):
         if amount < 1000.0:

@@ -1,6 +1,7 @@
-"""``pincette backup``, ``restore`` and ``audit``: what a supervisor keeps.
+"""``pincette backup``, ``restore`` and ``audit``: stored data of a supervisor.
 
-A backup is one file. The audit log says who did what over REST; it can be verified to be whole.
+A backup is one file. The audit log records every action over REST with its operator; its
+completeness can be verified.
 """
 
 import os
@@ -71,7 +72,7 @@ def backup(
 
 
 def _copy_journal(journal: Path, copy: Path) -> None:
-    """Copy a database that others may be writing to: SQLite's own copy sees one state of it.
+    """Copy a database during writes by others; SQLite's own copy has one consistent state.
 
     Raises CliError where the journal cannot be read, and sqlite3.Error where the copy fails.
     """

@@ -32,7 +32,7 @@ app.add_typer(key_app)
 
 
 class _Keys(Protocol):
-    """The keys of a data folder, as the supervisor keeps them; a key itself is told once."""
+    """Keys of a data folder, as the supervisor stores them; a key itself is shown once only."""
 
     def add(self, name: str, scope: Scope, days: float | None) -> tuple[str, KeyView]: ...
 
@@ -46,7 +46,7 @@ class _Keys(Protocol):
 
 
 def key_name(text: str) -> str:
-    """A name of a key or a user from the command line; raises BadParameter."""
+    """Read the name of a key or a user from the command line; raises BadParameter."""
     if re.fullmatch(KEY_NAME, text) is None:
         raise BadParameter(
             f"{text!r} is no name: a-z, 0-9, and behind the first . _ and -, 40 at most"
@@ -56,7 +56,7 @@ def key_name(text: str) -> str:
 
 @contextmanager
 def opened_keys(data: Path, *refused: type[Exception]) -> Generator[_Keys]:
-    """Open the keys of a data folder; raises CliError, also for errors ``refused``."""
+    """Open the keys of a data folder; raises CliError, also for errors in ``refused``."""
     try:
         keys = plugins.load(plugins.KEYS, SUPERVISOR)(data)
         with cast("AbstractContextManager[_Keys]", keys) as opened:
@@ -141,7 +141,7 @@ def list_keys(form: Json, data: DataFolder = DATA) -> None:
 
 
 def state(one: KeyView) -> str:
-    """Return whether a key or a user is in force, as text."""
+    """Return, as text, whether a key or a user is valid."""
     if one.revoked_at is not None:
         return f"revoked {clock(one.revoked_at)}"
     if one.expires_at is None:

@@ -122,7 +122,7 @@ def latency(
 
 
 def _show_rig(target: Target) -> int:
-    """Show the timing of a rig's programs; the exit status is 1 where there is none."""
+    """Show the timing of a rig's programs; the exit status is 1 if there is none."""
     timing = target.rig().timing()
 
     def show() -> None:
@@ -137,7 +137,7 @@ def _show_rig(target: Target) -> int:
 
 
 def _rig_file(path: Path | None) -> "RigFile | None":
-    """The rig file that is chosen; None if there is none."""
+    """Return the chosen rig file; None if there is none."""
     try:
         path = chosen(path)
     except CliError:
@@ -147,7 +147,7 @@ def _rig_file(path: Path | None) -> "RigFile | None":
 
 @contextmanager
 def progress(for_s: float) -> "Generator[Report]":
-    """Show on standard error what is measured, for about so long in all."""
+    """Show on standard error the running measurement and its approximate duration."""
     from rich.progress import BarColumn, Progress, TextColumn
 
     console = screen(machine=True)
@@ -185,7 +185,7 @@ RULE = (
 
 
 def tree(found: "Findings", supported_s: float | None) -> dict[str, Any]:
-    """What was measured and what follows from it, as plain data."""
+    """Return the measurement and its conclusions as plain data."""
     return {
         "shortest_supported_s": supported_s,
         "rule": RULE,
@@ -219,7 +219,7 @@ def _spread(lateness: Distribution) -> dict[str, Any]:
 
 
 def print_report(found: "Findings", supported_s: float | None, console: "Console") -> None:
-    """Print it."""
+    """Print the report of a measurement."""
     from pincette.latency.rule import objections
 
     load = "under load" if found.loaded else "as it is"
@@ -257,12 +257,12 @@ def _cells(lateness: Distribution) -> list[str]:
 
 
 def scale() -> str:
-    """Head of the histograms: from 1 µs on, a column for a third of a decade."""
+    """Return the head of the histograms: from 1 µs on, one column for a third of a decade."""
     return f"{'1 µs':<{PER_DECADE * 3}}{'1 ms':<{PER_DECADE * 2}}"
 
 
 def bars(lateness: Distribution) -> str:
-    """A histogram in a line; each bar stands for the logarithm of a count."""
+    """Return a histogram in one line; each bar shows the logarithm of a count."""
     columns = [0] * (DECADES * PER_DECADE)
     for bucket, count in zip(lateness.buckets, lateness.counts, strict=True):
         end_s = first_ns(bucket + 1) / NS_PER_S
@@ -280,7 +280,7 @@ HEIGHT_IN = 4.6
 
 
 def plot(found: "Findings") -> bytes:
-    """Draw every period, the hops, and the limits of the rule for the shortest; a PNG."""
+    """Draw every period, the hops, and the limits of the rule for the shortest period, as a PNG."""
     from pincette.latency.rule import TAIL
     from pincette.plotting import FAINT, INK, label, legend, picture
 

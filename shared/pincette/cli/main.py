@@ -1,4 +1,4 @@
-"""Every command of ``pincette``; the module of one is imported when it is used."""
+"""All commands of ``pincette``; the module of a command is imported when it is used."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -84,11 +84,11 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "security": ("security", "certificates: who is who on the bus, and so what each may do there"),
     "run": ("plain_commands", "run one program of a rig in the foreground"),
 }
-"""Every command with its module and its meaning, in the order of the help."""
+"""Module and meaning of every command, in the order of the help."""
 
 
 class LazyGroup(Group):
-    """The top of the command line: it knows every command, and imports the one that is used."""
+    """Top of the command line: knows every command, and imports the one that is used."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -98,7 +98,7 @@ class LazyGroup(Group):
             self.add_command(Command(name, help=abouts[name], rich_markup_mode=None))
 
     def resolve_command(self, ctx: typer.Context, args: list[str]) -> Any:  # type: ignore[override]
-        """Find the command of a name, and import it."""
+        """Find the command with a name, and import it."""
         if args[0] not in self.commands and args[0] in plugins.names(plugins.JOB_KINDS):
             raise CliError(
                 f"no command {args[0]!r}: `pincette job {args[0]}` starts such a job", Exit.USAGE
@@ -108,7 +108,7 @@ class LazyGroup(Group):
 
 
 def load(name: str) -> Any:
-    """Import a command, which the ``app`` of its module holds."""
+    """Import a command, the ``app`` of its module."""
     if name in COMMANDS:
         module, about = COMMANDS[name]
         found = typer.main.get_group(import_module(f"pincette.cli.{module}").app).commands[name]
@@ -119,7 +119,7 @@ def load(name: str) -> Any:
 
 
 def added() -> list[str]:
-    """List the commands that other packages register."""
+    """Return the commands that other packages register."""
     return [name for name in plugins.names(plugins.COMMANDS) if name not in COMMANDS]
 
 
@@ -141,7 +141,7 @@ def _top(
 
 
 def application() -> TyperGroup:
-    """The whole command line."""
+    """Return the whole command line."""
     app = typer.Typer(
         cls=LazyGroup,
         help=ABOUT,
@@ -164,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(command: Any, given: Sequence[str], called: str) -> int:
-    """Run a command of Typer under the name it is called by; returns the exit status."""
+    """Run a command of Typer under the name by which it was called; returns the exit status."""
     return flushed(_run(command, given, called), Exit.FAILED)
 
 
@@ -183,7 +183,7 @@ def _run(command: Any, given: Sequence[str], called: str) -> int:
 
 
 def _misused(error: TyperException) -> int:
-    """Say what is wrong with the words of a command line, and where help is."""
+    """Print the error in the words of a command line, and where to find help."""
     context: Any = getattr(error, "ctx", None)
     place = "pincette" if context is None else str(context.command_path)
     close: Sequence[str] = getattr(error, "possibilities", None) or ()

@@ -89,7 +89,7 @@ def _decide(target: Target, name: str, decision: Literal["accept", "discard"]) -
 
 
 def show_proposal(proposal: Tree, console: "Console") -> None:
-    """Print a proposal beside what was in use."""
+    """Print a proposal beside the present values."""
     version = proposal["model_version"]
     of_model = "" if version is None else f", model {version}"
     console.print(f"{proposal['calibration']} {proposal['id']}: {proposal['state']}{of_model}")
@@ -119,7 +119,7 @@ def show_model(model: Tree, console: "Console") -> None:
 
 
 def _due(item: Tree) -> str:
-    """The day on which a quantity is to be calibrated again."""
+    """Return the day on which a quantity is to be calibrated again."""
     day = clock(item.get("due_at"))[:10]
     return f"[red]{day}, overdue[/red]" if item.get("overdue") else day
 
@@ -138,7 +138,7 @@ def value(text: str) -> tuple[list[str], Any]:
 
 
 def values(given: list[tuple[list[str], Any]]) -> dict[str, Any]:
-    """Members put into each other."""
+    """Return members as nested tables."""
     found: dict[str, Any] = {}
     for path, one in given:
         place = found

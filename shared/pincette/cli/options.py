@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 SHOWN_ITEMS = 20
-"""Length of the longest list that is shown in full."""
+"""Length of the longest list that is shown completely."""
 PREFIX = "request_"
 """Prefix of a field's name beside the other parameters of a command."""
 NOT_OPTIONS = ("kind", "autostart", "dry_run", "rig", "labels", "queue")
 
 
 ALL = "all"
-"""Word for everything that a command could name."""
+"""Word for all objects that a command could name."""
 DATA = Path("data")
 DataFolder = Annotated[
     Path, Option("--data", metavar="FOLDER", help="folder of records, logs and the journal")
@@ -42,12 +42,12 @@ AGO = {"d": "days", "h": "hours"}
 
 
 def moment(text: str) -> str:
-    """A time in UTC as REST takes it; a day is that of this place, from its midnight on."""
+    """Return a time in UTC as REST expects it; a date means its midnight in local time."""
     return moment_at(text, datetime.now().astimezone())
 
 
 def moment_at(text: str, now: datetime) -> str:
-    """The same, as seen from a time; raises BadParameter."""
+    """Return a time in UTC, seen from the time ``now``; raises BadParameter."""
     if text in DAYS:
         day = now.date() - timedelta(days=DAYS[text])
         found = datetime.combine(day, time()).astimezone()
@@ -65,14 +65,14 @@ def moment_at(text: str, now: datetime) -> str:
 def text_option(
     name: str, metavar: str, about: str, parser: Callable[[str], Any] | None = None
 ) -> Parameter:
-    """Return the parameter of an option whose value is a text, or what ``parser`` makes of it."""
+    """Return the parameter of an option whose value is a text, or is converted by ``parser``."""
     flag = f"--{name.replace('_', '-')}"
     option = Option(flag, metavar=metavar, help=about, parser=parser)
     return named(name, Annotated[str | None, option])
 
 
 def request_parameters(request: "type[BaseModel]", without: Sequence[str] = ()) -> list[Parameter]:
-    """Parameters of a command, from which Typer makes an option for each field of a request."""
+    """Return the parameters from which Typer makes an option for each field of a request."""
     return [
         named(PREFIX + name, _option(name, field))
         for name, field in request.model_fields.items()
@@ -81,7 +81,7 @@ def request_parameters(request: "type[BaseModel]", without: Sequence[str] = ()) 
 
 
 def given_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a request that were given on the command line."""
+    """Return the fields of a request that were given on the command line."""
     return {
         name.removeprefix(PREFIX): value
         for name, value in values.items()
@@ -109,7 +109,7 @@ def _stated(name: str, value: Any) -> str:
 
 
 def help_text(text: str) -> str:
-    """A sentence of a docstring as a help text."""
+    """Return a sentence of a docstring as a help text."""
     return (text[:1].lower() + text[1:]).replace("``", "`").rstrip(".")
 
 

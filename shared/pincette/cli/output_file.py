@@ -1,6 +1,6 @@
-"""Files that a person names for the output of a command, and CSV as spreadsheets read it.
+"""Files that a person names for the output of a command, and CSV for spreadsheets.
 
-Spreadsheets read UTF-8 with its mark, and the separators of a country.
+Spreadsheets expect UTF-8 with its byte order mark, and the separators of a country.
 """
 
 import csv
@@ -36,10 +36,10 @@ NOT_BOTH = "give --numbers or --spreadsheet, not both"
 
 
 def for_spreadsheet(content: bytes, separator: str) -> bytes:
-    """Return a CSV with the mark of UTF-8 and another separator between its cells.
+    """Return a CSV with a byte order mark and another separator between its cells.
 
-    With a semicolon, numbers have a decimal comma, as spreadsheets expect where a semicolon
-    separates. A line of comment becomes one cell.
+    With a semicolon, numbers get a decimal comma, as spreadsheets expect in countries that use the
+    semicolon. A comment line becomes one cell.
     """
     sign = SEPARATORS[separator]
     target = io.StringIO()
@@ -62,9 +62,9 @@ def _with_comma(cell: str) -> str:
 
 
 def write_output(path: Path, content: bytes) -> None:
-    """Write a file that is on the disk when this returns; raises CliError where it cannot be.
+    """Write a file and sync it to the disk; raises CliError if it cannot be written.
 
-    A link, a device or a pipe, such as ``/dev/stdout``, is written to as it is.
+    A link, a device or a pipe, such as ``/dev/stdout``, is not replaced but written to.
     """
     try:
         if path.is_symlink() or (path.exists() and not path.is_file()):

@@ -1,4 +1,4 @@
-"""Options of the commands that start without Typer, which takes longer than an emergency stop.
+"""Options of commands that start without Typer, which would take longer than an emergency stop.
 
 ``run`` and ``estop`` read their words with argparse. Typer shows and completes the same options.
 """
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Option(NamedTuple):
-    """One option of such a command."""
+    """One option of a command without Typer."""
 
     flag: str
     metavar: str
@@ -21,7 +21,7 @@ class Option(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name of the option's value in what ``read_options`` returns."""
+        """Name of the option's value in the result of ``read_options``."""
         return self.flag.removeprefix("--").replace("-", "_")
 
 
@@ -42,7 +42,7 @@ def parser_of(command: str, about: str, options: Sequence[Option]) -> argparse.A
 def read_options(
     parser: argparse.ArgumentParser, options: Sequence[Option], arguments: Sequence[str]
 ) -> argparse.Namespace:
-    """Read the words of a command; ends the process with status 2 where one is unknown."""
+    """Read the words of a command; ends the process with status 2 for an unknown word."""
     given, unknown = parser.parse_known_args(list(_with_values(options, arguments)))
     if unknown:
         close = difflib.get_close_matches(unknown[0], [one.flag for one in options])
@@ -52,7 +52,7 @@ def read_options(
 
 
 def _with_values(options: Sequence[Option], arguments: Sequence[str]) -> Iterator[str]:
-    """Yield words in which every value is joined to its option, since a value may begin with -."""
+    """Yield words with each value joined to its option, since a value may begin with -."""
     valued, words = {one.flag for one in options if one.metavar}, iter(arguments)
     for word in words:
         value = next(words, None) if word in valued else None

@@ -23,7 +23,7 @@ def _add(
     options: Sequence[Option],
     argument: Parameter | None = None,
 ) -> None:
-    """Add a command that hands its words to ``main``."""
+    """Add a command that passes its words to ``main``."""
 
     def call(**given: Any) -> int:
         words = [] if argument is None else [str(given[argument.name])]

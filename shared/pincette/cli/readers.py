@@ -14,11 +14,11 @@ from pincette.core import numerals
 from pincette.core.units import unit_of
 
 FROM_FILE = "@"
-"""Begins a value that names a file to read the value from."""
+"""First character of a value that names a file to read the value from."""
 
 
 def number(unit: str) -> Callable[[str], float]:
-    """Return a reader of a finite number in a unit; an empty unit stands for none."""
+    """Return a reader of a finite number in a unit; an empty unit means no unit."""
 
     def read(text: str) -> float:
         try:
@@ -43,7 +43,7 @@ def number_within(unit: str, least: float, most: float) -> Callable[[str], float
 
 
 def integer(text: str) -> int:
-    """Return a whole number; raises BadParameter."""
+    """Read a whole number; raises BadParameter."""
     try:
         return numerals.whole(str(text))
     except ValueError as error:
@@ -66,10 +66,10 @@ def choice(values: Sequence[str]) -> Callable[[str], str]:
 
 
 class Form:
-    """Form in which a person states the value of a field: a text, JSON, or NAME=VALUE,..."""
+    """Form in which a person writes the value of a field: a text, JSON, or NAME=VALUE,..."""
 
     def __init__(self, name: str, annotation: Any) -> None:
-        """``name``: name of the field, which ends with its unit."""
+        """Prepare the form of the field ``name``, which ends with its unit."""
         self.name, self.unit = name, unit_of(name)
         self.kinds = tuple(_kinds(annotation))
         self.choices: dict[str, Any] = {
@@ -85,7 +85,7 @@ class Form:
 
     @property
     def shape(self) -> str:
-        """What a value looks like, for a help text."""
+        """Return the form of a value for a help text."""
         if self.item is not None and self.item.models:
             return f"'{self.item.columns}; ...'|{FROM_FILE}FILE"
         if self.item is not None:
@@ -100,12 +100,12 @@ class Form:
 
     @property
     def columns(self) -> str:
-        """Units of the members of a record, as ``s:mN``."""
+        """Return the units of the members of a record, as ``s:mN``."""
         return ":".join(unit_of(name) for name in self.members)
 
     @property
     def members(self) -> dict[str, Any]:
-        """Annotations of the members of a table, by their names."""
+        """Return the annotations of the members of a table, by their names."""
         return {
             name: field.annotation
             for model in self.models
@@ -114,12 +114,12 @@ class Form:
 
     @property
     def is_open(self) -> bool:
-        """True where a table accepts members beyond the listed ones; they are numbers."""
+        """Return True if a table accepts additional members; they are numbers."""
         return any(model.model_config.get("extra") == "allow" for model in self.models)
 
     @property
     def example(self) -> str:
-        """Name of a member of a table."""
+        """Return the name of a member of a table."""
         return "NAME" if self.is_open else next(iter(self.members), "NAME")
 
     def read(self, text: str) -> Any:
@@ -214,9 +214,9 @@ def _from_file(path: str, names: Sequence[str]) -> list[dict[str, float]]:
 
 
 def literal(name: str, text: str) -> Any:
-    """Return the value that ``NAME=TEXT`` gives: JSON, else a text.
+    """Return the value of ``NAME=TEXT``: JSON if possible, otherwise a text.
 
-    Where the name ends with a unit, the value is a number, a list of numbers, or null.
+    If the name ends with a unit, the value is a number, a list of numbers, or null.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``pincette records``: download, delete and replay what jobs have recorded."""
+"""``pincette records``: downloads, deletes and replays records of jobs."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -125,7 +125,7 @@ def replay(
 
 
 def show_findings(path: Path, recording: "Recording", found: "list[Findings]") -> None:
-    """Print a table of services, and why one was not repeated."""
+    """Print a table of services, with the reason if one was not repeated."""
     console = screen()
     console.print(str(path), markup=False)
     names = ("service", "steps", "identical", "different", "first difference")

@@ -47,7 +47,7 @@ def show_plan(plan: "JobPlan", console: "Console") -> None:
 
 
 def predicted_lines(prediction: "Prediction") -> list[tuple[str, str]]:
-    """The course that the model in use predicts, and the nearest limits."""
+    """Return the motion that the present model predicts, and the nearest limits."""
     peaks = prediction.peaks
     lines = [
         ("predicted", f"{prediction.outcome} after {prediction.duration_s:.2f} s"),
@@ -111,7 +111,7 @@ def _or_dash(value: float | None, unit: str) -> str:
 
 
 def _law(law: "Law") -> list[tuple[str, str]]:
-    """Which law a job runs with, and how stable its loop is at the worst."""
+    """Return the law of a job, and the worst-case stability of its loop."""
     gains = ", ".join(f"{name} = {value:g}" for name, value in law.gains.items())
     radius, limit = law.spectral_radius, law.spectral_radius_limit
     return [
@@ -122,7 +122,7 @@ def _law(law: "Law") -> list[tuple[str, str]]:
 
 
 def _peak(law: "Law") -> list[tuple[str, str]]:
-    """The peak of sensitivity, where it is limited."""
+    """Return the peak of sensitivity as text, if it is limited."""
     peak, limit = law.sensitivity_peak, law.sensitivity_peak_limit
     if peak is None or limit is None:
         return []
@@ -130,7 +130,7 @@ def _peak(law: "Law") -> list[tuple[str, str]]:
 
 
 def _steady(errors: "SteadyErrors") -> list[tuple[str, str]]:
-    """Where the arm would rest if the part differed from the plan within its tolerances."""
+    """Return where the arm would rest if the part differed from the plan within its tolerances."""
     lowest_um, highest_um = errors.position_min_um, errors.position_max_um
     lowest_mN, highest_mN = errors.force_min_mN, errors.force_max_mN
     return [
@@ -154,7 +154,7 @@ Tree = dict[str, Any]
 
 
 def outcome(job: "Job") -> str:
-    """How a job's program ended; empty where it has no result."""
+    """Return how a job's program ended; empty if it has no result."""
     return str((job.result or {}).get("outcome", ""))
 
 
@@ -207,7 +207,7 @@ def show_result(
 
 
 def verdict_words(result: Tree) -> list[str]:
-    """Return the outcome, and what makes its figures certain or doubtful."""
+    """Return the outcome, and the reasons for confidence or doubt in its figures."""
     from pincette.api.results import confirmations
 
     outcome = str(result.get("outcome", "")).replace("_", " ")
@@ -215,7 +215,7 @@ def verdict_words(result: Tree) -> list[str]:
 
 
 def brief_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
-    """Return the main figures of a result; none where its kind names none, or is not installed."""
+    """Return the main figures of a result; none if its kind names none or is not installed."""
     from pincette.api.job_kinds import job_kinds
 
     known = job_kinds().get(kind)
@@ -223,7 +223,7 @@ def brief_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
 
 
 def quantity(value: Any, unit: str) -> str:
-    """A calibrated value with its unit; a table of numbers is only named."""
+    """Return a calibrated value with its unit; for a table of numbers, only its name."""
     if value is None:
         return "none"
     if isinstance(value, int | float):
@@ -232,14 +232,14 @@ def quantity(value: Any, unit: str) -> str:
 
 
 def measured(value: Tree) -> str:
-    """A calibrated value with its uncertainty."""
+    """Return a calibrated value with its uncertainty."""
     text = quantity(value["value"], value["unit"])
     uncertainty = value["uncertainty"]
     return text if uncertainty is None else f"{text} ± {uncertainty:.2g}"
 
 
 def _show_findings(result: Tree, name: str, console: "Console") -> None:
-    """Print what a calibration has found, and what to do with it."""
+    """Print the findings of a calibration, and how to continue with them."""
     lines = [(value["quantity"], measured(value)) for value in result["values"]]
     lines += [(one["name"], quantity(one["value"], one["unit"])) for one in result["figures"]]
     figures(lines, console)
@@ -251,7 +251,7 @@ def _show_findings(result: Tree, name: str, console: "Console") -> None:
 
 
 def result_lines(result: Tree, kind: str) -> list[tuple[str, str]]:
-    """The outcome, and the figures that the kind names; a kind that is not installed has none."""
+    """Return the outcome, and the figures named by the kind; none if the kind is not installed."""
     from pincette.api.job_kinds import job_kinds
 
     known = job_kinds().get(kind)
@@ -295,7 +295,7 @@ def _member(tree: Tree, path: str) -> Any:
 
 
 def record_lines(record: str | None) -> list[tuple[str, str]]:
-    """Where a job's record is, and its plot if the folder is on this machine."""
+    """Return the place of a job's record, and its plot if the folder is on this machine."""
     from pincette.api.job_kinds import job_kinds
 
     if not record:

@@ -1,4 +1,4 @@
-"""``pincette rigs``, ``queue`` and ``claim``: the state of rigs, jobs that wait, and claims."""
+"""``pincette rigs``, ``queue`` and ``claim``: state of rigs, waiting jobs, and claims."""
 
 import os
 import secrets
@@ -52,7 +52,7 @@ def show_rigs(
 
 
 def _show_rig(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
-    """Print a rig, its checks, who has claimed it, and the jobs that wait."""
+    """Print a rig, its checks, its claim, and its waiting jobs."""
     console.print(_rig_table([rig]))
     rows = [
         (one.name, mark(one), figure(one.value), figure(one.limit, one.unit), escape(one.words))
@@ -80,7 +80,7 @@ def _holder(rig: "Rig") -> tuple[str]:
 
 
 def _trusted(shown: str, certainty: "Certainty", age_s: float | None) -> str:
-    """What is told, with its age where it is believed."""
+    """Return a displayed value, marked as believed, with its age, if that is its certainty."""
     if certainty != "believed":
         return shown
     return f"{shown}, believed" if age_s is None else f"{shown}, believed ({age_s:.1f} s old)"
@@ -100,19 +100,19 @@ def timing_table(timing: "LoopTiming") -> "Rows":
 
 
 def milliseconds(duration_s: float | None) -> str:
-    """A duration in ms; to the µs."""
+    """Return a duration in ms, to 1 µs."""
     return "–" if duration_s is None else f"{1e3 * duration_s:.3f}"
 
 
 def mark(one: "Check") -> str:
-    """The verdict of a check: ok, fails, or a person should look."""
+    """Return the verdict of a check: ok, fails, or look."""
     if one.ok:
         return "[green]ok[/]"
     return "[red]fails[/]" if one.needed else "[yellow]look[/]"
 
 
 def figure(value: float | str | None, unit: str = "") -> str:
-    """A value with its unit, rounded."""
+    """Return a rounded value with its unit."""
     if value is None:
         return "–"
     if isinstance(value, str):
@@ -170,7 +170,7 @@ def _show_queue(handle: "RigHandle", rig: "Rig", console: "Console") -> None:
 
 
 def claimed(claim: "Claim | None") -> str:
-    """Return who has claimed a rig, for how long, and what for, as text."""
+    """Return, as text, who has claimed a rig, for how long, and for what purpose."""
     if claim is None:
         return "nobody has claimed the rig"
     more = f": {claim.note}" if claim.note else ""

@@ -1,4 +1,4 @@
-"""``pincette run``: one program of a rig in the foreground, without Typer, which starts slower."""
+"""``pincette run``: one program of a rig in the foreground, without Typer's slower start."""
 
 import argparse
 import difflib
@@ -42,16 +42,17 @@ OPTIONS = (
     Option("--delay-ms", "ms", "", hidden=True),
     Option("--delay-seed", "N", "", hidden=True),
 )
-"""``--exit-with-parent`` is for a parent program, ``--delay-…`` for tests."""
+"""Options of the command. ``--exit-with-parent`` is for a parent program, ``--delay-…`` for tests.
+"""
 
 
 def name_help() -> str:
-    """Meaning of NAME."""
+    """Return the meaning of NAME."""
     return f"{', '.join(programs())}; {COMPOSED}"
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run a program until it is told to stop; returns the exit status."""
+    """Run a program until it is ended by a signal; returns the exit status."""
     from pincette.engine.process import Options, run_program
 
     prepare_streams()
@@ -96,7 +97,7 @@ def _path(text: str | None) -> Path | None:
 
 
 def program_name(text: str) -> str:
-    """The usual name of a program; raises ValueError if there is no such program."""
+    """Return the usual name of a program; raises ValueError if there is no such program."""
     if text in programs():
         return text
     if SEPARATOR in text or text == LOOP_PROGRAM:

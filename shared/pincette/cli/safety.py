@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 RAMP_S, LOOK_S = 3.0, 0.05
-"""Time that a reset waits for an arm on its way to the safe voltage, and the interval of the
-checks."""
+"""Time that a reset waits for an arm on its way to the safe voltage, and interval of the checks, in
+s."""
 
 app = group()
 
@@ -32,7 +32,7 @@ def reset(target: Target) -> None:
 
 
 def cleared(rig: "RigHandle") -> "tuple[Stopped, str]":
-    """Clear the latch of a rig, once its arm has come to rest; the answer, and the cause."""
+    """Clear the latch of a rig once its arm has come to rest; return the reply and the cause."""
     deadline = monotonic() + RAMP_S
     state = rig.state()
     while state.latch.state == "ramping" and monotonic() < deadline:
@@ -104,7 +104,7 @@ def _show_alarms(found: "AlarmList") -> None:
 
 
 def state(one: "Alarm") -> str:
-    """What an alarm still waits for, or who has seen it."""
+    """Return what an open alarm still needs: an acknowledgement, or the end of its cause."""
     seen = f"seen by {one.acknowledged_by}" if one.acknowledged_at else "not acknowledged"
     ends = ENDS[one.clears] if one.cleared_at is None else ""
     return f"{seen}, {ends}" if ends else seen

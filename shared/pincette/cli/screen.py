@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 UNLIMITED = 10_000
-"""Width of what is no terminal, in characters."""
+"""Width of an output that is no terminal, in characters."""
 
 
 def broken_between_words(text: Text, console: Console, width: int) -> Text:
-    """Return a text with a line break wherever a line is full; a longer word stays whole."""
+    """Return a text with line breaks at full lines; a word longer than a line stays whole."""
     text.overflow = "ignore"
     return Text("\n").join(text.wrap(console, width))
 
@@ -22,11 +22,11 @@ class Screen(Console):
     """Console that breaks lines between words, and only in a terminal."""
 
     def __init__(self, file: IO[str]) -> None:
-        """``file``: where it writes to."""
+        """Create a console that writes to ``file``."""
         super().__init__(highlight=False, file=file, width=None if file.isatty() else UNLIMITED)
 
     def print(self, *objects: Any, **settings: Any) -> None:
-        """Print as Rich does, but leave a word whole that is longer than a line."""
+        """Print as Rich does, but keep words whole that are longer than a line."""
         shown: list[Any] = []
         for one in objects:
             text = (
@@ -39,10 +39,10 @@ class Screen(Console):
 
 
 class Rows(Table):
-    """Table without frame; where a line is too narrow for it, each row is printed as lines."""
+    """Table without frame; prints each row as lines if the terminal is too narrow."""
 
     def __init__(self, names: Sequence[str], right: Collection[str]) -> None:
-        """``right``: names of the columns that are flush right."""
+        """Create a table; ``right`` names the columns that are flush right."""
         super().__init__(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
         self._names, self._cells = tuple(names), list[tuple[str, ...]]()
         for name in names:

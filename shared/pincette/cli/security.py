@@ -29,7 +29,7 @@ IN_DATA = "pki"
 
 
 def _composed_program(text: str) -> str:
-    """A program that composes services of the loop, by its usual name."""
+    """Return a program that composes services of the loop, by its usual name."""
     try:
         return canonical_name(text)
     except ValueError as error:
@@ -74,7 +74,7 @@ app.add_typer(security_app)
 
 
 def _guarded(function: Function) -> Function:
-    """The function with a SecurityError turned into an error of the command."""
+    """Return the function with SecurityError turned into an error of the command."""
 
     @wraps(function)
     def call(*args: Any, **given: Any) -> int | None:
@@ -132,7 +132,7 @@ def add(
 @command(security_app, "upstream")
 @_guarded
 def upstream(path: Place, hosts: Hosts = None, days: Days = DAYS) -> None:
-    """Make a certificate of a laboratory server's router, which the rig's connects to."""
+    """Make a certificate of a laboratory server's router, which the rig's router connects to."""
     made = enrol_upstream(Folder(path), hosts or [], _now(), days)
     _print(
         "made",
@@ -205,7 +205,7 @@ def revoke(
 
 
 def _begin_list_anew(folder: Folder) -> None:
-    """Write an empty list of revoked certificates, unless there is one that is in order."""
+    """Write an empty list of revoked certificates, unless there is a valid one."""
     folder.authority()
     with suppress(SecurityError):
         raise CliError(
@@ -227,7 +227,7 @@ def show(path: Place, form: Json) -> int:
 
 
 def _restarts(who: Identity) -> str:
-    """What has to be started anew before a change in the list of people takes effect."""
+    """Return what must be restarted before a change in the list of people takes effect."""
     also = " and, while its rig is idle, each actuator" if who.role == OPERATOR else ""
     return f"restart the router{also}: programs read their access lists at the start"
 
@@ -237,7 +237,7 @@ def _print(done: str, who: tuple[Identity, ...], then: str) -> None:
 
 
 def show_certificates(folder: Folder, now: datetime, *, as_json: bool = False) -> int:
-    """Print them; the exit status is 1 where one has ended."""
+    """Print certificates; the exit status is 1 if one has expired."""
     found = [folder.authority(), *folder.all()]
     if as_json:
         emit([_tree(facts, now) for facts in found])
@@ -253,7 +253,7 @@ def show_certificates(folder: Folder, now: datetime, *, as_json: bool = False) -
 
 
 def _tree(facts: Facts, now: datetime) -> dict[str, Any]:
-    """One certificate as plain data."""
+    """Return one certificate as plain data."""
     return {
         "name": facts.identity.name,
         "role": facts.identity.role,
@@ -276,13 +276,16 @@ def _now() -> datetime:
 
 @contextmanager
 def temporary_certificates(rig: "RigFile") -> Generator[Path]:
-    """A folder of certificates that is gone afterwards."""
+    """Provide a folder of certificates that is deleted at the end of the block."""
     with temporary_folder() as folder:
         yield made_certificates(rig, folder)
 
 
 def made_certificates(rig: "RigFile", data: Path) -> Path:
-    """The folder of certificates beside the records; it is made, and a rig added, where missing."""
+    """Return the folder of certificates beside the records.
+
+    Create it, and add a rig, if missing.
+    """
     folder, now = Folder(data / IN_DATA), datetime.now(UTC)
     hosts = tuple(dict.fromkeys((rig.bus.host, rig.supervisor.host, *rig.supervisor.names)))
     name, composed = rig.rig.name, rig.rig.composed

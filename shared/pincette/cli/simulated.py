@@ -1,4 +1,4 @@
-"""``pincette rig``: events at a simulated rig."""
+"""``pincette rig``: events on a simulated rig."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +29,7 @@ A rig takes these commands if its file says `scripts = true` in [simulation].
 """
 
 NEGATIVES = {"ignore_unknown_options": True}
-"""A negative value begins as an option does."""
+"""Settings of commands that accept a negative value, which begins like an option."""
 
 
 def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
@@ -57,7 +57,7 @@ def send(rig: "RigFile", wanted: "SimCommand", words: list[str]) -> None:
 
 
 def read(words: list[str], after_s: float, for_s: float | None) -> "SimCommand":
-    """The command of some words; a target that knows one thing needs no name for it."""
+    """Return the command of some words; a target with only one operation needs no name for it."""
     from pincette.config.script import OPERATIONS, objection
     from pincette.core.messages import SimCommand
 
@@ -84,7 +84,7 @@ def _value(text: str) -> float:
 
 
 def operation_rows() -> list[tuple[str, str, str, str]]:
-    """Target, what, value and meaning of everything there is."""
+    """Return target, operation, value and meaning of all operations."""
     from pincette.config.script import OPERATIONS
 
     return [
@@ -95,7 +95,7 @@ def operation_rows() -> list[tuple[str, str, str, str]]:
 
 
 def value_text(operation: "Operation") -> str:
-    """What the value of a operation is, and its bounds; empty where it takes none."""
+    """Return the kind of value of an operation and its bounds; empty if it takes none."""
     if not operation.valued:
         return ""
     kept = "" if operation.default is None else f"; {operation.default:g} if not given"
@@ -103,7 +103,7 @@ def value_text(operation: "Operation") -> str:
 
 
 def listing() -> str:
-    """The table of everything there is, a line each."""
+    """Return the table of all operations, one a line."""
     table = operation_rows()
     widths = [max(len(row[column]) for row in table) for column in range(2)]
     lines = [

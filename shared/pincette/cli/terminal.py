@@ -1,4 +1,4 @@
-"""Commands of Typer, groups of options that they share, and what is printed."""
+"""Commands of Typer, groups of options that they share, and their output."""
 
 import inspect
 import json
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from pincette.cli.screen import Rows
 
 PATIENCE_S = 1.0
-"""Time after which a command says what it waits for."""
+"""Time after which a command prints what it is waiting for, in s."""
 LAST_OUTPUT_S = 1.0
-"""Limit of the wait for output at the end of a command that keeps a rig up."""
+"""Limit of the wait for output at the end of a command that keeps a rig up, in s."""
 LABEL_WIDTH = 19
-"""Least width of the names of figures."""
+"""Least width of the names of figures, in characters."""
 BELOW: Mapping[str, Any] = {
     "initial_indent": "  ",
     "subsequent_indent": "  ",
@@ -63,7 +63,7 @@ def screen(*, machine: bool = False) -> "Console":
 
 
 def fitted(text: str, stream: TextIO) -> str:
-    """Return a text whose lines are broken between words where a terminal is too narrow."""
+    """Return a text whose lines are broken between words if the terminal is too narrow."""
     if not stream.isatty():
         return text
     width = shutil.get_terminal_size().columns
@@ -83,7 +83,7 @@ def fitted(text: str, stream: TextIO) -> str:
 
 @contextmanager
 def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
-    """Console of a command that keeps a rig up, where output must neither fail nor block.
+    """Return the console of a command that keeps a rig up: output must neither fail nor block.
 
     Raises
     ------
@@ -109,9 +109,9 @@ def lasting_screen(*, machine: bool = False) -> "Generator[Console]":
 
 @contextmanager
 def patience(what: str) -> Generator[None]:
-    """Say on standard error what is waited for, from the second second on.
+    """Print on standard error what is waited for, from second two on.
 
-    On a terminal the line counts the seconds and goes away; elsewhere it comes once.
+    On a terminal the line counts the seconds and disappears; elsewhere it is printed once.
     """
     done, begun_s, lively = Event(), monotonic(), sys.stderr.isatty()
 
@@ -139,13 +139,13 @@ def patience(what: str) -> Generator[None]:
 
 
 def emit(value: Any) -> None:
-    """Print one JSON document, in one line."""
+    """Print one JSON document in one line."""
     sys.stdout.write(json.dumps(tree(value), ensure_ascii=False) + "\n")
     sys.stdout.flush()
 
 
 def tree(value: Any) -> Any:
-    """Models as plain data."""
+    """Return models as plain data."""
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if isinstance(value, list | tuple):
@@ -166,7 +166,7 @@ def table(
 
 
 def figures(lines: Sequence[tuple[str, str]], console: "Console") -> None:
-    """Print labels with their values; where a line is too narrow, the value is below its label."""
+    """Print labels with their values; if a line is too narrow, the value is below its label."""
     width = max([LABEL_WIDTH, *(len(label) for label, _ in lines)])
     for label, text in lines:
         line = f"{label:<{width}} {text}"
@@ -192,18 +192,21 @@ class Options:
     __slots__ = ()
 
     def guarded(self) -> AbstractContextManager[None]:
-        """What a command with this group runs in."""
+        """Return the context in which a command with this group runs."""
         return nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
 class Json(Options):
-    """For a command that can answer in JSON."""
+    """Option of commands that can print JSON."""
 
     json: Annotated[bool, typer.Option("--json", help="answer in JSON on standard output")] = False
 
     def answer(self, value: Any, show: "str | Rows | Callable[[], object]", none: str = "") -> None:
-        """Print a value as JSON, or show it to a person; ``none`` says that there is none."""
+        """Print a value as JSON, or show it to a person.
+
+        ``none`` is the text for an empty value.
+        """
         if self.json:
             emit(value)
         elif none and not value:
@@ -218,18 +221,18 @@ class Json(Options):
 
 @dataclass(frozen=True, slots=True)
 class RigOption(Options):
-    """For a command that reads a rig file."""
+    """Option of commands that read a rig file."""
 
     rig: Annotated[Path | None, typer.Option("--rig", metavar="FILE", help="rig file")] = None
 
     @property
     def path(self) -> Path:
-        """The rig file that is named, else that of the environment or the demo's."""
+        """Return the named rig file, else that of the environment or the demo's."""
         return chosen(self.rig)
 
 
 class _WithWholeHelp:
-    """A list of commands shows the whole help of this one, and wraps it."""
+    """Command whose whole help is shown and wrapped in a list of commands."""
 
     help: str | None
 
@@ -238,11 +241,11 @@ class _WithWholeHelp:
 
 
 class Command(_WithWholeHelp, TyperCommand):
-    """A command."""
+    """Command of Typer."""
 
 
 class Group(_WithWholeHelp, TyperGroup):
-    """Commands below a word; the word alone shows its help."""
+    """Group of commands below a word; the word without a command shows its help."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """Show the help on standard error if nothing is given."""
@@ -276,9 +279,9 @@ def group(name: str = "", about: str = "", kind: type[Group] = Group) -> typer.T
 
 
 def expanded(function: Function, more: Sequence[inspect.Parameter] = ()) -> Function:
-    """The function with every parameter that is a group replaced by the fields of the group.
+    """Return the function with each parameter that is a group replaced by the group's fields.
 
-    ``more`` are parameters that the function takes as keywords that it does not name.
+    ``more`` are parameters that the function accepts only as keywords.
     """
     hints = get_type_hints(function, include_extras=True)
     groups: dict[str, type[Any]] = {}
@@ -307,13 +310,13 @@ def expanded(function: Function, more: Sequence[inspect.Parameter] = ()) -> Func
 
 
 def named(name: str, annotation: Any, default: Any = None) -> inspect.Parameter:
-    """A parameter that is given by its name."""
+    """Return a parameter that is passed by name."""
     kind = inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(name, kind, default=default, annotation=annotation)
 
 
 def with_parameters(function: Function, parameters: Sequence[inspect.Parameter]) -> Function:
-    """The function with another signature, from which Typer makes its options."""
+    """Return the function with another signature, from which Typer makes its options."""
     function.__dict__["__signature__"] = inspect.Signature(parameters)
     function.__annotations__ = {one.name: one.annotation for one in parameters}
     return function

@@ -42,20 +42,21 @@ NewArm = Annotated[
 ]
 WATCH_S = 0.3
 FIRST_NEWS_S, NEWS_S = 10.0, 5.0
-"""Least time until the first line about a restarted program that does not serve; between two."""
+"""Least time in s until the first line about a restarted program that does not serve, and between
+two lines."""
 MEASURE_S = "3"
-"""Starting the programs that measure takes the rest of five seconds."""
+"""Duration of a measurement in s. Starting the programs that measure takes the rest of 5 s."""
 ENDINGS = (signal.SIGINT, signal.SIGTERM)
 IGNORED = (signal.SIGHUP, signal.SIGTTOU)
-"""Signals of a lost terminal and of output from the background. The rig stays up: to end it would
-let a held part go."""
+"""Signals of a lost terminal and of output from the background. The rig ignores them, since its end
+would release a held part."""
 
 
 app = group()
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
-    """Leave, once; what is ending already is not disturbed again."""
+    """Raise the exception that ends the command, once; an end in progress is not disturbed."""
     for number in ENDINGS:
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
@@ -71,7 +72,7 @@ def running(
     server: bool = False,
     log_format: "Form | None" = None,
 ) -> "Generator[Fleet]":
-    """A rig that is up, and that is down again afterwards whatever happened."""
+    """Keep a rig up within the block, and shut it down afterwards in any case."""
     from pincette.engine.fleet import Fleet, FleetError
     from pincette.engine.realtime.gc_tuning import return_free_memory
 
@@ -101,7 +102,7 @@ def running(
 
 
 def _print_status(console: "Console", member: "Child", colour: str, line: str) -> None:
-    """One line of status; in a terminal never more than one."""
+    """Print one line of status; in a terminal it replaces the previous one."""
     from rich.text import Text
 
     text = Text.assemble(
@@ -113,7 +114,7 @@ def _print_status(console: "Console", member: "Child", colour: str, line: str) -
 
 
 def _print(console: "Console", text: "str | Text") -> None:
-    """Print a line as it is, without markup: names and paths may contain brackets."""
+    """Print a line without markup, since names and paths may contain brackets."""
     console.print(text, markup=False)
 
 
@@ -152,7 +153,7 @@ def up(
         Option("--measure", help="measure the timing of this machine first, in 5 s; see `latency`"),
     ] = False,
 ) -> None:
-    """Start all programs, a line each; report what ends; end all on Ctrl-C."""
+    """Start all programs, one line each; report programs that end; end all on Ctrl-C."""
     path = rig.path
     file = opened(path)
     if new_arm:
@@ -184,8 +185,8 @@ def up(
 def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
     """Restart programs and rotate log files until a signal ends the rig.
 
-    An error of this work is shown and ends nothing, since the end of the rig would let a held part
-    go.
+    An error in this work is shown and ends nothing, since the end of the rig would release a held
+    part.
     """
     from rich.text import Text
 
@@ -216,19 +217,19 @@ def _watch(rig: "RigFile", fleet: "Fleet", console: "Console") -> None:
 
 
 class Restarts:
-    """Restarted programs of a rig: shows that they serve, or what they log while they do not."""
+    """Restarted programs of a rig: shows when they serve, or their log while they do not."""
 
     def __init__(self, fleet: "Fleet", clock: Callable[[], float] = monotonic) -> None:
         self._fleet, self._clock = fleet, clock
         self._serving = {name: one.process.pid for name, one in fleet.members.items()}
-        """Process of each program whose line has been shown."""
+        """Process id of each program whose line has been shown."""
         self._next_s: dict[int, float] = {}
-        """Earliest time of the next line about each process that does not serve yet."""
+        """Earliest time of the next line about each process that does not serve yet, in s."""
         self._shown: dict[int, str] = {}
-        """Line that was shown last about each of these processes."""
+        """Newest line that was shown about each of these processes."""
 
     def show(self, say: Callable[["Child", str, str], None]) -> None:
-        """Call ``say`` with a program, a colour and a line, where there is something new."""
+        """Call ``say`` with a program, a colour and a line for every change."""
         now_s = self._clock()
         for name, member in self._fleet.members.items():
             pid = member.process.pid
@@ -245,7 +246,7 @@ class Restarts:
 
 
 def machine_words(rig: "RigFile", data: Path) -> list[str]:
-    """What this machine keeps and what to change, or how that is measured; nothing is measured."""
+    """Return what this machine supports and what to change, or how to measure that."""
     from pincette.engine.measuring.kept import changes_of, how, kept, words
 
     known = kept(data)

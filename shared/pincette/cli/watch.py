@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 PASSING = ("progress", "dropped")
 ALARMING = ("alarm",)
 MAIN = {"action": "type", "alarm": "cause", "result": "outcome"}
-"""Member that says most, where it is not named as the kind is."""
+"""Member with the main content of an event, where its name differs from the kind."""
 POLL_S = 0.2
 BAR_WIDTH = 24
 WITH_BAR = 74
-"""Width of a terminal, in characters, in which the numbers leave room for the bar."""
+"""Terminal width in characters from which the numbers leave room for the bar."""
 
 app = group()
 
@@ -82,9 +82,9 @@ def watch(
 
 
 def _of_rigs(target: Target, after: int | None) -> "tuple[str, Iterator[Event]]":
-    """What the rigs do just now, since an idle one says nothing, and events as they come.
+    """Return the present state of the rigs, since idle ones send nothing, and later events.
 
-    They are those of the rig that is named, or of all; a supervisor must answer first.
+    The rigs are the named one, or all; a supervisor must answer first.
     """
     supervisor = target.supervisor()
     if target.rig_name is None:
@@ -98,7 +98,7 @@ def _of_rigs(target: Target, after: int | None) -> "tuple[str, Iterator[Event]]"
 
 
 def line(event: "Event") -> "Text":
-    """One event in one line: when, which job, what."""
+    """Format one event as a line: time, job, content."""
     from rich.text import Text
 
     body = event.body
@@ -112,7 +112,7 @@ def line(event: "Event") -> "Text":
 
 
 def words(kind: str, body: dict[str, Any]) -> str:
-    """What an event says: its main word first, then the rest that is not empty."""
+    """Return the words of an event: its main word first, then the other non-empty members."""
     main = MAIN.get(kind, kind)
     if kind == "alarm" and "alarm" in body:
         return alarm_words(body)
@@ -126,7 +126,7 @@ def words(kind: str, body: dict[str, Any]) -> str:
 
 
 def alarm_words(body: dict[str, Any]) -> str:
-    """What has become of an alarm, in the words that the alarm log has for it."""
+    """Return the state of an alarm, in the words of the alarm log."""
     about: dict[str, Any] = body["alarm"]
     by = f" by {body['by']}" if body.get("by") and body["did"] == "acknowledged" else ""
     came = f", {about['count']} times" if about.get("count", 1) > 1 else ""
@@ -141,7 +141,7 @@ def _member(name: str, value: object) -> str:
 
 
 def followed(job: "JobHandle", *, machine: bool, everything: bool = False) -> int:
-    """Follow a job to its end, and show its result; the exit status says whether it succeeded."""
+    """Follow a job to its end, and show its result; the exit status shows whether it succeeded."""
     console = screen(machine=machine)
     try:
         follow_recorded(job, console)
@@ -168,7 +168,7 @@ def follow_recorded(job: "JobHandle", console: "Console") -> "Job":
 
 
 def status_of(job: "Job") -> Exit:
-    """The exit status of a job that was followed."""
+    """Return the exit status for a job that was followed."""
     if job.state != "succeeded":
         return Exit.FAILED
     goal = (job.result or {}).get("goal")
@@ -176,9 +176,9 @@ def status_of(job: "Job") -> Exit:
 
 
 def follow(job: "JobHandle", console: "Console") -> "Job":
-    """Show a job's progress until it has ended, and return it as it is then.
+    """Show a job's progress until it has ended, and return its final state.
 
-    Where it waits for a person, a terminal asks for the return key and then goes on.
+    If the job waits for a person, a terminal asks for the return key and then continues.
     """
     show = _Bar(console) if console.is_terminal else _Lines(console)
     asked = ""
@@ -198,7 +198,7 @@ def follow(job: "JobHandle", console: "Console") -> "Job":
 
 
 class _Bar(AbstractContextManager[None]):
-    """One line that is drawn again and again."""
+    """Progress in one line that is redrawn."""
 
     def __init__(self, console: "Console") -> None:
         from rich.progress import BarColumn, TextColumn
@@ -239,7 +239,7 @@ class _Bar(AbstractContextManager[None]):
         )
 
     def ask(self, name: str, instruction: str) -> bool:
-        """Ask for the return key; false where nobody can press it."""
+        """Ask for the return key; returns False if there is no terminal to press it at."""
         if not sys.stdin.isatty():
             self._progress.console.print(_order(name, instruction), markup=False)
             return False
@@ -250,7 +250,7 @@ class _Bar(AbstractContextManager[None]):
 
 
 class _Lines(AbstractContextManager[None]):
-    """A line for each phase, for a file or a pipe."""
+    """Progress in a line for each phase, for a file or a pipe."""
 
     def __init__(self, console: "Console") -> None:
         self._console = console
@@ -269,7 +269,7 @@ class _Lines(AbstractContextManager[None]):
         self._console.print(line.rstrip(), markup=False)
 
     def ask(self, name: str, instruction: str) -> bool:
-        """Say what is waited for, and how to go on."""
+        """Print what the job waits for, and how to continue."""
         self._console.print(_order(name, instruction), markup=False)
         return False
 
@@ -279,14 +279,14 @@ def _order(name: str, instruction: str) -> str:
 
 
 def phase_of(job: "Job", live: "Progress | None") -> str:
-    """The phase of a job that runs, else its state."""
+    """Return the phase of a running job, otherwise its state."""
     if job.state != "running" or live is None:
         return job.state
     return live.phase or job.state
 
 
 def newest(live: "Progress | None") -> str:
-    """Newest position and force, of constant width."""
+    """Return newest position and force, of constant width."""
     if live is None or live.x_um is None:
         return ""
     force = " " * 9 if live.force_mN is None else f"{live.force_mN:6.2f} mN"
@@ -294,10 +294,10 @@ def newest(live: "Progress | None") -> str:
 
 
 def share(elapsed_s: float, planned_s: float | None) -> str:
-    """How much of the planned time has passed."""
+    """Return the elapsed share of the planned time, as text."""
     return f"{min(1.0, elapsed_s / planned_s):.0%}" if planned_s else ""
 
 
 def left(elapsed_s: float, planned_s: float | None) -> str:
-    """What is left of the planned time."""
+    """Return the remaining planned time, as text."""
     return f"{max(0.0, planned_s - elapsed_s):4.1f} s left" if planned_s else ""

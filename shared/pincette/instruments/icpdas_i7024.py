@@ -33,9 +33,9 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has been tested with its instrument."""
+"""True if this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB1"
-"""Usual address of the instrument."""
+"""Typical url of the instrument."""
 LIMIT_V = 10.0
 STEP_V = 20.0 / 2**14
 """Voltage step of 14 bits over ±10 V; commands in whole mV can name each step."""
@@ -53,14 +53,14 @@ class I7024Options(Table):
     channel: int = Field(default=0, ge=0, le=3)
     """Channel of the module, counted from 0."""
     checksum: bool = False
-    """Whether lines end with a checksum, as the module is set."""
+    """True if lines end with a checksum; must agree with the setting of the module."""
     baud: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200] = 115200
     """Baud rate of the serial line."""
     watchdog_s: float = Field(default=0.5, ge=0.0, le=LONGEST_WATCHDOG_S, multiple_of=0.1)
-    """Time of the host watchdog; 0 leaves the watchdog alone."""
+    """Time limit of the host watchdog, in s; 0 leaves the watchdog unchanged."""
 
     def module(self, link: Link) -> DconModule:
-        """Return the module that these options describe, on a line."""
+        """Return the module with these options on a line."""
         return DconModule(link, self.address, self.channel, checksum=self.checksum)
 
 
@@ -101,7 +101,7 @@ class I7024:
         self._watchdog.learn(None)
 
     def read_V(self) -> float:
-        """Return the voltage that the channel applies now.
+        """Return the present output voltage of the channel in V.
 
         Raises
         ------
@@ -115,9 +115,9 @@ class I7024:
         self._watchdog.feed()
 
     def clear_trip(self) -> None:
-        """Let the module obey again after its watchdog has tripped; moves nothing.
+        """Let the module accept commands again after its watchdog has tripped; moves nothing.
 
-        For a person's reset alone: earlier commands are outdated, so begin from ``read_V``.
+        Only for a reset by a person: earlier commands are outdated, so begin from ``read_V``.
         """
         self._watchdog.clear()
 
@@ -132,9 +132,9 @@ class I7024:
 
 
 def timing(settings: Output) -> Timing:
-    """Time of one write on the line, heartbeat and checksums included, and the output's response.
+    """Return the time of one write with heartbeat and checksums, and the response of the output.
 
-    Bytes at ten bits each over the baud rate; the response is that of the manual, to 5 %.
+    Each byte takes ten bits at the baud rate; the response is the value of the manual, to 5 %.
 
     Raises
     ------

@@ -32,13 +32,14 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has been tested with its instrument."""
+"""True if this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB0"
-"""Usual address of the instrument."""
+"""Typical url of the instrument."""
 MODE_CHANGE_S = 1.0
 VALUE = re.compile(rb"[+-](?=.{7}$)\d+(?:\.(\d*))?")
 COARSEST_UM, FINEST_UM = 0.1, 0.001
-"""Limits of one step of the display. Coarser ones hide the motion; no display is finer."""
+"""Limits of one step of the display, in µm. Coarser steps hide the motion; no display has finer
+ones."""
 UM_PER_UNIT = {"um": 1.0, "mm": 1000.0}
 UNITS = {"um": "µm", "mm": "mm"}
 MEANINGS = (
@@ -57,7 +58,7 @@ ERRORS = {
 """Meanings of the error codes of the LK-G3000 and the LK-G5000."""
 REQUEST = "MS,{output:02d}"
 SEVERAL = "MM,{mask}"
-"""Command that reads the outputs whose digit in the mask is 1; the answer repeats the mask."""
+"""Command that reads the outputs whose digit in the mask is 1. The answer repeats the mask."""
 OUTPUTS = 12
 LONGEST_REPLY = "MS,01,+0000.00"
 
@@ -70,7 +71,7 @@ class KeyenceOptions(Table):
     output: int = Field(default=1, ge=1, le=12)
     """Output of the controller, counted from 1."""
     unit: Literal["um", "mm"] = "um"
-    """Unit of its display."""
+    """Unit of the display of the output."""
     baud: Literal[9600, 19200, 38400, 57600, 115200] = 115200
     """Baud rate of the serial line."""
 
@@ -110,7 +111,7 @@ class KeyenceLKG:
         raise InstrumentError(f"Keyence: {value[:40]!r} is not a value of 8 characters", "garbled")
 
     def check_display(self) -> None:
-        """Compare unit and step of the display with the rig file, if there is a value to see.
+        """Compare unit and step of the display with the rig file, if the display shows a value.
 
         Raises
         ------
@@ -168,7 +169,7 @@ def _refusal(request: bytes, reply: bytes) -> InstrumentError:
 
 
 def solicited(line: bytes) -> bool:
-    """Return whether a line can be an answer."""
+    """Return whether a line can be an answer to a request."""
     return not line.startswith(b"TG,")
 
 
@@ -197,8 +198,8 @@ def timing(settings: Sensor) -> Timing:
 def open_sensor(settings: Sensor, link: Link | None = None) -> KeyenceLKG:
     """Open the port, or use ``link``, start the measuring mode, and check the display.
 
-    A port that is opened again later finds the instrument in measuring mode, or requests it, and
-    the following exchanges allow for the time that this takes.
+    When a lost port is opened again, the instrument may already be in measuring mode; otherwise the
+    mode is requested, and the next exchanges allow for the time that the change takes.
 
     Raises
     ------
@@ -237,13 +238,13 @@ def _request(options: KeyenceOptions) -> bytes:
 
 
 def _several(options: KeyenceOptions) -> bytes:
-    """Return the request that reads the same output by another command."""
+    """Return the request that reads the same output by the command for several outputs."""
     mask = "".join("01"[number == options.output] for number in range(1, OUTPUTS + 1))
     return SEVERAL.format(mask=mask).encode()
 
 
 def _change_to_measuring(link: Link) -> bool:
-    """Request the measuring mode; return whether the instrument has to change to it."""
+    """Request the measuring mode; return True if the instrument had another mode before."""
     reply = link.exchange(b"R0")
     if reply not in (b"R0", b"ER,R0,01"):
         raise _refusal(b"R0", reply)

@@ -1,4 +1,4 @@
-"""The line to a real instrument: a serial port, a socket in its place, or a recording.
+"""Line to a real instrument: a serial port, a socket in its place, or a recording.
 
 The only file that imports serial. Where the port has a descriptor it never blocks
 (``timeout=0``) and the wait is a select, so that an answer is taken as it arrives, in as few calls
@@ -43,11 +43,12 @@ __all__ = ["LONGEST_FRAME", "RETRY_S", "exchange_s", "open_link"]
 
 QUIET_BYTES = 3
 QUIET_S, QUIET_SHARE = 0.001, 0.5
-"""Quiet time after a failed exchange, and its limit as a share of the timeout."""
+"""Silence in s that is required after a failed exchange, and its limit as a share of the timeout.
+"""
 READ_SIZE = 4096
 UNSENT_PERIODS, LEAST_UNSENT_S = 4.0, 1.0
-"""Timeouts of an exchange, and seconds at least, after which a connection whose other end confirms
-no byte is given up by the system."""
+"""Number of exchange timeouts, and least number of seconds, after which the system closes a
+connection whose other end confirms no byte."""
 REMEDIES = {
     errno.ECONNREFUSED: (
         "connection refused; is the instrument switched on, does the device server listen at this "
@@ -70,12 +71,12 @@ REMEDIES = {
         "device itself in /dev, not on a network share or a file system without locks",
     ),
 }
-"""Reason and remedy of a port that does not open, by the system's error number."""
+"""Reason and remedy of a port that cannot be opened, by the system's error number."""
 
 NO_DEVICE = re.compile(r"(?:(?:tcp|telnet|raw|tls|http)://|socket:/?)?([^/:]+:[0-9]+)$")
-"""A TCP port written without its scheme, or with an unknown one."""
+"""Pattern of a TCP port written without its scheme, or with an unknown one."""
 LINK_LOCAL = "socket://[fe80:"
-"""Begin of the url of a link-local IPv6 address (RFC 4291)."""
+"""Start of the url of a link-local IPv6 address (RFC 4291)."""
 
 _log = logging.getLogger(__name__)
 
@@ -175,23 +176,23 @@ def _opened(
 
 
 def exchange_s(count: int, baud: int) -> float:
-    """Return the time that ``count`` bytes take at ten bits each: start, eight of data, stop."""
+    """Return the time of ``count`` bytes in s, at ten bits each: start, eight data bits, stop."""
     return count * BITS_PER_BYTE / baud
 
 
 @dataclass(slots=True)
 class _Address:
-    """Address at which a host was reached first; None before.
+    """Address at which a host was first reached; None before that.
 
-    A port that is opened again is looked for there, since a name server that does not answer would
-    keep the loop waiting for seconds.
+    A lost port is opened again at this address, since a name server that does not answer would
+    block the loop for seconds.
     """
 
     found: tuple[str, int] | None = None
 
 
 def _open_port(url: str, baud: int, timeout_s: float, where: _Address, within_s: float) -> Port:
-    """Open a port for this program alone, a socket within ``within_s``; raises InstrumentError."""
+    """Open a port exclusively, a socket within ``within_s``; raises InstrumentError."""
     if url.startswith("rfc2217://"):
         raise InstrumentError(f"{url}: {NO_RFC2217}", "cannot_open")
     try:
@@ -257,10 +258,10 @@ class _AnyPort(Protocol):
 
 
 class _SerialPort:
-    """A port of pyserial whose errors are of one kind."""
+    """Port of pyserial whose errors are reduced to OSError and TimeoutError."""
 
     def __init__(self, port: _AnyPort, timeout_s: float, held: ExitStack) -> None:
-        """Take the port over, and ``held``, which closes it and frees its locks."""
+        """Take over the port, and ``held``, which closes it and frees its locks."""
         self._port = port
         try:
             self._descriptor = port.fileno()
@@ -288,10 +289,10 @@ class _SerialPort:
 
 @contextmanager
 def _of_one_kind() -> Generator[None]:
-    """Raise OSError, or TimeoutError for a write, for all that pyserial 3.5 raises.
+    """Raise OSError, or TimeoutError for a write, for every error that pyserial 3.5 raises.
 
-    A lost port may be a termios.error, which is no OSError; one that has been closed is a
-    TypeError, from its descriptor.
+    A lost port may raise a termios.error, which is no OSError; a closed one raises a TypeError from
+    its descriptor.
     """
     try:
         yield
@@ -302,7 +303,7 @@ def _of_one_kind() -> Generator[None]:
 
 
 def _host_and_port(url: str) -> tuple[str, int]:
-    """Return host and port of a url; raises ValueError where it names none."""
+    """Return host and port of a url; raises ValueError if it does not contain them."""
     parts = urlsplit(url)
     if not parts.hostname or not parts.port:
         raise ValueError("wanted socket://HOST:PORT with a port from 1 to 65535")
@@ -310,16 +311,16 @@ def _host_and_port(url: str) -> tuple[str, int]:
 
 
 def _address_of(connected: socket.socket) -> str:
-    """Return the numeric address, with the zone of a link-local one, of a socket's other end."""
+    """Return the numeric address of a socket's other end, with the zone if it is link-local."""
     return socket.getnameinfo(connected.getpeername(), socket.NI_NUMERICHOST)[0]
 
 
 class _SocketPort:
-    """A TCP connection that sends each write at once, locked against other programs of this host.
+    """TCP connection that sends each write at once, locked against other programs of this host.
 
-    It replaces pyserial's own, which waits 5 s for a host that does not answer and 0.3 s at each
-    close. ``timeout_s`` bounds the connection. The first one also resolves the host's name, which
-    is not bounded.
+    It replaces pyserial's own class, which waits 5 s for a host that does not answer and 0.3 s at
+    each close. ``timeout_s`` bounds the connection. The first connection also resolves the host's
+    name, which is not bounded.
 
     Raises
     ------
@@ -347,11 +348,11 @@ class _SocketPort:
         where.found = found
 
     def write(self, data: bytes) -> None:
-        """Send all of it; raises TimeoutError where the other end does not read."""
+        """Send all bytes; raises TimeoutError if the other end does not read."""
         self._socket.sendall(data)
 
     def receive(self, wait_s: float) -> bytes:
-        """Return what has arrived, waiting for the first byte; empty if none came."""
+        """Return the bytes that have arrived, waiting for the first one; empty if none came."""
         # A device server may forward byte by byte, and wait for each to be acknowledged (Nagle);
         # an acknowledgement is delayed by 40 ms otherwise. Linux takes the option back by itself.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)

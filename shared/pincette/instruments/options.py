@@ -1,4 +1,4 @@
-"""Options of a driver from the rig file; unknown and impossible ones are refused."""
+"""Options of a driver from the rig file; unknown options and impossible values are rejected."""
 
 from collections.abc import Mapping
 from typing import TypeVar

@@ -17,10 +17,13 @@ ErrorCode = Literal[
     "tripped",
     "misused",
 ]
-"""Kind of failure of a port or an instrument: the port cannot be opened.
+"""Kind of failure of a port or an instrument.
 
-It was open and is lost; no answer came in time; answers come too late; the bytes are no answer; the
-instrument refuses; the reading is beyond the range; it is no reading.
+``cannot_open``: the port cannot be opened; ``hung_up``: it was open and is lost; ``silent``: no
+answer came in time; ``late``: answers come too late; ``garbled``: the bytes are no answer;
+``refused``: the instrument refuses; ``out_of_range``: the reading is beyond the range; ``invalid``:
+it is no reading; ``tripped``: the host watchdog has tripped; ``misused``: a call is not possible in
+the present state.
 """
 
 
@@ -33,7 +36,7 @@ class InstrumentError(Exception):
 
 
 class Link(Protocol):
-    """A line to an instrument: one request, one answer, both without their terminator."""
+    """Line to an instrument: one request, one answer, both without their terminator."""
 
     def exchange(self, request: bytes) -> bytes:
         """Send a request and return the answer; raises InstrumentError."""
@@ -61,7 +64,7 @@ class PositionSensor(Protocol):
 
 
 class Block(NamedTuple):
-    """Samples of a buffered acquisition, one each 1/rate: position and measured drive."""
+    """Samples of a buffered acquisition at intervals of 1/rate: position and measured drive."""
 
     x_um: tuple[float, ...]
     drive_V: tuple[float, ...]
@@ -69,7 +72,7 @@ class Block(NamedTuple):
 
 @runtime_checkable
 class BufferedSensor(PositionSensor, Protocol):
-    """A position sensor with its own clock that loses no sample while the loop is late."""
+    """Position sensor with its own clock, which loses no sample while the control loop is late."""
 
     def begin_capture(self, rate_hz: float) -> None:
         """Begin an acquisition at ``rate_hz``; raises InstrumentError if it is not possible."""
@@ -85,7 +88,7 @@ class BufferedSensor(PositionSensor, Protocol):
 
 
 class VoltageOutput(Protocol):
-    """A voltage output that drives the amplifier."""
+    """Voltage output that drives the amplifier."""
 
     def write_V(self, voltage_V: float) -> None:
         """Apply a voltage; returns when the instrument has accepted it.
@@ -98,7 +101,7 @@ class VoltageOutput(Protocol):
         ...
 
     def read_V(self) -> float:
-        """Return the present output voltage; moves nothing, raises InstrumentError."""
+        """Return the present output voltage in V; moves nothing, raises InstrumentError."""
         ...
 
     def close(self) -> None:
@@ -108,20 +111,20 @@ class VoltageOutput(Protocol):
 
 @runtime_checkable
 class WaveOutput(VoltageOutput, Protocol):
-    """A voltage output that plays a wave from its own buffer; ``write_V`` ends it at once."""
+    """Voltage output that plays a waveform from its own buffer; ``write_V`` ends it at once."""
 
     def begin_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Apply one voltage each 1/rate; the last one stays. Raises InstrumentError."""
         ...
 
     def look(self) -> None:
-        """Raise InstrumentError if the wave has been interrupted."""
+        """Raise InstrumentError if the waveform has been interrupted."""
         ...
 
 
 @runtime_checkable
 class PartsOutput(VoltageOutput, Protocol):
-    """A voltage output that writes a step in parts by its own clock."""
+    """Voltage output that writes a control step in parts, timed by its own clock."""
 
     def write_parts(self, voltages_V: Sequence[float], interval_s: float) -> None:
         """Apply one voltage each ``interval_s``, the first at once; the last one stays.
@@ -134,36 +137,39 @@ class PartsOutput(VoltageOutput, Protocol):
 
 @runtime_checkable
 class WatchedOutput(VoltageOutput, Protocol):
-    """A voltage output that goes to a safe value by itself if its host becomes silent."""
+    """Voltage output that goes to a safe value on its own if its host becomes silent."""
 
     def keep_alive(self) -> None:
         """Send the heartbeat of the host; raises InstrumentError."""
         ...
 
     def clear_trip(self) -> None:
-        """Release the instrument from its safe value, if it is there; raises InstrumentError."""
+        """Release the instrument from its safe value if it has gone there.
+
+        Raises InstrumentError.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Time that an instrument needs in a control period, from the settings of its line alone."""
+    """Time that an instrument needs in a control period, from the settings of its line only."""
 
     exchange_s: float
-    """Time of request and answer on the line."""
+    """Time of request and answer on the line, in s."""
     response_s: float = 0.0
-    """Time from the command to the voltage, or from the position to the reading."""
+    """Time from the command to the voltage, or from the position to the reading, in s."""
     buffered_hz: float | None = None
-    """Highest rate of a buffered acquisition or output; None if there is none."""
+    """Highest rate of a buffered acquisition or output, in Hz; None if there is none."""
     note: str = ""
-    """Assumptions, in words."""
+    """Assumptions behind these times, as text."""
     lets_go_s: float | None = None
-    """For an output: shortest time after the last heartbeat at which it goes to its safe value by
-    itself; None if no watchdog is known."""
+    """Shortest time in s after the last heartbeat at which an output goes to its safe value on its
+    own; None if no watchdog is known."""
 
     @property
     def bandwidth_hz(self) -> float:
-        """Return the highest frequency that can be identified: a quarter of the instrument's rate.
+        """Return the highest identifiable frequency in Hz: a quarter of the instrument's rate.
 
         A first-order response that settles to 5 % in ``response_s`` = 3 τ adds 1/(2π τ).
         """

@@ -28,9 +28,9 @@ from pincette.instruments.options import read_options
 from pincette.instruments.protocols import InstrumentError, Link, Timing
 
 MET = False
-"""Whether this driver has been tested with its instrument."""
+"""True if this driver has been tested with its instrument."""
 URL = "/dev/ttyUSB1"
-"""Usual address of the instrument."""
+"""Typical url of the instrument."""
 VALUE = re.compile(rb"[+-]?\d{1,3}(\.\d{1,9})?(E[+-]?\d{1,2})?")
 CODE = re.compile(rb"\d{1,3}")
 SETTING = b"VOLT %.6f"
@@ -42,14 +42,14 @@ ANSWERS = {
     b"LEXE": CODE.pattern,
     b"LCME": CODE.pattern,
 }
-"""Pattern of the answer to a query; other commands are answered by a token."""
+"""Pattern of the answer to a query; the answer to another command is a token."""
 PROBES = (b"*IDN?", b"VOLT?;RNGE?;SOUT?;OVLD?")
 """Queries whose answers differ from all others: the only one with commas, the only one of four
 words."""
 RANGES = {1: b"RANGE1", 10: b"RANGE10", 100: b"RANGE100"}
 SWITCH = (b"OFF", b"ON")
 LOAD = (b"OKAY", b"OVLD")
-"""Tokens in the order of their numbers. The instrument sends either, depending on TOKN."""
+"""Tokens in the order of their numbers. The instrument sends token or number, depending on TOKN."""
 EXECUTION_ERRORS = {
     1: "illegal value",
     2: "wrong token",
@@ -81,13 +81,13 @@ class DC205Options(Table):
     """Options: range of the output, and baud rate."""
 
     range_V: Literal[1, 10, 100] = 10
-    """Range of the output, in both directions."""
+    """Range of the output, in V, in both directions."""
     baud: Literal[9600, 115200] = 115200
     """Baud rate of the serial line."""
 
 
 class DC205:
-    """The source; its output is off until the first write, unless it is on already."""
+    """DC205 source. Its output stays off until the first write, unless it was on already."""
 
     def __init__(
         self, options: DC205Options, connect: Callable[[Callable[[Link], None]], Link]
@@ -132,7 +132,7 @@ class DC205:
             raise InstrumentError(text, "refused")
 
     def read_V(self) -> float:
-        """Return the voltage that the source holds at its output; 0.0 while it is off.
+        """Return the output voltage of the source in V; 0.0 while its output is off.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class DC205:
     def _prepare(self, _link: Link) -> None:
         """Read name and state, clear earlier errors, set the range; moves nothing.
 
-        If an output that was on is found off, as after a loss of its supply, it is not switched on
+        An output that was on and is found off, for example after a power loss, is not switched on
         again: each write reports it.
         """
         (name,) = self._ask(b"TERM LF;*IDN?", 1)
@@ -200,7 +200,7 @@ def _answers_to(queries: tuple[bytes, ...]) -> re.Pattern[bytes]:
 
 
 def _check(what: str, errors: list[bytes]) -> None:
-    """Raise an error unless both numbers are 0: the last execution and the last command error."""
+    """Raise an error unless both numbers are 0: last execution error and last command error."""
     for kind, word, meanings in zip(
         ("execution", "command"), errors, (EXECUTION_ERRORS, COMMAND_ERRORS), strict=True
     ):
@@ -214,7 +214,7 @@ def _check(what: str, errors: list[bytes]) -> None:
 
 
 def _token(word: bytes, tokens: tuple[bytes, ...]) -> int:
-    """Return the number of a token, which is sent as its name or as its number."""
+    """Return the number of a token, which the source sends as a name or as a number."""
     for number, token in enumerate(tokens):
         if word in (token, b"%d" % number):
             return number
@@ -229,7 +229,7 @@ def _voltage_V(word: bytes) -> float:
 
 
 def timing(settings: Output) -> Timing:
-    """Time of one write on the line: the longest, with its answer, ten bits a byte over the rate.
+    """Return the time of the longest write with its answer, at ten bits a byte.
 
     Raises
     ------
@@ -245,8 +245,8 @@ def timing(settings: Output) -> Timing:
 def open_output(settings: Output, link: Link | None = None) -> DC205:
     """Open the port, or use ``link``, and check that the source answers; moves nothing.
 
-    While the output is off the range is set, and the voltage with it to 0 V. An output that is on
-    is left as it is.
+    If the output is off, the range is set, which also sets the voltage to 0 V. An output that is on
+    is left unchanged.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Backup file of a data folder; restoring checks it completely before any of it is kept."""
+"""Backup file of a data folder. A restore checks the backup completely before it keeps any file."""
 
 import gzip
 import hashlib
@@ -28,22 +28,23 @@ JOURNAL, KEYS, MODELS, RECORDS, JOINED = (
 )
 MANIFEST = "backup.json"
 PRIVATE = 0o600
-"""Mode of journal and keys, which only their owner may read."""
+"""File mode of journal and keys, which only their owner may read."""
 OWNED = 0o700
-"""Mode of the folders of restored data."""
+"""File mode of the folders of restored data."""
 CHUNK = 2**20
-"""Number of bytes in memory at once."""
+"""Largest number of bytes that are in memory at once."""
 MOST_FILES = 500_000
 MOST_MANIFEST = 128 * 2**20
 """Size of the largest list of digests that is read, in bytes."""
 RATIO, ALWAYS = 200, 64 * 2**20
-"""A backup unpacks to at most ``RATIO`` times its own size and ``ALWAYS`` bytes: more is a bomb."""
+"""A backup unpacks to at most ``RATIO`` times its own size plus ``ALWAYS`` bytes; a larger one is
+rejected as a decompression bomb."""
 DAMAGED = (OSError, EOFError, tarfile.TarError, ZlibError, ValueError, KeyError, RecursionError)
 """Errors that a damaged or crafted file raises when it is read."""
 
 
 class _Hashed(io.RawIOBase):
-    """A stream that hashes the bytes that are read."""
+    """Stream that hashes the bytes that are read."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream, self.sum = stream, hashlib.sha256()
@@ -55,10 +56,10 @@ class _Hashed(io.RawIOBase):
 
 
 class _Bounded(io.RawIOBase):
-    """The content of a compressed file, neither more of it than a limit nor much at once.
+    """Content of a compressed file, limited in its total size and in the size of each read.
 
-    The reader of archives takes a name or an attribute of any length into memory, and passes
-    over contents of any length.
+    The reader of archives would load a name or an attribute of any length into memory, and skip
+    contents of any length.
     """
 
     def __init__(self, stream: IO[bytes], most: int) -> None:
@@ -136,11 +137,11 @@ def _all(folder: Path) -> list[Path]:
 
 
 def restore(file: Path, data: Path, read_keys: Callable[[Path], object]) -> list[str]:
-    """Make a data folder of a backup; returns the names of its files.
+    """Restore a data folder from a backup; return the names of its files.
 
-    All of it is unpacked aside and checked before any file gets its place. ``read_keys`` reads the
-    keys of a folder, and raises an error for damaged ones. Raises ``DAMAGED``, and leaves the
-    folder as it was.
+    Everything is unpacked to a separate folder and checked before any file is moved to its place.
+    ``read_keys`` reads the keys of a folder, and raises an error for damaged ones. Raises
+    ``DAMAGED``, and leaves the folder as it was.
     """
     made = not data.exists()
     make_folder(data, OWNED)
@@ -208,7 +209,7 @@ def _unpack(file: Path, folder: Path, read_keys: Callable[[Path], object]) -> li
 
 
 def _require_sound(folder: Path, read_keys: Callable[[Path], object]) -> None:
-    """Raise ValueError if journal or keys were damaged before the backup."""
+    """Raise ValueError if journal or keys were already damaged when the backup was made."""
     place = (folder / JOURNAL).absolute().as_uri()
     try:
         with closing(sqlite3.connect(f"{place}?mode=ro&immutable=1", uri=True)) as journal:
@@ -232,7 +233,7 @@ def _chunks(content: IO[bytes]) -> Iterable[bytes]:
 
 
 def _write(path: Path, content: IO[bytes], entry: tarfile.TarInfo) -> str:
-    """Write one file; return its digest. Raises ValueError if a file has the name of a folder."""
+    """Write one file; return its digest. Raises ValueError if its name is that of a folder."""
     try:
         make_folder(path.parent, OWNED)
         number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE)
@@ -252,7 +253,7 @@ def _write(path: Path, content: IO[bytes], entry: tarfile.TarInfo) -> str:
 
 
 def _require_name(entry: tarfile.TarInfo) -> str:
-    """Return the name of a file that a backup may have; raises ValueError."""
+    """Return the name of a file if a backup may contain it; otherwise raises ValueError."""
     name = entry.name
     parts = PurePosixPath(name).parts
     plain = entry.isreg() and not entry.issparse() and "/".join(parts) == name

@@ -33,12 +33,13 @@ from pincette.records.parquet import Field, Kind
 
 @dataclass(frozen=True, slots=True)
 class Column(Field):
-    """A column, and the message and field that it comes from."""
+    """A column, with the message and field that it comes from."""
 
     message: type[Message]
     field: str
     arm: int | None = None
-    """Index of the arm whose record has the field; None for a field of the message itself."""
+    """Index of the arm whose entry in ``arms`` has the field; None for a field of the message
+    itself."""
 
 
 def _column(
@@ -52,7 +53,7 @@ def _column(
 
 
 def _of_second(message: type[Message], name: str, meaning: str, field: str) -> Column:
-    """Return a column of the second arm, or of the part that two arms hold."""
+    """Return a column of the second arm, or of the part that both arms hold."""
     return _column(message, name, meaning, field, 1)
 
 
@@ -69,7 +70,7 @@ ARMS: Mapping[type[Message], Any] = {
     Telemetry: ArmTelemetry,
     GroundTruth: ArmTruth,
 }
-"""Records in the field ``arms`` of each message."""
+"""Type of the entries in the field ``arms`` of each message."""
 COLUMNS = (
     _column(Position, "sensor_t_s", "the sensor's own time of the sample", "t_s"),
     _column(Position, "x_um", "measured position of the tip, x"),
@@ -168,7 +169,7 @@ SECOND_COLUMNS = (
         GroundTruth, "true_part_um", "simulated rig: where the first arm touches", "part_um"
     ),
 )
-"""Further columns of a rig with two arms."""
+"""Additional columns of a rig with two arms."""
 Columns = Mapping[str, list[Any]]
 RUNNING = ("armed", "idle")
 """States of the actuator in which a simulated rig counts a voltage for each tick."""
@@ -177,7 +178,7 @@ RUNNING = ("armed", "idle")
 def columns(messages: Iterable[Message], period_s: float) -> dict[str, list[Any]]:
     """Return the columns of one epoch up to the end of the arming, one row for each seq.
 
-    None: missing.
+    Missing values are None.
     """
     # The last message of a kind and number counts; one with a negative seq is no sample.
     found: dict[type[Message], dict[int, Message]] = {}
@@ -213,7 +214,7 @@ def table_of(
 ) -> dict[str, list[Any]]:
     """Return columns of samples by type and number, one row for each of ``numbers``.
 
-    ``two``: with the columns of the second arm.
+    ``two`` adds the columns of the second arm.
     """
     table: dict[str, list[Any]] = {"seq": [*numbers], "t_s": [seq * period_s for seq in numbers]}
     rows: dict[tuple[type[Message], int | None], list[Any]] = {}
@@ -228,7 +229,7 @@ def table_of(
 
 
 def _records(messages: Iterable[Any], arm: int | None) -> list[Any]:
-    """Return these messages, or the record of one arm in each; None where there is none."""
+    """Return these messages, or the entry of one arm in each; None if there is none."""
     if arm is None:
         return [*messages]
     return [
@@ -238,7 +239,7 @@ def _records(messages: Iterable[Any], arm: int | None) -> list[Any]:
 
 
 def _reader(column: Column) -> Callable[[Any], Any]:
-    """Return the function that reads a column's value from its message, or from an arm's record."""
+    """Return the function that reads a column's value from its message or from an arm's entry."""
     read = attrgetter(column.field)
     if column.kind != "text":
         return read  # several times as fast
@@ -246,19 +247,19 @@ def _reader(column: Column) -> Callable[[Any], Any]:
 
 
 def _cell(value: Any) -> Any:
-    """Return a value as a column holds it: codes as texts, several separated by a space."""
+    """Return a value in the form of a column: codes as texts, several separated by a space."""
     if isinstance(value, tuple):
         return " ".join(cast("tuple[str, ...]", value))
     return str(value) if isinstance(value, str) else value
 
 
 def last_seq(applied: Iterable[Applied]) -> int | None:
-    """Return the last sample of an arming; None while it continues."""
+    """Return the number of the last sample of an arming; None while the arming continues."""
     return min((item.seq for item in applied if item.final and item.seq >= 0), default=None)
 
 
 def missed(table: Columns) -> int:
-    """Return the numbers between the first and the last sample that are missing."""
+    """Return how many numbers between the first and the last sample are missing."""
     numbers = table["seq"]
     return numbers[-1] - numbers[0] + 1 - len(numbers) if numbers else 0
 
@@ -289,7 +290,7 @@ def number_truths(
 
 
 def numbers_every_tick(messages: Iterable[Applied | GroundTruth]) -> bool:
-    """Return whether the true states number every tick, not only those with a command."""
+    """Return True if the true states number every tick, False if only ticks with a command."""
     lowest: int | None = None
     highest, newest, tripped = 0, -1, None
     for message in messages:

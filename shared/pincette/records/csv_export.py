@@ -11,9 +11,9 @@ from pincette.records import number_table, parquet
 
 MEDIA_TYPE = "text/csv; charset=utf-8"
 ROWS = 2048
-"""Number of rows in memory at once."""
+"""Largest number of rows in memory at once."""
 NUMBERS = "numbers.csv"
-"""Name of the samples as numbers alone."""
+"""File name of the samples as numbers only."""
 WORDS: Mapping[str, Iterable[str]] = {
     "actuator_state": Mode,
     "actuator_cause": Cause,
@@ -21,7 +21,7 @@ WORDS: Mapping[str, Iterable[str]] = {
     "outcome": Outcome,
     "acted": ("", *Acted),
 }
-"""Words of columns that have the same codes in every file, from 0 on."""
+"""Words of the columns whose codes are the same in every file, numbered from 0."""
 
 
 def csv_rows(path: Path) -> Iterator[str]:
@@ -30,7 +30,7 @@ def csv_rows(path: Path) -> Iterator[str]:
 
 
 def _lines(source: Any) -> Iterator[str]:
-    """Comments on the samples, unit and meaning of each column, the names, then the samples."""
+    """Yield comments on the samples, unit and meaning of each column, names, then samples."""
     # A value that never came is empty, and numbers read back bit for bit.
     schema = source.schema_arrow
     for name, value in parquet.about_of(schema).items():
@@ -42,7 +42,10 @@ def _lines(source: Any) -> Iterator[str]:
 
 
 def number_rows(path: Path) -> Iterator[str]:
-    """Lines of the same CSV with numbers alone, by ``number_table``; raises as ``csv_rows``."""
+    """Yield the lines of the same CSV with numbers only, by ``number_table``.
+
+    Raises as ``csv_rows``.
+    """
     source = parquet.opened(path)
     return _table(source, _codes(path, parquet.fields_of(source.schema_arrow)))
 
@@ -60,7 +63,7 @@ def number_metadata(path: Path) -> Iterator[str]:
 
 
 def _codes(path: Path, fields: Iterable[parquet.Field]) -> number_table.Codes:
-    """Number the words of each column of texts: those of ``WORDS``, then by their appearance."""
+    """Number the words of each column of texts: those of ``WORDS``, others as they appear."""
     texts = [one.name for one in fields if one.kind == "text"]
     codes = {
         name: {str(word): code for code, word in enumerate(WORDS.get(name, ()))} for name in texts
@@ -75,7 +78,7 @@ def _codes(path: Path, fields: Iterable[parquet.Field]) -> number_table.Codes:
 
 
 def _table(source: Any, codes: number_table.Codes | None) -> Iterator[str]:
-    """Yield the names, then the samples: as numbers alone where there are ``codes``."""
+    """Yield the names, then the samples: as numbers only if there are ``codes``."""
     names = source.schema_arrow.names
     try:
         yield _line(names)

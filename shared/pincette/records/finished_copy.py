@@ -1,4 +1,4 @@
-"""Makes a finished copy of a record, also while it is being written or after it broke off."""
+"""Finished copy of a record that is still being written or whose writer was interrupted."""
 
 from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
@@ -12,17 +12,17 @@ from pincette.records.mcap_file import CLOSING, SEQUENCE_LIMIT, Chunks
 from pincette.records.memory_file import MemoryFile
 
 NAME = "snapshot.mcap"
-"""Name of a copy that is made while it is downloaded."""
+"""File name of a copy that is made during its download."""
 AT_ONCE = 1_000
-"""Messages of a part; the index of the copy is bounded after each."""
+"""Number of messages in a part; the index of the copy is bounded after each part."""
 READ_BYTES = 2**18
 UNFINISHED = "copied from a record without an end, which is being written or broke off"
 
 
 def snapshot(path: Path) -> Iterator[bytes]:
-    """Return the parts of a file that every reader opens, from a record in any state.
+    """Yield the parts of a file that every reader can open, from a record in any state.
 
-    A record that has its end is copied as it is. Raises OSError before the first part.
+    A record that has its end is copied unchanged. Raises OSError before the first part.
     """
     if mcap_reading.is_closed(path):
         return _parts(path.open("rb"))
@@ -36,14 +36,14 @@ def _parts(file: IO[bytes]) -> Iterator[bytes]:
 
 
 class FinishedCopy:
-    """The parts of a copy that has its end and its index."""
+    """Parts of a copy that has its end and its index."""
 
     def __init__(self, path: Path, closing: Mapping[str, str]) -> None:
-        """``closing``: how the record ended."""
+        """Prepare a copy; ``closing`` states how the record ended."""
         self._path = path
         self.closing = dict(closing)
-        """After the last part also the number of messages, the numbers of the first and the last
-        sample, and the times of the record."""
+        """Metadata at the end of the record. After the last part it also contains the number of
+        messages, the numbers of the first and the last sample, and the times of the record."""
 
     def __iter__(self) -> Generator[bytes]:
         """Yield the parts; raises OSError."""
@@ -53,7 +53,7 @@ class FinishedCopy:
         schemas: dict[int, int] = {0: 0}
         channels: dict[int, int] = {}
         samples: set[int] = set()
-        """Channels of the topic of which each sample has one."""
+        """Channels of the topic that has one message for each sample."""
         times: dict[str, str] = {}
         kept, first, last, end_ns = 0, SEQUENCE_LIMIT, -1, 0
         for entry in mcap_reading.entries(self._path):

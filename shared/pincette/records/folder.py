@@ -1,4 +1,4 @@
-"""A job's folder: its files by name, samples as Parquet with units, documents, a manifest."""
+"""Folder of a job: its files by name, samples as Parquet with units, documents, a manifest."""
 
 import hashlib
 import json
@@ -28,11 +28,11 @@ TIMING = "timing.json"
 REQUEST, RESULT, MANIFEST = "request.json", "result.json", "manifest.json"
 REPORT = "report.html"
 PINNED = ".pinned"
-"""File that marks a record to be kept, whatever its age."""
+"""Name of the file that marks a record to be kept, whatever its age."""
 CLOCK_AGREED = ".clock-agreed"
-"""File by which a person agrees to the time of day after it has stepped."""
+"""Name of the file by which a person confirms the time of day after it has stepped."""
 DOOMED = ".deleted-"
-"""Beginning of a folder's name while it is being deleted."""
+"""Start of a folder's name while it is being deleted."""
 PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 MEDIA_TYPES = {
     LIVE: "application/octet-stream",
@@ -64,7 +64,7 @@ def write_samples(path: Path, table: Columns, about: Mapping[str, str]) -> None:
 
 
 class SamplesDraft:
-    """A table of samples that is written part by part, and published from time to time."""
+    """Table of samples that is written part by part, and published from time to time."""
 
     def __init__(self, path: Path, about: Mapping[str, str], *, two_arms: bool) -> None:
         self._path, self._about = path, about
@@ -80,7 +80,7 @@ class SamplesDraft:
         self._rows += len(table["seq"])
 
     def _opened(self) -> parquet.Writer:
-        """Return the writer of the draft, beginning with the rows of a table published earlier."""
+        """Return the writer of the draft, beginning with the rows of an earlier table."""
         if self._writer is None:
             self._writer = parquet.writer(self._draft, self._fields, self._about)
             if self._rows:
@@ -90,8 +90,8 @@ class SamplesDraft:
     def publish(self, rest: Columns, about: Mapping[str, str]) -> None:
         """Replace the published table by all rows so far and those of ``rest``.
 
-        ``about`` is the metadata of the table. More rows may be added later, those of ``rest``
-        among them.
+        ``about`` is the metadata of the table. More rows may be added later, including those of
+        ``rest``.
         """
         writer = self._opened()
         writer.add(rest)
@@ -110,7 +110,7 @@ class SamplesDraft:
 
 
 def times(folder: Path) -> dict[str, str]:
-    """Return the UTC times that the table of samples states; empty where there is no table."""
+    """Return the UTC times that the table of samples states; empty if there is no table."""
     try:
         about = parquet.read_about(folder / SAMPLES)
     except (OSError, ValueError):
@@ -121,7 +121,7 @@ def times(folder: Path) -> dict[str, str]:
 def write_burst(
     path: Path, x_um: Sequence[float], drive_V: Sequence[float], about: Mapping[str, str]
 ) -> None:
-    """Write a buffered acquisition as Parquet; its rate is in ``about``."""
+    """Write a buffered acquisition as Parquet; ``about`` contains its rate."""
     with replacing(path) as draft:
         parquet.write(draft, OF_A_BURST, {"x_um": x_um, "drive_V": drive_V}, about)
 
@@ -149,7 +149,7 @@ def pin(folder: Path, *, pinned: bool) -> None:
 
 
 def agree_to_clock(records: Path) -> None:
-    """Note for the recorder that a person agrees to the time of day; raises OSError."""
+    """Store for the recorder that a person confirms the time of day; raises OSError."""
     (records / CLOCK_AGREED).touch()
     sync_folder(records)
 
@@ -196,7 +196,8 @@ def write_manifest(
 ) -> None:
     """Write the manifest: the files of the record, its owner, and whether it is complete.
 
-    Called when all of these files are on the disk. ``names``: the files to list as they are now.
+    Call it when all of these files are on the disk. ``names`` are the files to list with their
+    present content.
     """
     files = [
         entry
@@ -209,7 +210,7 @@ def write_manifest(
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest; empty if there is none that can be read."""
+    """Return the manifest; empty if there is no readable one."""
     with suppress(OSError, ValueError):
         tree: Any = json.loads((folder / MANIFEST).read_bytes())
         if isinstance(tree, dict):
@@ -218,7 +219,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def listed(folder: Path) -> list[dict[str, Any]]:
-    """Return the files that the manifest lists; empty where it cannot be read."""
+    """Return the files that the manifest lists; empty if it cannot be read."""
     found = read_manifest(folder).get("files")
     entries = cast("list[Any]", found) if isinstance(found, list) else []
     return [
@@ -229,7 +230,7 @@ def listed(folder: Path) -> list[dict[str, Any]]:
 
 
 def newest(records: Path, count: int) -> list[Path]:
-    """Return the folders of the records that were written to last; raises OSError."""
+    """Return the folders of the most recently written records; raises OSError."""
     found = {path.parent for name in (LIVE, MANIFEST) for path in records.glob(f"*/{name}")}
     kept = [one for one in found if not one.is_symlink() and not one.name.startswith(DOOMED)]
     return sorted(kept, key=lambda folder: folder.stat().st_mtime)[-count:]
@@ -238,7 +239,7 @@ def newest(records: Path, count: int) -> list[Path]:
 def damaged(folder: Path) -> list[str]:
     """Return the names of files that are missing or differ from the manifest.
 
-    A manifest that is missing or cannot be read is named alone. Raises OSError.
+    If the manifest is missing or unreadable, only its own name is returned. Raises OSError.
     """
     entries = listed(folder)
     if not entries:

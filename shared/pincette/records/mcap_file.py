@@ -1,4 +1,4 @@
-"""The live record of a job: an MCAP file that stays readable whenever its writer ends."""
+"""Live record of a job: an MCAP file that stays readable whenever its writer ends."""
 
 # Nothing is buffered beyond the chunk that is being filled, and a chunk is closed when it is full
 # or old; so the loss by a kill is bounded in bytes and in time.
@@ -25,7 +25,7 @@ from pincette.records.record_times import LAST_NS, sample_0_ns, utc_text
 NAME = "job.mcap"
 PROFILE = "pincette"
 ABOUT, TIMES, CLOSING = "record", "times", "closing"
-"""Names of the metadata at the file's begin, at its first sample and at its end."""
+"""Names of the metadata at the beginning of the file, at its first sample and at its end."""
 CHUNK_BYTES = 65_536
 CHUNK_NS = 250_000_000
 INDEXED_CHUNKS = 20_000
@@ -35,7 +35,7 @@ SEQUENCE_LIMIT = 2**32
 
 
 class Unbuffered:
-    """A file whose writes reach the operating system before they return."""
+    """File whose writes reach the operating system before they return."""
 
     def __init__(self, path: Path, mode: str = "xb") -> None:
         self._path = path
@@ -71,7 +71,7 @@ class Unbuffered:
             raise OSError(errno.ESTALE, text, str(self._path))
 
     def duplicate(self) -> int:
-        """Return another descriptor of the open file, which its owner closes."""
+        """Return another descriptor of the open file; the caller closes it."""
         return os.dup(self._file.fileno())
 
     def close(self) -> None:
@@ -80,9 +80,9 @@ class Unbuffered:
 
 
 class Chunks:
-    """Writes chunks; a file with more than ``INDEXED_CHUNKS`` of them has no index of them.
+    """Writes chunks; omits the index of a file with more than ``INDEXED_CHUNKS`` of them.
 
-    Readers then scan the file from its begin.
+    Readers then scan the file from its beginning.
     """
 
     # The library keeps the index of all chunks in memory until the end, 1 kB for each chunk. An
@@ -95,7 +95,7 @@ class Chunks:
         self._indexed = True
 
     def bound(self) -> None:
-        """Drop the index if it is too long; called after a chunk was closed."""
+        """Drop the index if it is too long; call it after a chunk was closed."""
         index: list[Any] = self._state["_Writer__chunk_indices"]
         if self._indexed and len(index) <= INDEXED_CHUNKS:
             return
@@ -130,11 +130,11 @@ class McapFile:
         self._start_ns, self._period_ns = start_ns, round(period_s * 1e9)
         self._channels = {topic.name: self._register(rig, topic) for topic in TOPICS}
         self._sampled = False
-        """Whether a sample has arrived."""
+        """True once a sample has arrived."""
         self._newest_ns = start_ns
         self._first_truth: int | None = None
         self._oldest_ns: int | None = None
-        """Arrival of the oldest message in the chunk that is being filled."""
+        """Arrival of the oldest message in the chunk that is being filled, in ns."""
         self._bytes = 0
         self.chunks = 0
         """Number of chunks that were closed and passed to the operating system."""
@@ -183,7 +183,7 @@ class McapFile:
             self.flush()
 
     def _place_sample_0(self, message: Message, arrival_ns: int) -> None:
-        """Count log times from sample 0, and state its time, if the message is a sample."""
+        """Count log times from sample 0, and store its time, if the message is a sample."""
         found_ns = sample_0_ns(message, arrival_ns, self._period_ns)
         if found_ns is None:
             return
@@ -217,11 +217,11 @@ class McapFile:
         self.chunks += 1
 
     def sync(self) -> None:
-        """Sync the file with what was flushed so far; raises OSError."""
+        """Sync the file with the chunks that were flushed so far; raises OSError."""
         self._stream.sync()
 
     def duplicate(self) -> int:
-        """Return another descriptor of the open file, which its owner closes; raises OSError."""
+        """Return another descriptor of the open file, which the caller closes; raises OSError."""
         return self._stream.duplicate()
 
     def finish(self, closing: Mapping[str, str]) -> None:
@@ -237,5 +237,5 @@ class McapFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Close the file as it is if the disk takes no more."""
+        """Close the file in its present state, for a disk that accepts no more data."""
         self._stream.close()

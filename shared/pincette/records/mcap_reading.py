@@ -1,4 +1,4 @@
-"""Reads a record, also the readable part of one whose writer was killed."""
+"""Reader of records, including the readable part of one whose writer was killed."""
 
 import struct
 from collections.abc import Callable, Collection, Iterator
@@ -20,7 +20,7 @@ from pincette.records.mcap_file import ABOUT, CLOSING
 MAGIC = b"\x89MCAP0\r\n"
 NAMES = frozenset(topic.name for topic in TOPICS)
 LONGEST_BYTES = 256 * 2**20
-"""Length above which a record of the file format is taken for damage."""
+"""Length in bytes above which a record of the file format counts as damaged."""
 BROKEN = (McapError, ZstdError, struct.error, ValueError)
 
 
@@ -31,14 +31,14 @@ class Recording:
     about: dict[str, str]
     """Metadata of the record; see ``results.archive.about``."""
     closing: dict[str, str] | None
-    """How the record ended; None if it is not closed."""
+    """Metadata that states how the record ended; None if it is not closed."""
     messages: list[Message] = field(repr=False)
     """Messages in order of arrival."""
     attachments: dict[str, bytes] = field(default_factory=dict[str, bytes], repr=False)
 
     @property
     def period_s(self) -> float:
-        """Return the control period; raises KeyError if the record lacks it."""
+        """Return the control period in s; raises KeyError if the record lacks it."""
         return float(self.about["period_s"])
 
 
@@ -53,7 +53,7 @@ def is_closed(path: Path) -> bool:
 
 
 def entries(path: Path) -> Iterator[mcap.McapRecord]:
-    """Yield all entries in order, up to the end or to the damage; raises OSError."""
+    """Yield all entries in order, up to the end or to the first damage; raises OSError."""
     with path.open("rb") as file:
         reader = StreamReader(file, validate_crcs=True, record_size_limit=LONGEST_BYTES)
         try:
@@ -102,7 +102,7 @@ class Decoder:
         self._readers: dict[int, Callable[[bytes], Any]] = {}
 
     def decode(self, entry: mcap.McapRecord) -> Iterator[Message]:
-        """Decode an entry if it is a message of one of the topics; raises ValueError."""
+        """Decode an entry if it is a message on one of the topics; raises ValueError."""
         match entry:
             case mcap.Schema():
                 self._schemas[entry.id] = entry.data
@@ -126,7 +126,10 @@ def read_about(path: Path) -> dict[str, str]:
 
 
 def read_closing(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
-    """Read the metadata of a record and how it ended, without its samples; raises OSError."""
+    """Read the metadata at the start and at the end of a record, without samples.
+
+    Raises OSError.
+    """
     found: list[mcap.Metadata] = []
     if is_closed(path):
         with path.open("rb") as file, suppress(*BROKEN):

@@ -1,13 +1,13 @@
-"""A file in memory that is taken away in parts while it is written."""
+"""File in memory whose parts are removed while it is being written."""
 
 
 class MemoryFile:
-    """Keeps what was written since the last ``take``; no disk is needed."""
+    """Keeps the bytes written since the last ``take``; no disk is needed."""
 
     closed = False
 
     def __init__(self, skipped_bytes: int = 0) -> None:
-        """``skipped_bytes``: bytes at the begin of the file that ``take`` leaves out."""
+        """Create an empty file; ``take`` leaves out the first ``skipped_bytes``."""
         self._parts: list[bytes] = []
         self._skipped_bytes = skipped_bytes
         self._bytes = 0
@@ -23,10 +23,10 @@ class MemoryFile:
         return self._bytes
 
     def flush(self) -> None:
-        """Do nothing: no part waits elsewhere."""
+        """Do nothing: no data is buffered elsewhere."""
 
     def take(self) -> bytes:
-        """Return what was written since the last call."""
+        """Return the bytes that were written since the last call."""
         found = b"".join(self._parts)
         self._parts.clear()
         skipped = min(self._skipped_bytes, len(found))

@@ -1,4 +1,4 @@
-"""Columns of numbers in a file, CSV or Parquet."""
+"""Columns of numbers in a CSV or Parquet file."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from pincette.core.number_tables import FileError, encoded_table
 from pincette.records import parquet
 
 MOST_ROWS = 100_000
-"""Rows of a Parquet file that is read; no path has as many."""
+"""Largest number of rows of a Parquet file that is read; no path is as long."""
 
 
 def rows(content: bytes, names: Sequence[str], file: str) -> list[dict[str, float]]:

@@ -1,6 +1,7 @@
-"""Tables of numbers alone, and the CSVW metadata that says what their columns are.
+"""Tables that contain only numbers, and the CSVW metadata that describes their columns.
 
-Yes is 1, no is 0, what never came is ``nan``, and a word is a whole number that the metadata names.
+True is 1, false is 0, a missing value is ``nan``, and a word is a whole number that the metadata
+explains.
 """
 
 import json
@@ -11,7 +12,7 @@ from pincette.records.parquet import Field
 
 MEDIA_TYPE = "application/csvm+json"
 METADATA = "-metadata.json"
-"""End of the name of a metadata file, which begins with the name of its table, as CSVW wants it."""
+"""End of the name of a metadata file after the name of its table, as CSVW requires it."""
 NONE = "nan"
 TYPES: Mapping[str, Any] = {
     "float": "number",
@@ -19,9 +20,9 @@ TYPES: Mapping[str, Any] = {
     "bool": {"base": "boolean", "format": "1|0"},
     "text": "integer",
 }
-"""Datatypes of CSVW by the kind of a column."""
+"""CSVW data types by the kind of a column."""
 Codes = Mapping[str, Mapping[str, int]]
-"""Code of each word, by the column that has it."""
+"""Code of each word, by column name."""
 
 
 def cells(column: Iterable[Any], codes: Mapping[str, int]) -> list[Any]:
@@ -38,7 +39,7 @@ def _number(value: Any, codes: Mapping[str, int]) -> Any:
 
 
 def metadata(name: str, fields: Iterable[Field], codes: Codes, about: Mapping[str, str]) -> str:
-    """Return the metadata of the table with a name, as CSVW (W3C) has it."""
+    """Return the CSVW (W3C) metadata of a table with a name."""
     tree = {
         "@context": "http://www.w3.org/ns/csvw",
         "url": name,

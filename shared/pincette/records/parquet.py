@@ -22,15 +22,16 @@ class Field:
 
 
 MAGIC = b"PAR1"
-"""Begin of every Parquet file."""
+"""First bytes of every Parquet file."""
 COLUMNS = "columns"
-"""Key of a file for readers without Arrow's metadata: unit and meaning of each column, as JSON."""
+"""Metadata key for readers that ignore Arrow's metadata: unit and meaning of each column, as JSON.
+"""
 KINDS: Mapping[str, Kind] = {"double": "float", "int64": "int", "bool": "bool", "string": "text"}
-"""Kind of a column by the name of its type in Arrow."""
+"""Kind of a column, by the name of its Arrow type."""
 PART_ROWS = 8192
-"""Number of rows that are read at once if a table is read in parts."""
+"""Number of rows that are read at once when a table is read in parts."""
 GROUP_ROWS = 65_536
-"""Smallest number of rows in a row group. So many are in memory; a file has few groups."""
+"""Smallest number of rows in a row group. As many rows are in memory; a file has few groups."""
 
 
 class Writer:
@@ -47,7 +48,7 @@ class Writer:
         self._add(_pyarrow()[0].Table.from_pydict(dict(columns), schema=self._schema))
 
     def copy(self, path: Path, rows: int) -> None:
-        """Add the first rows of another table with these columns; raises OSError."""
+        """Add the first rows of another table with the same columns; raises OSError."""
         source = opened(path)
         try:
             for number in range(source.num_row_groups):
@@ -70,7 +71,7 @@ class Writer:
             self._writer.write_table(_pyarrow()[0].concat_tables(parts))
 
     def describe(self, about: Mapping[str, str]) -> None:
-        """Replace the metadata with which the table was begun; called before it is closed."""
+        """Replace the metadata with which the table was begun; call it before ``close``."""
         # Readers take the schema's metadata from the copy of the schema in "ARROW:schema".
         about = {**about, COLUMNS: self._columns}
         schema = self._schema.with_metadata(about)
@@ -78,7 +79,7 @@ class Writer:
         self._writer.add_key_value_metadata({**about, "ARROW:schema": copy})
 
     def close(self) -> None:
-        """Write the end of the file, without which nothing of it can be read; raises OSError."""
+        """Write the end of the file, without which the file is unreadable; raises OSError."""
         try:
             self._flush()
         finally:
@@ -91,7 +92,10 @@ def writer(
     about: Mapping[str, str],
     group_rows: int = GROUP_ROWS,
 ) -> Writer:
-    """Begin a table; each field's metadata holds its unit and meaning, the schema's ``about``."""
+    """Begin a table.
+
+    Each field's metadata contains its unit and meaning, the schema's ``about``.
+    """
     arrow, files = _pyarrow()
     types = {
         "float": arrow.float64(),
@@ -123,7 +127,7 @@ def writing(
     about: Mapping[str, str],
     group_rows: int = GROUP_ROWS,
 ) -> Generator[Writer]:
-    """Write a table, and close it at the end; raises OSError."""
+    """Write a table, and close it at the end of the block; raises OSError."""
     begun = writer(target, fields, about, group_rows)
     try:
         yield begun
@@ -157,12 +161,12 @@ def read_about(path: Path) -> dict[str, str]:
 
 
 def about_of(schema: Any) -> dict[str, str]:
-    """Return the metadata with which a table was written, without that of its columns."""
+    """Return the metadata with which a table was written, without the metadata of its columns."""
     return {name: text for name, text in texts(schema.metadata).items() if name != COLUMNS}
 
 
 def fields_of(schema: Any) -> list[Field]:
-    """Return what a table's columns are."""
+    """Return the properties of a table's columns."""
     about = [texts(one.metadata) for one in schema]
     return [
         Field(one.name, told.get("unit", ""), told.get("meaning", ""), KINDS[str(one.type)])
@@ -188,7 +192,7 @@ def parts(
 
 
 def _pyarrow() -> tuple[Any, Any]:
-    """Return the package, which has no types, and its module for files."""
+    """Return the package, which has no type annotations, and its module for files."""
     # Loaded with the first table: a tenth of the start of a program that may never see one.
     import pyarrow.parquet
 

@@ -1,4 +1,4 @@
-"""UTC times of a record: its begin, its sample 0 and its end."""
+"""UTC times of a record: its beginning, its sample 0 and its end."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
@@ -10,7 +10,7 @@ UNCERTAINTY = "sample_0_uncertainty_s"
 NAMES = (BEGIN, SAMPLE_0, UNCERTAINTY, END)
 """Names under which the metadata of a record's files state the times."""
 COMPARED = 4
-"""Samples after the first one whose arrivals show whether that one came late."""
+"""Number of samples after the first one whose arrivals show whether that one came late."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LAST_NS = 2**63 - 1
 
@@ -22,9 +22,9 @@ def utc_text(time_ns: int) -> str:
 
 
 def sample_0_ns(message: Message, arrival_ns: int, period_ns: int) -> int | None:
-    """Return when sample 0 arrived, in ns of UTC, by the first sample that has arrived.
+    """Return when sample 0 arrived, in ns of UTC, estimated from the arrival of this message.
 
-    None for a message that has no number of a sample.
+    None for a message that has no sample number.
     """
     if not isinstance(message, Sample) or message.seq < 0:
         return None
@@ -39,17 +39,17 @@ class RecordTimes:
     """
 
     def __init__(self, about: Mapping[str, str], period_s: float) -> None:
-        """``about``: metadata of the record, which states its beginning."""
+        """Begin with ``about``, the metadata of the record, which states its beginning."""
         self._begin_at, self._period_ns = about.get(BEGIN), round(period_s * 1e9)
         self._sample_0_ns: int | None = None
         self._earliest_ns = 0
-        """Arrival of sample 0 by the most punctual of the first samples."""
+        """Arrival of sample 0 in ns, estimated from the most punctual of the first samples."""
         self._compared_to: int | None = None
-        """Number of the last sample that is compared; None once it has come."""
+        """Number of the last sample that is compared; None once it has arrived."""
         self._end_ns: int | None = None
 
     def add(self, message: Message, arrival_ns: int) -> None:
-        """Take a message of the record, in order of arrival."""
+        """Add a message of the record, in order of arrival."""
         if self._sample_0_ns is None or self._compared_to is not None:
             self._compare(message, arrival_ns)
         if self._end_ns is None or arrival_ns > self._end_ns:
@@ -68,7 +68,9 @@ class RecordTimes:
             self._compared_to = None
 
     def texts(self) -> dict[str, str]:
-        """Return the known times by their names: a record without samples has no sample 0.
+        """Return the known times by their names.
+
+        A record without samples has no time of sample 0.
 
         ``end_at`` is the arrival of the last message so far. A sample is taken within the control
         period before its arrival, or earlier where the next ones show that it came late.

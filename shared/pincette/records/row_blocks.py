@@ -19,48 +19,51 @@ from pincette.core.messages import (
 from pincette.records.columns import RUNNING, columns, table_of
 
 ROWS = 8192
-"""Number of rows in a block. A row is complete once so many later ones have begun."""
+"""Number of rows in a block. A row is complete once as many later rows have begun."""
 NAMES: Mapping[type[Message], str] = {
     Position: "position",
     Estimate: "estimate",
     Command: "command",
     Applied: "applied",
 }
-"""Topics of which losses are counted."""
+"""Topics whose losses are counted."""
 
 
 class RowBlocks:
     """Rows of one epoch.
 
-    A run of less than two blocks is joined as a whole by ``columns``. A longer one is given out in
-    blocks, in order; a message that comes for a row that was given out is left out.
+    A run of less than two blocks is joined as a whole by ``columns``. A longer one is returned in
+    blocks, in order; a message for a row that was already returned is ignored.
     """
 
     def __init__(self, period_s: float, *, every_tick: bool = True, rows: int = ROWS) -> None:
-        """``every_tick``: a simulated rig counts ticks without a command too, as in lockstep."""
+        """Begin an epoch.
+
+        If ``every_tick``, a simulated rig also counts ticks without a command.
+        """
         self._period_s, self._every_tick, self._rows = period_s, every_tick, rows
         self._samples: dict[type[Message], dict[int, Message]] = {}
         self._truths: dict[int, GroundTruth] = {}
         self._next = 0
-        """Lowest number of a row that was not given out."""
+        """Lowest number of a row that has not been returned."""
         self.given = 0
         """Number of rows that were returned."""
         self.two_arms = False
-        """Whether the actuator has reported a second arm."""
+        """True once the actuator has reported a second arm."""
         self._over: int | None = None
-        """Number of the sample that ended the arming."""
+        """Number of the sample that ended the arming; None while it continues."""
         self._newest_applied = -1
         self._tripped: bool = False
         self._first_truth: int | None = None
         self._places = self._placed_seq = 0
-        """Truths that belong to ticks before ``_placed_seq``."""
+        """Number of truths that belong to ticks before ``_placed_seq``."""
         self._missing: Counter[str] = Counter()
         self._applied: set[int] = set()
-        """Numbers of the applied voltages of the newest block that was given out; those that are
-        missing in it were counted."""
+        """Numbers of the applied voltages in the newest block that was returned; missing ones in it
+        have been counted."""
 
     def add(self, message: Message) -> None:
-        """Take a message of the epoch, in order of arrival."""
+        """Add a message of the epoch, in order of arrival."""
         if isinstance(message, GroundTruth):
             if not self._tripped:  # later ones belong to no row
                 self._truths[message.seq] = message
@@ -81,7 +84,7 @@ class RowBlocks:
         return max(map(len, self._samples.values()), default=0) >= 2 * self._rows
 
     def take(self) -> dict[str, list[Any]]:
-        """Return the oldest block as columns, and forget its messages."""
+        """Return the oldest block as columns, and drop its messages."""
         seqs = sorted({seq for samples in self._samples.values() for seq in samples})
         table = self._table(seqs[: self._rows])
         self._next = seqs[: self._rows][-1] + 1
@@ -94,7 +97,7 @@ class RowBlocks:
         return table
 
     def rest(self) -> dict[str, list[Any]]:
-        """Return the columns of the remaining rows, which stay."""
+        """Return the columns of the remaining rows, which are kept."""
         if not self._next:
             messages = [one for samples in self._samples.values() for one in samples.values()]
             return columns([*messages, *self._truths.values()], self._period_s)
@@ -139,7 +142,7 @@ class RowBlocks:
         )
 
     def _table(self, seqs: list[int]) -> dict[str, list[Any]]:
-        """Return columns of some rows, which are the next ones; counts what they lack."""
+        """Return columns of the next rows; count their missing samples."""
         found = {
             kind: {seq: samples[seq] for seq in seqs if seq in samples}
             for kind, samples in self._samples.items()
@@ -157,7 +160,7 @@ class RowBlocks:
         return (self._first_truth or 0) + self._places
 
     def _truths_of(self, seqs: list[int], applied: Mapping[int, Message]) -> dict[int, Message]:
-        """Return truths of some rows; see ``number_truths``."""
+        """Return the truths of some rows; see ``number_truths``."""
         if self._first_truth is None:
             self._first_truth = min(self._truths, default=None)
         found: dict[int, Message] = {}

@@ -1,4 +1,4 @@
-"""Messages as Protocol Buffers, by descriptors made from the messages' classes."""
+"""Messages as Protocol Buffers, with descriptors made from the messages' classes."""
 
 # Other tools can decode a record with what is in it. Names, units included, are those of the
 # classes. ``float | None`` becomes an optional field, a class with fields a nested message, a tuple
@@ -32,12 +32,12 @@ _SCALARS: dict[type[inspect.Type], Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Schema(Generic[M]):
-    """How one type of message is written and read."""
+    """Functions that write and read one type of message."""
 
     name: str
     """Full name of the Protobuf message."""
     descriptor: bytes
-    """A ``FileDescriptorSet``, as MCAP requires."""
+    """Serialised ``FileDescriptorSet``, as MCAP requires."""
     pack: Callable[[M], bytes]
     unpack: Callable[[bytes], M]
 
@@ -148,7 +148,7 @@ def _records(node: inspect.UnionType) -> list[inspect.StructType]:
 
 
 def _has_union(node: inspect.Type) -> bool:
-    """Return whether a union of records is somewhere within a type."""
+    """Return whether a type contains a union of records."""
     match node:
         case inspect.Metadata():
             return _has_union(node.type)
@@ -167,7 +167,7 @@ def _unchanged(_node: inspect.Type, value: Any) -> Any:
 
 
 def _by_tag(node: inspect.Type, value: Any) -> Any:
-    """Return a tree of values with each record of a union in the field that its tag names."""
+    """Return a tree of values with each record of a union in the field named by its tag."""
     if value is None:
         return None
     match node:
@@ -190,13 +190,13 @@ def _by_tag(node: inspect.Type, value: Any) -> Any:
 
 
 def _alike(described: descriptor_pb2.DescriptorProto) -> bool:
-    """Return whether two names have one form in JSON, as ``cycles`` and ``cycle_s``: no proto3."""
+    """Return whether names, as ``cycles`` and ``cycle_s``, have the same JSON form: no proto3."""
     names = [field.name.replace("_", "").lower() for field in described.field]
     return len(set(names)) < len(names) or any(_alike(inner) for inner in described.nested_type)
 
 
 def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
-    """Turn optional fields into those of proto2, in which every field is optional."""
+    """Turn optional fields into fields of proto2, in which every field is optional."""
     # A message that stands for a union has no optional fields, and keeps its choice.
     if any(field.proto3_optional for field in described.field):
         for field in described.field:
@@ -208,7 +208,7 @@ def _without_proto3(described: descriptor_pb2.DescriptorProto) -> None:
 
 
 def _reader(kind: type, described: Any = None) -> Callable[[Any], Any]:
-    """Return a reader from a Protobuf message, by a file's descriptor or the present one."""
+    """Return a reader for a Protobuf message, by a file's descriptor or the present one."""
     # Fields that an older file does not know get their defaults; KeyError where one has none.
     there = None if described is None else described.fields_by_name
     takes: dict[str, Callable[[Any], Any]] = {}
@@ -242,7 +242,7 @@ def _taker(field: inspect.Field, described: Any = None) -> Callable[[Any], Any]:
 
 
 def _union_reader(node: inspect.UnionType, described: Any = None) -> Callable[[Any], Any]:
-    """Return how the message that stands for a union is read; see ``_reader``."""
+    """Return the reader for the message that represents a union; see ``_reader``."""
     records = _records(node)
     there = None if described is None else described.fields_by_name
     readers: dict[str, Callable[[Any], Any]] = {}
@@ -266,4 +266,4 @@ def _same(value: Any) -> Any:
 
 
 SCHEMAS: dict[str, Schema[Any]] = {topic.name: _schema(topic.message) for topic in TOPICS}
-"""Schema of each topic, by its name."""
+"""Schema of each topic, by topic name."""

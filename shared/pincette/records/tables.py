@@ -1,4 +1,4 @@
-"""The tables of a record, made from its messages part by part, and their gaps."""
+"""Tables of a record, made from its messages part by part, and the gaps in them."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ NO_PERIOD = "the record does not state its control period: no table can be made 
 
 
 class Tables:
-    """The tables of one record while its messages arrive; memory is bounded.
+    """Tables of one record while its messages arrive; memory is bounded.
 
     Samples beyond the newest rows are written at once, to a draft beside the table.
     """
@@ -26,7 +26,7 @@ class Tables:
     def __init__(
         self, folder: Path, about: Mapping[str, str], period_s: float, *, every_tick: bool = True
     ) -> None:
-        """``every_tick``: see ``RowBlocks``."""
+        """Begin the tables of a record; for ``every_tick`` see ``RowBlocks``."""
         self._folder, self._about = folder, about
         self._times = RecordTimes(about, period_s)
         self._rows = RowBlocks(period_s, every_tick=every_tick)
@@ -36,7 +36,7 @@ class Tables:
         self._trouble: OSError | None = None
 
     def add(self, message: Message, arrival_ns: int) -> None:
-        """Take a message, in order of arrival, with its arrival in ns of UTC."""
+        """Add a message, in order of arrival, with its arrival in ns of UTC."""
         self._times.add(message, arrival_ns)
         if isinstance(message, Timing):
             self._timings[message.service] = message
@@ -59,7 +59,7 @@ class Tables:
             self._trouble = error  # told with the table
 
     def write(self) -> list[str]:
-        """Write the tables of what has arrived so far; return what is wrong; raises OSError."""
+        """Write the tables of all messages so far; return their errors; raises OSError."""
         if self._trouble is not None:
             raise self._trouble
         about = {**self._about, **self.times}
@@ -104,13 +104,13 @@ class Written:
     wrong: list[str]
     """Errors of the tables."""
     missing: dict[str, int]
-    """Number of samples that never came, by topic."""
+    """Number of samples that never arrived, by topic."""
     times: dict[str, str]
     """UTC times of the record."""
 
 
 def write_tables_of_file(folder: Path) -> Written:
-    """Write the tables of the record in a folder, which is read part by part.
+    """Write the tables of the record in a folder; reads its file part by part.
 
     Raises OSError, or ValueError for messages of another version.
     """
@@ -136,7 +136,7 @@ def write_tables_of_file(folder: Path) -> Written:
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """N samples, one each 1/``rate_hz``: position in µm and drive in V."""
+    """N samples at intervals of 1/``rate_hz``: position in µm and drive in V."""
 
     rate_hz: float
     x_um: list[float]
@@ -146,7 +146,7 @@ class Joined:
 def joined(messages: Iterable[Message]) -> Joined | None:
     """Join the bursts of one epoch.
 
-    None without one; raises ValueError if one is missing or invalid.
+    Returns None without a burst; raises ValueError if one is missing or invalid.
     """
     bursts = {message.seq: message for message in messages if isinstance(message, Burst)}
     if not bursts:

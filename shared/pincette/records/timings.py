@@ -23,7 +23,7 @@ def spread(counted: Distribution) -> Spread:
 
 
 def program_timing(timing: Timing) -> ProgramTiming:
-    """Return the timing of a program, as quantiles."""
+    """Return the timing of a program as quantiles."""
     return ProgramTiming(
         program=timing.service,
         epoch=timing.epoch,
@@ -36,7 +36,7 @@ def program_timing(timing: Timing) -> ProgramTiming:
 
 
 def loop_timing(messages: Iterable[Message]) -> LoopTiming | None:
-    """Return the last timing of each program, in the order of a tick; None if none has any."""
+    """Return the last timing of each program, in the order of a tick; None if there is none."""
     newest = {message.service: message for message in messages if isinstance(message, Timing)}
     programs = [program_timing(newest[name]) for name in LOOP if name in newest]
     return LoopTiming(programs=programs) if programs else None

@@ -1,1 +1,1 @@
-"""The DCON protocol, and a module's host watchdog."""
+"""DCON protocol, and the host watchdog of a DCON module."""

@@ -18,16 +18,17 @@ OUTPUT_TYPES = {
     b"34": "0 to +5 V",
     b"35": "-5 to +5 V",
 }
-"""Type codes of the output range. A command has the same digits whatever the range is."""
+"""Type codes of the output range. The digits of a command do not depend on the range."""
 WANTED_TYPE = b"33"
 FORMATS = ("engineering units", "% of full scale", "hexadecimal")
 """Data formats by bits 0 and 1 of the format code."""
 SLEW_SHIFT, SLEW_MASK = 2, 0x0F
-"""Bits 2 to 5 of the format code: the slew rate, 0 for an immediate change."""
+"""Position and mask of the slew rate in the format code (bits 2 to 5); 0 means an immediate change.
+"""
 VALUE = re.compile(rb"[+-]\d{2}\.\d{3}")
 STATUS = re.compile(rb"[0-9A-F]{2}")
 NAMED = re.compile(rb"(?![0-9A-F]{2}$|[0-9A-F]{6}$|[+-]\d{2}\.\d{3}$).+")
-"""Answer with a name or a firmware version, which differs from all other answers."""
+"""Pattern of an answer with a name or firmware version, which differs from all other answers."""
 FORMS: tuple[tuple[re.Pattern[bytes], re.Pattern[bytes]], ...] = (
     (re.compile(rb"\$..[68]\d"), VALUE),
     (re.compile(rb"\$..2"), CONFIGURATION),
@@ -35,17 +36,17 @@ FORMS: tuple[tuple[re.Pattern[bytes], re.Pattern[bytes]], ...] = (
     (re.compile(rb"~..0"), STATUS),
     (re.compile(rb"[$~]..[^*]+"), NOTHING),
 )
-"""Regular expression of the rest of an answer, after the address, for each form of command."""
+"""Regular expressions of a command and of its answer after the address."""
 SETTING = re.compile(rb"#.*")
 SUM = b".."
 CONFIRMATIONS = tuple(re.compile(rb"(>|!|\?(..)?)" + end, re.DOTALL) for end in (b"", SUM))
-"""Answers to a setting, without and with a checksum."""
+"""Patterns of the answer to a setting, without and with a checksum."""
 LINE_BYTES = len(b"#012+05.000") + 1
 REPLY_BYTES = len(b">") + 1
 CHECKSUM_BYTES = 2
 TRIES = 4
-"""Number of times that a question is asked if the answer belongs to another one, such as a late
-one."""
+"""Largest number of times that a question is asked while its answers belong to another question,
+such as a late answer."""
 
 _log = logging.getLogger(__name__)
 
@@ -112,14 +113,14 @@ class DconModule:
             raise InstrumentError(text, "refused")
 
     def put_out(self, voltage_V: float) -> None:
-        """Set the channel; raises InstrumentError."""
+        """Set the voltage of the channel; raises InstrumentError."""
         head = b"#%02X%d" % (self.address, self.channel)
         reply = self.ask(head + f"{voltage_V:+07.3f}".encode())
         if reply != b">":
             raise self._refusal(f"{voltage_V:+.3f} V", reply)
 
     def read_V(self) -> float:
-        """Return what the channel puts out; raises InstrumentError."""
+        """Return the output voltage of the channel in V; raises InstrumentError."""
         reply = self._answer(b"$%02X8%d" % (self.address, self.channel), VALUE)
         if reply[:3] != b"!%02X" % self.address or VALUE.fullmatch(reply[3:]) is None:
             raise InstrumentError(f"I-7024: {reply[:40]!r} has no voltage", "garbled")
@@ -128,9 +129,11 @@ class DconModule:
     def ordered(
         self, kind: bytes, order: bytes, what: str, form: re.Pattern[bytes] = NOTHING
     ) -> bytes:
-        """Send the command ``kind AA order`` and return the answer after ``!AA``; may raise.
+        """Send the command ``kind AA order`` and return the answer after ``!AA``.
 
-        ``form`` is that of the answer. The command may be repeated without harm.
+        Raises InstrumentError.
+
+        ``form`` is the pattern of the answer. The command may be repeated without harm.
         """
         reply = self._answer(kind + b"%02X" % self.address + order, form)
         if not reply.startswith(b"!%02X" % self.address):
@@ -138,7 +141,7 @@ class DconModule:
         return reply[3:]
 
     def _answer(self, body: bytes, form: re.Pattern[bytes]) -> bytes:
-        """Ask until the answer belongs to this request; return the last one, whatever it is."""
+        """Ask until the answer belongs to this request; return the last answer, matching or not."""
         reply, head = b"", b"!%02X" % self.address
         for _ in range(TRIES):
             reply = self.ask(body)
@@ -214,7 +217,7 @@ def _answers_of(body: bytes, *, checksum: bool) -> re.Pattern[bytes]:
 
 
 def probes(address: int, *, checksum: bool) -> tuple[bytes, ...]:
-    """Return requests that change nothing at a module and are answered each in its own form."""
+    """Return requests that change nothing at a module, each with its own form of answer."""
     bodies = (b"~%02X0" % address, b"$%02X2" % address, b"$%02XM" % address)
     return tuple(body + _sum(body) if checksum else body for body in bodies)
 

@@ -1,4 +1,4 @@
-"""The host watchdog of a DCON module: armed at the first heartbeat, never cleared by itself.
+"""Host watchdog of a DCON module: armed at the first heartbeat, never cleared automatically.
 
 If the module receives no heartbeat for ``limit_s`` it goes to its safe value and ignores commands
 until the trip is cleared. A trip stays until ``clear``: a voltage that was computed before it is
@@ -18,24 +18,24 @@ HEARTBEAT = b"~**"
 TICK_S = 0.1
 TRIPPED = 0x04
 UNCONFIRMED = ("garbled", "late", "refused")
-"""Result of a write that the module has received, or may have received."""
+"""Error codes of a write that the module has received, or may have received."""
 UNHEARD = ("silent", "late")
-"""Result of a write that the module may not have received."""
+"""Error codes of a write that the module may not have received."""
 ZERO_V = 0.003
 """Tolerance of 0 V at the output: two steps of 14 bit over ±10 V."""
 
 State = Literal["off", "waiting", "armed", "unsure", "tripped"]
-"""State of the watchdog: not used.
+"""State of the watchdog.
 
-To be armed at the next heartbeat; armed; armed, but the silent module may have lost it with its
-supply; tripped.
+``off``: not used; ``waiting``: to be armed at the next heartbeat; ``armed``; ``unsure``: armed, but
+the silent module may have lost the setting with its supply; ``tripped``.
 """
 
 _log = logging.getLogger(__name__)
 
 
 class HostWatchdog:
-    """The host's side of the watchdog; with ``limit_s`` = 0 nothing is sent."""
+    """Host side of the watchdog; sends nothing if ``limit_s`` is 0."""
 
     def __init__(self, module: DconModule, limit_s: float) -> None:
         self._module = module
@@ -60,15 +60,15 @@ class HostWatchdog:
             _log.warning(text, found_V)
 
     def feed_with_write(self) -> None:
-        """Send the heartbeat before a write, unless the last one was not confirmed; may raise."""
+        """Send the heartbeat before a write, unless the last write was not confirmed; may raise."""
         if not self._unconfirmed:
             self.feed()
 
     def feed(self) -> None:
         """Send the heartbeat, and arm the watchdog if that is due; may raise.
 
-        A trip that is found on arming is reported here, once: nobody has written since, so nobody
-        else would notice it.
+        A trip that is found on arming is reported here, once: there has been no write since that
+        would have reported it.
         """
         if self._state == "off":
             return
@@ -81,7 +81,7 @@ class HostWatchdog:
             raise
 
     def learn(self, code: ErrorCode | None) -> None:
-        """Note the result of a write; None if it was accepted."""
+        """Update the state by the result of a write: its error code, or None if it was accepted."""
         if self._state == "off":
             return
         self._unconfirmed = code in UNCONFIRMED
@@ -94,9 +94,9 @@ class HostWatchdog:
             self._state = "unsure"
 
     def resume(self) -> bool:
-        """Arm the watchdog again after a lost line or module.
+        """Arm the watchdog again after the line or the module was lost.
 
-        False if there is a trip, which stays.
+        Returns False if the watchdog has tripped; the trip stays.
         """
         if self._state == "off":
             return True
@@ -115,7 +115,10 @@ class HostWatchdog:
         self._state = "waiting"
 
     def leave(self) -> None:
-        """Switch the watchdog off, so that the output stays as it is; ignores an absent module."""
+        """Switch the watchdog off so that the output keeps its voltage.
+
+        Ignores an absent module.
+        """
         if self._state not in ("armed", "unsure"):
             return
         self._state = "off"

@@ -1,1 +1,1 @@
-"""Parts of a link: ports, recordings, calls."""
+"""Parts of a link to an instrument: ports, recordings, shared lines."""

@@ -1,4 +1,4 @@
-"""Arrival times of answers over TCP, and what they say about the device server in between.
+"""Arrival times of answers over TCP, and what they show about the device server on the way.
 
 A server that forwards at once lets the bytes arrive one after the other, as the serial line carries
 them. ser2net's ``chardelay``, and what boxes call packing time or inter-character time, holds them
@@ -15,52 +15,54 @@ from statistics import median
 
 BITS_PER_BYTE = 10
 RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
-"""Usual baud rates, of which the rate of a slow line is one."""
+"""Usual baud rates; the rate of a slow line is one of them."""
 LEAST_ANSWERS = 5
-"""Answers of one length before anything is said."""
+"""Smallest number of answers of one length from which the server is judged."""
 LEAST_BYTES = 8
 """Length of an answer whose arrival in pieces can be seen at any rate."""
 CLOSE_S, MANY = 0.0015, 4
-"""Time between two pieces of an answer that no server leaves that holds answers back, and number of
-pieces that it does not cut an answer into. It cuts some in two where the instrument hesitates."""
+"""Limits that show that an answer arrived in pieces: two pieces less than ``CLOSE_S`` s apart, or
+at least ``MANY`` pieces. A server that holds answers back may cut one in two where the instrument
+hesitates."""
 WHOLE_SHARE = 0.75
-"""Least share of answers that arrive whole from a server that holds them back. A busy machine reads
-some answers whole that were sent in pieces."""
+"""Smallest share of answers that arrive whole from a server that holds answers back. A busy machine
+may read an answer whole that was sent in pieces."""
 LEAST_HELD_S = 0.001
-"""Shortest time for which ser2net holds answers back; what is shorter is the network."""
+"""Shortest time in s for which ser2net holds answers back; shorter delays come from the network."""
 SLOWER = 1.5
-"""Factor between the stated and the estimated time of a byte from which a line is slow. The usual
-rates differ by at least as much."""
+"""Ratio of the estimated to the stated time of a byte from which a line counts as slow. Adjacent
+usual rates differ by at least this factor."""
 MOST_KINDS, KEPT = 16, 40
-"""Kinds of exchanges that are kept, by their lengths, and the newest durations of each."""
+"""Largest number of kinds of exchanges (by their lengths), and of newest durations kept for each.
+"""
 SHORT_SHARE = 0.1
 """Share of the durations that are shorter than the one that counts. The shortest of all may be
-wrong, since a server that was not run forwards some answers early."""
+wrong, since a server that was not scheduled forwards some answers early."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hop:
-    """What the arrival of answers says of the device server in between."""
+    """Properties of the device server on the way, estimated from the arrival of answers."""
 
     held_s: float = 0.0
-    """Time for which the server holds answers back, in s; 0 where they arrive byte by byte. It
-    includes what a line that is slower than stated takes longer."""
+    """Time for which the server holds answers back, in s; 0 if they arrive byte by byte. It
+    includes the extra time of a line that is slower than stated."""
     line_baud: int = 0
-    """Estimated rate of the serial line where answers arrive byte by byte and it is slower than
-    stated; 0 otherwise."""
+    """Estimated baud rate of the serial line if answers arrive byte by byte and the line is slower
+    than stated; 0 otherwise."""
 
 
 @dataclass(slots=True)
 class _Kind:
-    """Exchanges of one length."""
+    """Exchanges with equal lengths of request and answer."""
 
     count: int = 0
     whole: int = 0
-    """Answers that arrived whole."""
+    """Number of answers that arrived whole."""
     took_s: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
-    """Durations of the newest exchanges."""
+    """Durations of the newest exchanges, in s."""
     spread_s: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
-    """Times from the first to the last byte of the newest answers that arrived in pieces."""
+    """Times from the first to the last byte of the newest answers that arrived in pieces, in s."""
 
     @property
     def is_held(self) -> bool:
@@ -69,16 +71,16 @@ class _Kind:
 
     @property
     def short_s(self) -> float:
-        """Duration of an exchange that nothing else on the machine delayed."""
+        """Duration of an exchange that nothing else on the machine delayed, in s."""
         return sorted(self.took_s)[int(SHORT_SHARE * len(self.took_s))]
 
 
 @dataclass(slots=True)
 class Arrivals:
-    """Durations of the exchanges over one connection, by the number of bytes."""
+    """Durations of the exchanges over one connection, by the numbers of bytes."""
 
     baud: int
-    """Rate of the line as the rig file states it."""
+    """Baud rate of the line as the rig file states it."""
     _kinds: dict[tuple[int, int], _Kind] = field(default_factory=dict[tuple[int, int], _Kind])
 
     def clear(self) -> None:
@@ -86,7 +88,7 @@ class Arrivals:
         self._kinds.clear()
 
     def add(self, sent: int, received: int, sent_s: float, arrived_s: Sequence[float]) -> None:
-        """Add an exchange.
+        """Add the times of an exchange.
 
         Parameters
         ----------
@@ -111,7 +113,10 @@ class Arrivals:
             kind.whole += 1
 
     def hop(self) -> Hop:
-        """Return what the exchanges of the longest answers say; nothing before there are enough."""
+        """Return the estimate from the longest answers.
+
+        An empty ``Hop`` while there are too few.
+        """
         enough = [
             lengths
             for lengths, kind in self._kinds.items()
@@ -127,7 +132,10 @@ class Arrivals:
         return Hop(held_s if held_s >= LEAST_HELD_S else 0.0)
 
     def _slower(self, byte_s: float) -> int:
-        """Return the usual rate next to a time of a byte; 0 if it is not below the stated one."""
+        """Return the usual baud rate nearest to a time of a byte.
+
+        0 if it is not below the stated one.
+        """
         if byte_s < SLOWER * BITS_PER_BYTE / self.baud:
             return 0
         wanted = BITS_PER_BYTE / byte_s

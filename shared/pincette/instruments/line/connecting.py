@@ -1,4 +1,4 @@
-"""TCP connection to a host of which some addresses may not answer."""
+"""TCP connection to a host, some of whose addresses may not answer."""
 
 import errno
 import socket
@@ -6,14 +6,14 @@ from contextlib import ExitStack
 from time import monotonic
 
 LEAST_CONNECT_S = 0.001
-"""Least time for a connection to one address of a host."""
+"""Shortest time that is allowed for a connection to one address of a host, in s."""
 
 
 def connected(host: str, port: int, timeout_s: float) -> socket.socket:
     """Return a connection to the first address of a host that answers; raises OSError.
 
-    Each address gets an equal share of the time that is left: a name may resolve to an IPv6 address
-    at which no server is, and to an IPv4 address behind it.
+    Each address gets an equal share of the remaining time: a name may resolve to an IPv6 address
+    without a server, followed by an IPv4 address with one.
     """
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     until_s = monotonic() + timeout_s

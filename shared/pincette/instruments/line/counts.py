@@ -1,4 +1,4 @@
-"""Counts of what went wrong on the lines of one program's instruments."""
+"""Counts of errors on the lines of one program's instruments."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -13,17 +13,17 @@ class LineCounts:
     """Totals since the program started, over all lines that it opened."""
 
     late: int = 0
-    """Number of answers that arrived after their request had timed out."""
+    """Number of answers that arrived after the timeout of their request."""
     lost: int = 0
     """Number of answers that never arrived."""
     unexpected: int = 0
-    """Number of answers without a request, such as those that a line repeats."""
+    """Number of answers without a request, such as repeated ones."""
     reopened: int = 0
     """Number of times that a lost or silent port was reopened."""
     retried: int = 0
     """Number of times that opening an instrument failed and was repeated."""
     arrivals: dict[str, Arrivals] = field(default_factory=dict[str, Arrivals])
-    """Durations of exchanges at each TCP url that is open."""
+    """Durations of exchanges, by the url of each open TCP connection."""
 
 
 _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
@@ -31,7 +31,7 @@ _COUNTS: ContextVar[LineCounts | None] = ContextVar("counts", default=None)
 
 @contextmanager
 def counting(counts: LineCounts) -> Generator[None]:
-    """Let every line that is opened within the block count here for as long as it is open."""
+    """Count the events of every line that is opened within the block here while it is open."""
     token = _COUNTS.set(counts)
     try:
         yield
@@ -40,5 +40,5 @@ def counting(counts: LineCounts) -> Generator[None]:
 
 
 def current_counts() -> LineCounts:
-    """Return the counts that hold here, or new ones outside ``counting``."""
+    """Return the counts of the enclosing ``counting`` block, or new ones outside such a block."""
     return _COUNTS.get() or LineCounts()

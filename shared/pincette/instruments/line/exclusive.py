@@ -1,4 +1,4 @@
-"""Locks that let one program at a time open an instrument, and the name of the one that has it.
+"""Locks that allow one program at a time to open an instrument, with the name of the holder.
 
 A serial port is locked by ``flock`` on the device, as pyserial's ``exclusive`` does, and by the
 older UUCP convention, a file ``/var/lock/LCK..NAME``, which is all that ser2net respects. A TCP
@@ -22,9 +22,9 @@ PROCESSES = Path("/proc")
 BINARY = 4
 """Length of a UUCP lock file that contains a process id as a number, in bytes."""
 LISTENING = "0A"
-"""State of a TCP socket that listens, in the system's tables."""
+"""State of a listening TCP socket in the system's tables."""
 LONGEST = 256
-"""Number of bytes of a UUCP lock file that are read."""
+"""Largest number of bytes that are read of a UUCP lock file."""
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def _lock_file(device: str) -> Path:
 
 
 def _was_made(file: Path) -> bool:
-    """Write a lock file in place of one that nobody holds; return whether that was possible."""
+    """Replace a lock file that has no holder; return whether that was possible."""
     try:
         file.unlink(missing_ok=True)
         with file.open("x", encoding="ascii") as written:
@@ -68,7 +68,7 @@ def _was_made(file: Path) -> bool:
 
 
 def _holder_of_file(lock: Path) -> int | None:
-    """Return the process id of the live program that holds a UUCP lock file; None: none does."""
+    """Return the process id of the live program that holds a UUCP lock file; None without one."""
     try:
         pid = _number_in(_begin_of(lock))
     except (OSError, ValueError):
@@ -77,7 +77,7 @@ def _holder_of_file(lock: Path) -> int | None:
 
 
 def _begin_of(lock: Path) -> bytes:
-    """Return the first bytes of a lock file, also where anybody has put a pipe in its place."""
+    """Return the first bytes of a lock file; does not block if the file is a pipe."""
     descriptor = os.open(lock, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         return os.read(descriptor, LONGEST)
@@ -86,10 +86,10 @@ def _begin_of(lock: Path) -> bytes:
 
 
 def _number_in(content: bytes) -> int:
-    """Return the process id in a lock file; raises ValueError where it has none.
+    """Return the process id in a lock file; raises ValueError if it contains none.
 
-    Most programs write digits, some of them with their name and user behind, as minicom does. Some
-    write the number itself.
+    Most programs write digits, some followed by program name and user, as minicom does. Some write
+    a binary number.
     """
     words = content.split(maxsplit=1)
     if words and words[0].isdigit():
@@ -102,7 +102,8 @@ def _number_in(content: bytes) -> int:
 def lock_address(url: str, host: str, port: int) -> ExitStack:
     """Lock a TCP instrument under every address that its host name resolves to.
 
-    A server of this host that listens at all addresses is one instrument under any of them.
+    A server on this host that listens at all addresses is one instrument, whichever address is
+    used.
 
     Returns
     -------
@@ -132,13 +133,13 @@ def lock_address(url: str, host: str, port: int) -> ExitStack:
 
 
 def _plain(address: str) -> str:
-    """Return an IPv4 address that is written as an IPv6 one as it is, and others unchanged."""
+    """Return an IPv4-mapped IPv6 address as IPv4, and other addresses unchanged."""
     mapped = getattr(ip_address(address), "ipv4_mapped", None)
     return address if mapped is None else str(mapped)
 
 
 def _served(address: str, port: int) -> str:
-    """Return ``any`` for a server of this host that listens at all addresses, else the address."""
+    """Return ``any`` if a server of this host listens at all addresses, otherwise the address."""
     plain, _, _ = address.partition("%")
     version = ip_address(plain).version
     with socket.socket(socket.AF_INET if version == 4 else socket.AF_INET6) as probe:
@@ -175,7 +176,7 @@ def in_use(url: str, holder: str) -> InstrumentError:
 
 
 def _holder_of_flock(path: Path) -> str:
-    """Return the program that has locked a file; empty where the system does not show it."""
+    """Return the program that has locked a file; empty if the system does not show it."""
     with suppress(OSError):
         found = path.stat()
         device = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"
@@ -187,7 +188,7 @@ def _holder_of_flock(path: Path) -> str:
 
 
 def _holder_of_abstract_socket(name: str) -> str:
-    """Return the program that has bound a socket; empty where this user may not see it."""
+    """Return the program that has bound a socket; empty if this user may not see it."""
     with suppress(OSError):
         for line in (PROCESSES / "net" / "unix").read_text(encoding="utf-8").splitlines():
             fields = line.split(maxsplit=7)

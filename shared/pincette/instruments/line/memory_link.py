@@ -1,4 +1,4 @@
-"""A link to an instrument in the same process: the same bytes without a port."""
+"""Link to an instrument in the same process: the same bytes without a port."""
 
 from collections.abc import Callable
 
@@ -12,8 +12,8 @@ def _every(_line: bytes) -> bool:
 class MemoryLink:
     """Passes each request to a function and returns its answer; None means silence.
 
-    An answer of several lines holds ``terminator`` between them; the first that ``accept`` takes
-    is returned, as over a port. Without a terminator an answer is taken whole.
+    An answer of several lines contains ``terminator`` between them; the first line that ``accept``
+    accepts is returned, as over a port. Without a terminator the answer is returned whole.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Requests without an answer so far, and which of them a line answers."""
+"""Requests that have not been answered yet, and the search for the one that a line answers."""
 
 import re
 from collections import deque
@@ -8,12 +8,12 @@ from pincette.instruments.line.counts import LineCounts
 from pincette.instruments.line.matching import ANY_LINE, Matching, confusable
 
 REMEMBERED = 3
-"""Number of answered requests whose patterns are kept, to recognise repeated answers."""
+"""Number of answered requests whose patterns are kept in order to recognise repeated answers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenRequest:
-    """A request that has been sent and not been answered."""
+    """Request that has been sent and not been answered."""
 
     matching: Matching
     pattern: re.Pattern[bytes]
@@ -21,7 +21,7 @@ class OpenRequest:
 
 
 class OpenRequests:
-    """The open requests of one line, the oldest first."""
+    """Open requests of one line, oldest first."""
 
     def __init__(self, counts: LineCounts) -> None:
         self._counts = counts
@@ -34,17 +34,20 @@ class OpenRequests:
 
     @property
     def newest_sent_s(self) -> float:
-        """Time at which the newest open request was sent, in s; there must be one."""
+        """Return the time at which the newest open request was sent, in s.
+
+        At least one must be open.
+        """
         return self._requests[-1].sent_s
 
     def add(self, matching: Matching, request: bytes, now_s: float) -> OpenRequest:
-        """Note a request that is about to be sent."""
+        """Add a request that is about to be sent."""
         added = OpenRequest(matching, matching.answers(request), now_s)
         self._requests.append(added)
         return added
 
     def take(self, line: bytes) -> OpenRequest | None:
-        """Close and return the oldest request that a line answers; None where there is none.
+        """Close and return the oldest request that a line answers; None if there is none.
 
         Older requests of the same driver count as lost, since answers keep their order.
         """
@@ -62,7 +65,7 @@ class OpenRequests:
         return found
 
     def like(self, pattern: re.Pattern[bytes]) -> OpenRequest | None:
-        """Return the oldest open request whose answer could be taken for one of a pattern."""
+        """Return the oldest open request whose answer could be confused with one of a pattern."""
         return next((one for one in self._requests if confusable(one.pattern, pattern)), None)
 
     def is_alone(self, request: OpenRequest) -> bool:

@@ -30,12 +30,12 @@ CAUSES: dict[str, ErrorCode] = {cause: cause for cause in get_args(ErrorCode)}
 _log = logging.getLogger(__name__)
 
 Outcome = bytes | InstrumentError | None
-"""The reply, or how the exchange failed; None if no reply was expected."""
+"""Reply of an exchange, or the error with which it failed; None if no reply was expected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of a recording; ``request`` is None if a lost port was opened again."""
+    """One line of a recording; ``request`` is None for a lost port that was opened again."""
 
     number: int
     request: bytes | None

@@ -30,7 +30,7 @@ class ReplayLink:
 
     @property
     def ended(self) -> bool:
-        """Whether all that was recorded has been played."""
+        """Return True if all recorded entries have been played."""
         return self._next >= len(self._entries)
 
     def exchange(self, request: bytes) -> bytes:
@@ -78,14 +78,20 @@ class ReplayLink:
         return entry
 
     def _prepare(self) -> None:
-        """Prepare the instrument if its driver did; a failure is recorded with its request."""
+        """Prepare the instrument if its driver did so in the recording.
+
+        A failure is recorded with its request.
+        """
         try:
             self._on_open(self)
         except InstrumentError as error:
             _log.debug("%s: %s", self._path, error)
 
     def _unlike(self, request: bytes, how: str) -> InstrumentError:
-        """Report where the dialogue differs from the recording, and stay there."""
+        """Return the error that names the deviation from the recording.
+
+        The position stays there.
+        """
         self._next -= 1
         number = self._entries[self._next].number
         return InstrumentError(f"{self._path}, line {number}: {request!r} {how}", "misused")

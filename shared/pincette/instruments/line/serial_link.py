@@ -1,4 +1,4 @@
-"""A line of requests and answers over any port.
+"""Line of requests and answers over any port.
 
 An answer carries no number, so the line keeps account of the requests whose answers have not come.
 While one is open, no request is sent whose answer could be confused with it. First the line sends a
@@ -22,32 +22,33 @@ from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 
 LONGEST_FRAME = 256
 RETRY_S = 0.5
-"""Least time from one attempt to open a lost port again to the next."""
+"""Shortest time between two attempts to open a lost port again, in s."""
 GRACE = 0.2
-"""Share of the timeout that is waited once more where it has passed: the time may have passed while
-the machine stood still, with the answer on its way all along."""
+"""Share of the timeout that is waited once more after the timeout has passed: the machine may have
+stalled while the answer was already on its way."""
 PATIENCE_TIMEOUTS, LEAST_PATIENCE_S = 4.0, 2.0
-"""An answer that has not come after so many timeouts, and so many seconds at least, counts as lost
-where no probe can tell; the port is then opened again."""
+"""Number of timeouts, and least number of seconds, after which a missing answer counts as lost if
+no probe can find out. The port is then opened again."""
 MOST_UNEXPECTED = 3
-"""Exchanges in a row that each find an answer too many, after which the line is left silent."""
+"""Number of successive exchanges with a surplus answer after which the line is left silent."""
 STANDSTILL_S = 0.005
-"""A deadline that is missed by more than this was missed by the machine."""
+"""Delay in s beyond a deadline from which the machine, not the instrument, counts as the cause."""
 SETTLE_S, LONGEST_SETTLE_S = 0.05, 0.5
-"""Silence that is awaited on a new port, and the longest time that this may take. A device server
-may send a banner, and the answer to an earlier client may still be under way."""
+"""Silence that is awaited on a new port, and the longest time that this may take, in s. A device
+server may send a banner, and the answer to an earlier client may still be under way."""
 GREETING_SHARE = 0.25
-"""Share of the time for an exchange within which the banner of a port is awaited that is opened
-again, if it has sent one before."""
+"""Share of the exchange time for which the banner of a reopened port is awaited, if that port has
+sent one before."""
 LINE_END = b"\r\n"
-"""Characters at the end of a banner, of which one may be left before the first answer."""
+"""Characters at the end of a banner; one of them may remain before the first answer."""
 OFTEN, OFTEN_WITHIN_S = 4, 60.0
-"""A port that was opened again so many times within so many seconds may have a second client."""
+"""Number of times that a port was opened again, and the time in s within which this happened, from
+which a second client is suspected."""
 TELNET = re.compile(rb"\xff(?:[\xfb-\xfd]|\xfe(?!.\x00))", re.DOTALL)
-"""Begin of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT. A text in
-UTF-16 begins with IAC DONT, too, but every second byte of it is 0."""
+"""First bytes of a telnet negotiation (RFC 854): IAC and one of WILL, WONT, DO, DONT. A text in
+UTF-16 also begins with IAC DONT, but every second byte of it is 0."""
 TELNET_COMMAND = re.compile(rb"\xff[\xf0-\xfe]")
-"""IAC and any command; a wrong baud rate may look like this, too."""
+"""IAC and any command; a wrong baud rate may also produce this."""
 SAID = (
     (
         re.compile(rb"in use|busy", re.IGNORECASE),
@@ -60,24 +61,24 @@ SAID = (
         "the device server cannot open its serial device: is the adapter plugged in there?",
     ),
 )
-"""What a device server says before it hangs up, and what to do: ser2net 4.3 says "Port already in
-use" and "Device open failure: ..."."""
+"""Texts that a device server sends before it closes the connection, each with its remedy: ser2net
+4.3 sends "Port already in use" and "Device open failure: ..."."""
 
 _log = logging.getLogger("pincette.instruments.link")
 
 
 class Port(Protocol):
-    """Bytes to and from somewhere.
+    """Source and destination of bytes.
 
-    Each method raises OSError where the other end is gone, ValueError where the port itself is.
+    Each method raises OSError if the other end is lost, ValueError if the port itself is closed.
     """
 
     def write(self, data: bytes, /) -> None:
-        """Send all of it; raises TimeoutError where the line does not drain."""
+        """Send all bytes; raises TimeoutError if the line does not drain."""
         ...
 
     def receive(self, wait_s: float, /) -> bytes:
-        """Return what has arrived, waiting for the first byte; empty if none came."""
+        """Return the bytes that have arrived, waiting for the first one; empty if none came."""
         ...
 
     def close(self) -> None:
@@ -101,14 +102,15 @@ class Line:
 
     url: str
     open_port: Callable[[float], Port]
-    """Opens the port within so many seconds; raises InstrumentError."""
+    """Opens the port within a time in s; raises InstrumentError."""
     timeout_s: float
-    """Longest duration of a whole exchange, in s, once the line is open."""
+    """Longest duration of a whole exchange on an open line, in s."""
     quiet_s: float
-    """Time for which the line must be silent before a request while another one is open, in s."""
+    """Time for which the line must be silent before a request while an earlier request is open, in
+    s."""
     terminator: bytes
     matching: Callable[[], Matching]
-    """Returns how the answers of the driver that is speaking are recognised."""
+    """Returns the rules by which the answers of the present driver are recognised."""
     on_open: Callable[[Link], None]
     clock: Callable[[], float]
     counts: LineCounts = field(default_factory=LineCounts)
@@ -122,17 +124,17 @@ class Line:
     _arrived_s: list[float] = field(default_factory=list[float], init=False)
     """Times at which pieces of the answer to the newest request arrived."""
     _unexpected_run: int = field(default=0, init=False)
-    """Exchanges in a row before which an answer too many was found."""
+    """Number of successive exchanges before which a surplus answer was found."""
     _late_run: int = field(default=0, init=False)
-    """Late answers since the last exchange that succeeded."""
+    """Number of late answers since the last successful exchange."""
     _late_s: float = field(default=0.0, init=False)
-    """Time from the request to its answer for the newest late answer, in s."""
+    """Time from a request to the newest late answer, in s."""
     _garbled: bool = field(default=False, init=False)
-    """Whether bytes that were no answer followed the newest request."""
+    """True if bytes that were no answer followed the newest request."""
     _silent_until_s: float = field(default=float("-inf"), init=False)
     _next_try_s: float = field(default=float("-inf"), init=False)
     _failure: str = field(default="", init=False)
-    """Why the newest attempt to open the port again failed; empty after one that succeeded."""
+    """Reason why the newest attempt to open the port again failed; empty if it succeeded."""
     _opening_until_s: float | None = field(default=None, init=False)
     _is_new: bool = field(default=True, init=False)
     """True until the first answer after the port was opened."""
@@ -183,7 +185,7 @@ class Line:
         _log.debug("%s: %s", self.url, _Escaped(line))
 
     def close(self) -> None:
-        """Close the port; closing it twice does nothing more."""
+        """Close the port; repeated calls do nothing."""
         self._closed = True
         self._drop()
 
@@ -219,7 +221,7 @@ class Line:
         return reply
 
     def _give_up_overdue(self) -> None:
-        """Count open requests as lost that are older than the patience, and drop their port."""
+        """Count open requests older than the patience as lost, and drop their port."""
         if not self._open or self.clock() - self._open.newest_sent_s < self.patience_s:
             return
         count = self._open.give_up()
@@ -233,7 +235,7 @@ class Line:
         self._drop()
 
     def _ready(self, until_s: float) -> Port:
-        """Return the port, opened again where it was lost and its time has come."""
+        """Return the port; open it again if it was lost and the retry time has passed."""
         if self._closed:
             raise InstrumentError(f"{self.url}: the port is closed; open it again", "misused")
         now_s = self.clock()
@@ -263,13 +265,13 @@ class Line:
         return self._port
 
     def _settle(self, port: Port) -> None:
-        """Drop what a new port sends by itself; raises InstrumentError for a telnet port."""
+        """Drop unsolicited bytes from a new port; raises InstrumentError for a telnet port."""
         until_s = self.clock() + LONGEST_SETTLE_S
         while self.clock() < until_s and (data := port.receive(SETTLE_S)):
             self._note_greeting(data)
 
     def _take_greeting(self, port: Port, until_s: float) -> None:
-        """Drop the banner of a port that is opened again; later bytes are seen by the exchange."""
+        """Drop the banner of a reopened port; the exchange sees later bytes."""
         try:
             data = port.receive(max(0.0, GREETING_SHARE * (until_s - self.clock())))
         except (OSError, ValueError) as error:
@@ -281,7 +283,7 @@ class Line:
             self._note_greeting(data)
 
     def _note_greeting(self, data: bytes) -> None:
-        """Keep what a new port sends that is no answer; raises InstrumentError for telnet."""
+        """Keep bytes from a new port that are no answer; raises InstrumentError for telnet."""
         self._greets = True
         self._greeting = (self._greeting + data)[-LONGEST_FRAME:]
         if TELNET.search(self._greeting):
@@ -293,7 +295,7 @@ class Line:
             raise InstrumentError(text, "cannot_open")
 
     def _hung_up_text(self, error: Exception) -> str:
-        """Return why the port is lost: what the other end said, or where to look."""
+        """Return the reason for the lost port: the last text of the other end, or where to look."""
         said = (self._greeting + self._pending).strip() if self._is_new else b""
         if said:
             remedies = (remedy for pattern, remedy in SAID if pattern.search(said))
@@ -316,7 +318,7 @@ class Line:
         return text
 
     def _prepare(self, until_s: float) -> None:
-        """Let the driver prepare the instrument to continue its work."""
+        """Let the driver prepare the instrument after the port was opened again."""
         self._opening_until_s = until_s
         try:
             self.on_open(self)
@@ -345,7 +347,7 @@ class Line:
     def _bring_to_order(
         self, port: Port, matching: Matching, request: bytes, until_s: float
     ) -> None:
-        """Return once no open request is left whose answer could be taken for this one's."""
+        """Wait until no open request is left whose answer could be confused with this one's."""
         wanted = matching.answers(request)
         in_doubt = self._drain(port, wanted, until_s)
         while True:
@@ -368,7 +370,7 @@ class Line:
     def _drain(
         self, port: Port, wanted: re.Pattern[bytes], until_s: float, quiet_s: float = 0.0
     ) -> bool:
-        """Close open requests whose answers have come, and drop every other line.
+        """Close open requests that have been answered, and drop all other lines.
 
         Returns whether a line was dropped that could be taken for a wanted answer: then the answers
         may be one ahead of the requests.
@@ -414,9 +416,10 @@ class Line:
     ) -> bytes:
         """Send a request and return its answer.
 
-        A line that answers no open request is returned too where only this one is open, for the
-        driver to judge; the request stays open, since its answer may still come. A probe waits on,
-        and so does the first request at a new port, where the line may be for an earlier client.
+        If only this request is open, a line that does not match it is also returned, for the driver
+        to judge; the request stays open, since its answer may still come. A probe keeps waiting
+        instead, and so does the first request at a new port, where the line may be meant for an
+        earlier client.
         """
         own = self._open.add(matching, request, self.clock())
         self._garbled = False
@@ -446,7 +449,7 @@ class Line:
         raise self._unanswered(request)
 
     def _wait_for(self, port: Port, other: OpenRequest, request: bytes, until_s: float) -> None:
-        """Wait until an open request is answered; raises InstrumentError where it is not."""
+        """Wait until an open request is answered; raises InstrumentError if it is not."""
         for line in self._lines(port, until_s):
             found = self._open.take(line)
             if found is not None:
@@ -496,7 +499,7 @@ class Line:
     def _note_arrival(
         self, arrivals: Arrivals, request: OpenRequest, sent: int, received: int
     ) -> None:
-        """Add an exchange that succeeded to what is known of the arrival of answers."""
+        """Add a successful exchange to the arrival times."""
         if self._arrived_s:
             ends = len(self.terminator)
             arrivals.add(sent + ends, received + ends, request.sent_s, self._arrived_s)
@@ -508,7 +511,7 @@ class Line:
         _log.debug("%s: an answer came %.3f s after its request", self.url, self._late_s)
 
     def _code(self) -> ErrorCode:
-        """Return why an answer is missing, based on the bytes that came instead."""
+        """Return the error code of a missing answer, based on the bytes that came instead."""
         if self._late_run:
             return "late"
         return "garbled" if self._garbled else "silent"

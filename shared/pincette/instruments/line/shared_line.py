@@ -1,4 +1,4 @@
-"""One line shared by several drivers: two channels of a module, or several modules."""
+"""Line that several drivers share: two channels of a module, or several modules."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -10,12 +10,15 @@ from pincette.instruments.protocols import InstrumentError, Link
 
 Prepare = Callable[[Link], None]
 OpenLine = Callable[[Prepare, Callable[[], Matching]], Link]
-"""Opens a line, given what prepares the instruments after the line was lost, and what says how the
-answers of the driver that is speaking are recognised."""
+"""Opens a line.
+
+The first argument prepares the instruments after the line was lost; the second returns the rules
+for the answers of the present driver.
+"""
 
 
 class SharedLine:
-    """A line that is open until the last of its drivers has closed it; one thread uses it."""
+    """Line that stays open until the last of its drivers has closed it; used by one thread."""
 
     def __init__(self, open_line: OpenLine, gone: Callable[[], object]) -> None:
         """Open the line; ``gone`` is called when the last of its drivers has closed it."""
@@ -25,7 +28,7 @@ class SharedLine:
         self._link = open_line(self._prepare, lambda: self._matching)
 
     def end(self, on_open: Prepare, matching: Matching) -> "LineEnd":
-        """Return a driver's own end of the line."""
+        """Return an end of the line for one driver."""
         end = LineEnd(self, on_open, matching)
         self._ends.append(end)
         return end
@@ -84,7 +87,7 @@ _LINES: ContextVar[dict[str, SharedLine] | None] = ContextVar("lines", default=N
 
 @contextmanager
 def one_line_for_each_url() -> Generator[None]:
-    """Let everything that is opened at one url within the block share one line."""
+    """Let all instruments that are opened at one url within the block share one line."""
     token = _LINES.set({})
     try:
         yield
@@ -93,7 +96,7 @@ def one_line_for_each_url() -> Generator[None]:
 
 
 def end_of_line(url: str, on_open: Prepare, matching: Matching, open_line: OpenLine) -> Link:
-    """Open a line, or where lines are shared return an end of the one at the url."""
+    """Open a line, or return an end of the line at the url if lines are shared."""
     lines = _LINES.get()
     if lines is None:
         return open_line(on_open, lambda: matching)
