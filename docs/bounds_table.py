@@ -1,4 +1,4 @@
-"""The page of bounds, with their values from the code."""
+"""Page of bounds, with their values from the code."""
 
 import json
 import re
@@ -37,7 +37,7 @@ LISTENERS = "503 `too-many-listeners`"
 
 
 def bounds_page() -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     return HEAD + "\n".join(
         line
         for title, rows in (

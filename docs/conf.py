@@ -44,7 +44,7 @@ def _listed(section: str, pages: list[str]) -> str:
 
 
 def add_contents(_app: Any, page: str, source: list[str]) -> None:
-    """Give a page of contents the lists that its table says, section by section."""
+    """Add to a page of contents the lists of its table, section by section."""
     if page not in CONTENTS:
         return
     pages = list(dict.fromkeys(LINK.findall(source[0])))
@@ -58,14 +58,14 @@ def add_contents(_app: Any, page: str, source: list[str]) -> None:
 
 
 def add_index(app: Any, failure: Exception | None) -> None:
-    """The first page also under the name that a server looks for."""
+    """Provide the first page also under the name that a server looks for."""
     if failure is None and app.builder.format == "html":
         folder = Path(app.outdir)
         shutil.copyfile(folder / f"{root_doc}.html", folder / "index.html")
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Called by Sphinx."""
+    """Set up the extension; called by Sphinx."""
     app.connect("source-read", add_contents)
     app.connect("build-finished", add_index)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

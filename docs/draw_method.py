@@ -1,6 +1,6 @@
 """Draw the pictures of docs/explanations/method.md: `.venv/bin/python docs/draw_method.py`.
 
-Everything drawn is computed by `pincette.control`, without chance and without a clock.
+Everything drawn is computed by `pincette.control`, without randomness and without a clock.
 """
 
 from dataclasses import dataclass, replace
@@ -41,14 +41,14 @@ OMEGA_N, ZETA, D_P, S_P, T = sqrt(5.943e6), 0.0260, 19.0, 0.46, 0.02
 ARM = consistent_arm(OMEGA_N, ZETA, D_P, S_P)
 K, K_E, FORCE_MN, FILTER_S = 1.9901e4, 2.15, 20.0, 0.03
 COLOURS = ("#4f9a6c", "#86bd97", "#c3dfc9", "#f5e6a8", "#f0c58e", "#df9270", "#c2614a")
-"""From quick to unstable."""
+"""Colours from quick to unstable."""
 STABILITY_TITLE = "worst over free and K_e ± 30 %, ω_n ± 5 %, delay from 0 to T/2"
 STIFF = 1.1
-"""Planned over true stiffness, where a plan does not fit."""
+"""Ratio of planned to true stiffness for a plan that does not fit."""
 
 
 def plan_picture() -> bytes:
-    """The part's line, a plan that fits it, one that does not, and where the loop rests."""
+    """Draw the part's line, a plan that fits, one that does not, and where the loop rests."""
     return picture(1, 1, 4.0, _plan_line)
 
 
@@ -74,7 +74,7 @@ def _plan_line(axes: list[Axis]) -> None:
 
 
 def exchange_picture() -> bytes:
-    """(51) and (52) over K_f, for the plan that does not fit."""
+    """Draw (51) and (52) over K_f, for the plan that does not fit."""
     return picture(1, 1, 3.4, _exchange)
 
 
@@ -106,7 +106,7 @@ def _exchange(axes: list[Axis]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A run of the law on the pressed arm; N samples each."""
+    """Run of the law on the pressed arm; N samples each."""
 
     t_s: np.ndarray
     x_um: np.ndarray
@@ -116,7 +116,7 @@ class Track:
 
 
 def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
-    """F_r from 0 to 20 mN and back at 0.5 Hz; x_r on a line of the planned stiffness.
+    """Simulate F_r from 0 to 20 mN and back at 0.5 Hz; x_r is on a line of the planned stiffness.
 
     The arm has hysteresis of 15 % and creep; the estimator's model of it has weights that are 2 %
     too large and no creep.
@@ -170,7 +170,7 @@ def track(planned_mN_per_um: float, seconds: float = 4.0) -> Track:
 
 
 def track_picture() -> bytes:
-    """Force over time, and both errors with a plan that fits and one that does not."""
+    """Draw force over time, and both errors with a plan that fits and one that does not."""
     fits, stiff = track(K_E), track(STIFF * K_E)
 
     def draw(axes: list[Axis]) -> None:
@@ -191,7 +191,7 @@ def track_picture() -> bytes:
 
 
 def stability_picture() -> bytes:
-    """Worst spectral radius of PBSMIC over period and K_P."""
+    """Draw the worst spectral radius of PBSMIC over period and K_P."""
     periods_s, gains = np.geomspace(0.003, 0.03, 25), np.geomspace(0.1, 10.0, 15)
     loop = Loop(law_settings(), ARM, T, FILTER_S)
     radii = radius_map(

@@ -1,7 +1,7 @@
-"""Draw the free response in the law, the line followed, and what repeats, for docs/draw_method.py.
+"""Draw the free response in a law, a followed line, and learning, for docs/draw_method.py.
 
-An arm of a free response pressed against a spring, without its mode: x follows the voltage of the
-tick before. The law knows H with weights that are 3 % off, or a line. Nothing is left to chance.
+An arm with a free response is pressed against a spring, without its mode: x follows the voltage of
+the previous tick. The law knows H with weights that are 3 % off, or a line. Nothing is random.
 """
 
 from dataclasses import dataclass, replace
@@ -30,9 +30,9 @@ ACTUATOR = HysteresisModel(
     creep_fractions=(0.01, 0.01),
 )
 KNOWN = replace(ACTUATOR, weights_um_per_V=(11.3, 2.1, 1.9, 2.1, 1.9))
-"""What the law has of it."""
+"""Model of the free response that the law uses."""
 LAGGING = 0.1
-"""Share of a step that comes one tick late, as behind an output with a lag of its own."""
+"""Share of a step that comes one tick late, as with an output lag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Cycles:
 
 
 def tracked(frequency_hz: float, cycles: int, *, identified: bool, learns: bool = False) -> Cycles:
-    """F_r from 0 to 20 mN and back, x_r on the line of the part; the force is as it truly is."""
+    """Simulate F_r from 0 to 20 mN and back, x_r on the line of the part; return the true force."""
     settings = default_settings("pbsmic", "identified") if identified else law_settings(K_f=2000.0)
     law = control_law.build(settings, ARM, T, FILTER_S, KNOWN if identified else None)
     ratio, ticks = K_E * S_P, round(1.0 / (frequency_hz * T))
@@ -86,7 +86,7 @@ def tracked(frequency_hz: float, cycles: int, *, identified: bool, learns: bool 
 
 
 def response_picture() -> bytes:
-    """H beside the line, and the error that either leaves."""
+    """Draw H beside the line, and the remaining error with each."""
 
     def draw(axes: list[Axis]) -> None:
         swings = [1.0 - cos(2.0 * pi * tick / 100) for tick in range(300)]
@@ -117,7 +117,7 @@ def response_picture() -> bytes:
 
 
 def following_picture() -> bytes:
-    """Loads of a part that is twice as hard as planned: the line followed, and not."""
+    """Draw loads of a part twice as hard as planned, with and without following the line."""
 
     def draw(axes: list[Axis]) -> None:
         planned, true, speed, load_s = 0.5 * K_E, K_E, 40.0, 0.4
@@ -156,7 +156,7 @@ def following_picture() -> bytes:
 
 
 def repeating_picture() -> bytes:
-    """What the model misses along a cycle, and learning at 5 Hz."""
+    """Draw the model error along a cycle, and learning at 5 Hz."""
 
     def draw(axes: list[Axis]) -> None:
         voltages = [1.0 + 0.4 * sin(2.0 * pi * tick / 100) for tick in range(400)]

@@ -9,7 +9,7 @@ from pincette.plotting import BLUE, FAINT, GREEN, INK, ORANGE, Axis, picture
 
 
 def step_picture() -> bytes:
-    """One step of a law as blocks."""
+    """Draw one step of a law as blocks."""
     return picture(1, 1, 4.4, _step_blocks)
 
 

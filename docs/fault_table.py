@@ -31,7 +31,7 @@ TESTS = """\
 
 
 def fault_table_page() -> str:
-    """The page as Markdown."""
+    """Return the page as Markdown."""
     from tests.support.fault_table import ROWS
 
     rows = [f"| {row.number} | {row.fault} | {row.noticed_by} | {row.must} |" for row in ROWS]
@@ -51,13 +51,13 @@ def fault_table_page() -> str:
 
 
 def _named(test: str) -> str:
-    """A test by its name, which leads to its file."""
+    """Return the name of a test as a link to its file."""
     path, _, name = test.partition("::")
     return f"[`{name or Path(path).stem}`](../../{path})"
 
 
 PAGES: dict[str, Any] = {"reference/fault-table.md": fault_table_page}
-"""By place below docs."""
+"""Pages by path below docs."""
 
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # the tests are no installed package

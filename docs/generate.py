@@ -42,7 +42,7 @@ and positive. `arms` has one record for each driven arm, the first arm first.
 
 
 def keys_page() -> str:
-    """The page of topics, requests and messages, as Markdown."""
+    """Return the page of topics, requests and messages, as Markdown."""
     kinds = [topic.message for topic in topics.TOPICS]
     kinds += [kind for item in topics.REQUESTS for kind in (item.request, item.reply)]
     parts = [HEAD.format(root=topics.ROOT), _topics(), _questions(), _others()]
@@ -157,7 +157,7 @@ def _cell(text: str) -> str:
 
 
 def _pages(name: str) -> Pages:
-    """The pages that another file of this folder makes."""
+    """Return the pages that other files of this folder make."""
     return runpy.run_path(str(ROOT / "docs" / name))["PAGES"]
 
 

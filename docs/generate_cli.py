@@ -34,12 +34,12 @@ LIKE_A_JOB = {
     "`--no-wait`.\nFor a grip, a track or a move, `--plot FILE` draws the prediction "
     "as PNG.",
 }
-"""Commands whose options are listed elsewhere already."""
+"""Commands whose options are listed elsewhere."""
 COMMON = {"url", "key", "authority", "rig_name", "json", "help"}
 
 
 def page() -> str:
-    """The whole page, as Markdown."""
+    """Return the whole page as Markdown."""
     statuses = "".join(f"| {status.value} | {text} |\n" for status, text in MEANINGS.items())
     commands = (part for name in COMMANDS for part in _command(f"pincette {name}", load(name)))
     return HEAD + statuses + "".join(commands)

@@ -29,7 +29,7 @@ words: Any = SimpleNamespace(**runpy.run_path(str(DOCS / "schema_words.py")))
 LEADING = re.compile(r"([^\s.,;]+)(?:[.,;] ?| |$)")
 WORD = re.compile(r"[a-z]+[ ,;]")
 KNOWN_UNITS = {*UNITS.values(), *OF_FILES.values(), "1", "mN·s²/µm", "mN·s/µm", "mN/mN"}
-"""With which the text of a quantity may begin, whose name carries none."""
+"""Units that may begin the text of a quantity whose name has none."""
 
 HEAD = """\
 # Configuration
@@ -64,20 +64,20 @@ shows the options of all installed drivers, including those of
 
 
 def configuration_page() -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     body = "".join(_tables(RigFile, ""))
     return (HEAD + body + DRIVERS + "".join(_drivers())).rstrip() + "\n"
 
 
 def _below(annotation: Any) -> type[Table] | None:
-    """The table that a field holds, by itself, or not, or in a list."""
+    """Return the table that a field contains directly, as an option, or in a list."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
     return next((kind for part in get_args(annotation) if (kind := _below(part))), None)
 
 
 def _tables(kind: type[Table], path: str) -> Iterator[str]:
-    """The section of a table, then those of the tables within it, as deep as they go."""
+    """Return the section of a table, then those of the tables within it, at any depth."""
     inner = {name: _below(field.annotation) for name, field in kind.model_fields.items()}
     if path:
         yield f"## {_head(path)}\n\n{words.cell(kind.__doc__ or '')}\n\n"
@@ -92,7 +92,7 @@ def _tables(kind: type[Table], path: str) -> Iterator[str]:
 
 
 def _gains() -> Iterator[str]:
-    """The gains of each law that comes with the project."""
+    """Return the gains of each law of the project."""
     for entry in plugins.registered(plugins.LAWS):
         if plugins.origin(entry).partition(" ")[0] not in OWN:
             continue
@@ -138,7 +138,7 @@ def _rows(kind: type[Table], path: str, names: list[str]) -> str:
 
 
 def _unit_and_text(name: str, text: str) -> tuple[str, str]:
-    """Return the unit at the begin of a text, or that of the name, and the rest of the text."""
+    """Return the unit at the start of a text, or that of the name, and the rest of the text."""
     found = LEADING.match(text)
     if found is None or found[1] not in KNOWN_UNITS:
         return unit_in_file(f"_{name}"), text
@@ -178,7 +178,7 @@ def _marks(path: str, name: str) -> str:
 
 
 def _untold(path: str, name: str) -> bool:
-    """Whether a key is left out of what the programs tell each other."""
+    """Return whether a key is left out of the messages between the programs."""
     field = RigFile.model_fields.get(path)
     kind = None if field is None else _below(field.annotation)
     return kind is not None and bool(kind.model_fields[name].exclude)

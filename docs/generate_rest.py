@@ -51,7 +51,7 @@ further members.
 
 
 def rest_page() -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     tree: Json = json.loads(openapi_document())
     errors = _errors(tree)
     parts = [HEAD, words.table(("status", "when"), *_error_rows(errors))]
@@ -80,7 +80,7 @@ def _resolved(tree: Json, response: Json) -> Json:
 
 
 def _errors(tree: Json) -> set[tuple[str, str]]:
-    """Statuses from 400 on, each with what it says."""
+    """Return the statuses from 400 on, each with its description."""
     return {
         (status, words.cell(_resolved(tree, response)["description"]))
         for methods in tree["paths"].values()
@@ -123,7 +123,7 @@ def _parameter(parameter: Json) -> tuple[str, ...]:
 
 
 def _stated(schema: Json) -> Json:
-    """Without null: a parameter that is not given is left out."""
+    """Return the schema without null: a parameter that is not given is left out."""
     parts = [part for part in words.variants(schema) if not words.is_null(part)]
     return parts[0] if len(parts) == 1 else {"anyOf": parts}
 
@@ -156,7 +156,7 @@ def _content(content: Json) -> str:
 
 
 def _models() -> dict[str, type[BaseModel]]:
-    """The models of the interface, by name."""
+    """Return the models of the interface, by name."""
     found: dict[str, type[BaseModel]] = {}
     for module in (
         *pkgutil.iter_modules(pincette.api.__path__, "pincette.api."),
@@ -169,7 +169,7 @@ def _models() -> dict[str, type[BaseModel]]:
 
 
 def _texts(kind: type[BaseModel] | None) -> dict[str, str]:
-    """What the source says of each field, of a model and of those that it stands on."""
+    """Return the docstrings of each field of a model and of its bases."""
     texts: dict[str, str] = {}
     for part in () if kind is None else kind.__mro__[:-1]:
         if issubclass(part, BaseModel) and part is not BaseModel:

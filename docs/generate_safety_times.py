@@ -46,7 +46,7 @@ safe value in one step. The limit is that of the module: its watchdog time and o
 
 
 def page(found: Json) -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     head = HEAD.format(
         period_ms=1e3 * found["period_s"],
         freeze_ms=1e3 * found["freeze_s"],

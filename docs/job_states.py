@@ -1,4 +1,4 @@
-"""The page of the states of a job and its drawing, both from the table that the program uses."""
+"""Page of the states of a job and its drawing, both from the table that the program uses."""
 
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -25,7 +25,7 @@ PLACES: Mapping[JobState, tuple[int, int]] = {
     "failed": (880, 90),
     "interrupted": (880, 30),
 }
-"""Middle of each box."""
+"""Centre of each box."""
 PLAYS: tuple[JobState, ...] = ("running", "pausing", "paused", "resuming")
 STILL: tuple[JobState, ...] = ("queued", "preparing", "ready")
 FRAMES: Mapping[str, tuple[int, int, int, int]] = {
@@ -90,7 +90,7 @@ RULES = """\
 
 
 def jobs_page() -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     states = [("state", "meaning", "leads to", "deadline", "actions")]
     states += [
         (f"`{name}`", row.meaning, _leads(row.events), _deadline(name), _ticked(row.actions))
@@ -140,7 +140,7 @@ def jobs_page() -> str:
 
 
 def _everywhere(event: Event) -> str:
-    """From where an event leads, in words."""
+    """Return the states from which an event leads, in words."""
     ends = {row.events[event] for row in STATES.values() if event in row.events}
     lacking = [name for name, row in STATES.items() if not row.terminal and event not in row.events]
     (end,) = ends
@@ -170,7 +170,7 @@ def _table(rows: list[tuple[str, ...]]) -> str:
 
 
 def states_drawing() -> str:
-    """The states as boxes and the events as arrows, as SVG."""
+    """Return the states as boxes and the events as arrows, as SVG."""
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
         f'width="{WIDTH}" height="{HEIGHT}" font-family="system-ui, sans-serif" role="img">',
@@ -188,7 +188,7 @@ def states_drawing() -> str:
 
 
 def _inner() -> list[tuple[JobState, JobState, str]]:
-    """Arrows from one box to another: where no frame tells it for all its boxes."""
+    """Return the arrows between boxes that no arrow of a frame represents."""
     found: dict[tuple[JobState, JobState], list[str]] = {}
     for name, row in STATES.items():
         for event, end in row.events.items():
@@ -199,7 +199,7 @@ def _inner() -> list[tuple[JobState, JobState, str]]:
 
 
 def _outer() -> list[str]:
-    """Arrows from a frame: what each of its boxes knows, or but for a few."""
+    """Return the arrows from a frame, for events that all or nearly all of its boxes have."""
     x, y, width, height = FRAMES["the program plays"]
     right, low = x + width, y + height
     left, top = FRAMES["nothing has moved"][0], FRAMES["nothing has moved"][1]
@@ -235,7 +235,7 @@ def _events(states: tuple[JobState, ...], end: JobState) -> str:
 
 
 def _edge(name: JobState) -> tuple[int, int]:
-    """The middle of a box's left side."""
+    """Return the middle of a box's left side."""
     x, y = PLACES[name]
     return x - BOX[0] // 2, y
 
@@ -247,7 +247,7 @@ def _arrow(start: JobState, end: JobState, words: str) -> str:
 
 
 def _rim(x: int, y: int, to_x: int, to_y: int) -> tuple[int, int]:
-    """Where the line from the middle of a box to a point leaves it."""
+    """Return the point where the line from the centre of a box to a point leaves the box."""
     half_x, half_y = BOX[0] / 2, BOX[1] / 2
     share = min(
         half_x / abs(to_x - x) if to_x != x else 1e9, half_y / abs(to_y - y) if to_y != y else 1e9
@@ -299,4 +299,4 @@ PAGES: dict[str, Any] = {
     "explanations/jobs.md": jobs_page,
     "images/job-states.svg": states_drawing,
 }
-"""By place below docs."""
+"""Pages by path below docs."""

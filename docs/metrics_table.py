@@ -1,4 +1,4 @@
-"""The page of the metrics, from the table that they are served by."""
+"""Page of the metrics, from the table from which they are served."""
 
 from collections.abc import Iterable
 
@@ -37,7 +37,7 @@ program's last report, up to one second, are lost when the program ends, and at 
 
 
 def metrics_page() -> str:
-    """The page, as Markdown."""
+    """Return the page as Markdown."""
     rows = ["| metric | type | labels | meaning |", "| --- | --- | --- | --- |"]
     rows += [_row(family) for family in FAMILIES]
     labels = {

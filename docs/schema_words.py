@@ -1,4 +1,4 @@
-"""A JSON schema in words, for the pages of reference: type, limits and default of a value."""
+"""JSON schemas in words, for the reference pages: type, limits and default of a value."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -21,28 +21,28 @@ LENGTHS = {
 
 
 def cell(text: str) -> str:
-    """A text that fits into a cell of a table."""
+    """Return a text that fits into a cell of a table."""
     return " ".join(text.split()).replace("``", "`").replace("|", r"\|")
 
 
 def table(*rows: tuple[str, ...]) -> str:
-    """A table of Markdown; the first row is its head."""
+    """Return a table in Markdown; the first row is its head."""
     first, *rest = ("| " + " | ".join(row) + " |\n" for row in rows)
     return first + "|" + " --- |" * len(rows[0]) + "\n" + "".join(rest) + "\n"
 
 
 def variants(schema: Schema) -> list[Schema]:
-    """What a value may be; one where there is no choice."""
+    """Return the schemas of the alternatives for a value; one if there is no choice."""
     return [part for key in ("anyOf", "oneOf") for part in schema.get(key, ())] or [schema]
 
 
 def is_null(schema: Schema) -> bool:
-    """Whether a schema admits null alone."""
+    """Return whether a schema admits only null."""
     return schema.get("type") == "null"
 
 
 def type_words(schema: Schema, link: Callable[[str], str]) -> str:
-    """The type of a value; ``link`` makes a link of the name of a schema."""
+    """Return the type of a value; ``link`` makes a link of the name of a schema."""
     return " or ".join(dict.fromkeys(_one(part, link) for part in variants(schema)))
 
 
@@ -65,7 +65,7 @@ def _one(schema: Schema, link: Callable[[str], str]) -> str:
 
 
 def limit_words(schema: Schema) -> str:
-    """The limits of a value, of its entries and of its keys."""
+    """Return the limits of a value, of its entries and of its keys."""
     limits = (limit.replace("each each", "each") for limit in _limits(schema))
     return ", ".join(dict.fromkeys(limits))
 

@@ -1,1 +1,1 @@
-"""The recorder as a program: it keeps every sample of every job, and is never in the loop."""
+"""Recorder program: stores every sample of every job; it is never part of the loop."""

@@ -1,4 +1,4 @@
-"""Syncs an open record to the disk twice a second, in a thread beside the one that writes it."""
+"""Syncs an open record to the disk twice a second, in a thread beside the writing one."""
 
 import logging
 import os
@@ -8,16 +8,16 @@ from time import monotonic
 
 log = logging.getLogger(__name__)
 SYNC_S = 0.5
-"""Time between two syncs. With the age of a chunk, 0.25 s, a power cut costs less than 1 s."""
+"""Time between two syncs in s. With the age of a chunk, 0.25 s, a power cut loses less than 1 s."""
 BEHIND_S = 1.0
-"""Age of the oldest data that is not yet on the disk beyond which the recorder is behind."""
+"""Age in s of the oldest data not yet on the disk, beyond which the recorder is behind."""
 
 
 class BackgroundSync:
-    """Syncs one file; the writer never waits for the disk because of it.
+    """Syncs one file; the writer never waits for these syncs.
 
-    It works on a descriptor of its own, which it closes after ``stop``. So the writer may close
-    the file while a sync hangs.
+    It works on its own descriptor, which it closes after ``stop``, so the writer may close the file
+    while a sync hangs.
     """
 
     def __init__(
@@ -30,12 +30,12 @@ class BackgroundSync:
         self._descriptor, self._interval_s, self._clock_s = descriptor, interval_s, clock_s
         self._lock = threading.Lock()
         self._written_s: float | None = None
-        """Time of the first write after the last sync began; None without one."""
+        """Time of the first write after the last sync began, in s; None without one."""
         self._syncing_s: float | None = None
-        """The same for the writes that the present sync covers."""
+        """Time of the first write that the running sync covers, in s; None without a sync."""
         self._behind = False
         self.error: OSError | None = None
-        """Error of a sync. The operating system reports it once, so the record has a gap."""
+        """Error of a sync. The operating system reports it only once, so the record has a gap."""
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="record-sync", daemon=True)
         self._thread.start()
@@ -48,7 +48,7 @@ class BackgroundSync:
 
     @property
     def unsynced_s(self) -> float:
-        """Age of the oldest data that a power cut would take now, in s; 0 without any."""
+        """Age of the oldest data that a power cut would lose now, in s; 0 without any."""
         with self._lock:
             oldest_s = self._written_s if self._syncing_s is None else self._syncing_s
             return 0.0 if oldest_s is None else self._clock_s() - oldest_s

@@ -11,27 +11,27 @@ SECONDS_PER_DAY = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class RecorderConfig:
-    """Folders, the rig's name and digest, and when a record is refused, given up or deleted."""
+    """Folders, the rig's name and digest, and limits for refusing and deleting records."""
 
     rig: str
     digest: str
     period_s: float
     records: Path
-    """A folder for each job."""
+    """Folder with one folder for each job."""
     models: Path
-    """Versions of the rig's model, as the supervisor keeps them."""
+    """Folder with the versions of the rig's model, as the supervisor stores them."""
     rig_file: str
-    """The rig file as JSON, for the record."""
+    """Rig file as JSON, for the record."""
     min_free_bytes: int
     silence_s: float
     keep_s: float | None
     keep_bytes: int | None
     lockstep: bool = False
-    """Whether every tick of the loop waits for the one before."""
+    """True if every tick of the loop waits for the previous one."""
 
 
 def configure(rig: RigFile, data: Path) -> RecorderConfig:
-    """Take the recorder's part of a rig file; its files lie under ``data``."""
+    """Return the recorder's part of a rig file; its files are in the folder ``data``."""
     given = rig.recorder
     return RecorderConfig(
         rig=rig.rig.name,

@@ -1,8 +1,8 @@
-"""Time that the recorder itself has counted, by which records age.
+"""Time that the recorder counts itself, which determines the age of records.
 
-The time of day may be set by years, and begins in 1970 where a clock has no battery. So a record's
-age grows only while a recorder runs, by its monotonic clock. The time of day is compared with what
-was counted. While the two disagree nothing is deleted, until a person agrees to the new time.
+The time of day may be changed by years, and begins in 1970 if a clock has no battery. So a record's
+age grows only while a recorder runs, by its monotonic clock. The time of day is compared with the
+counted time. While the two disagree nothing is deleted, until a person confirms the new time.
 """
 
 import json
@@ -22,36 +22,36 @@ from pincette.records import folder as files
 
 log = logging.getLogger(__name__)
 STATE = ".counted.json"
-"""File in the folder of records that keeps what was counted."""
+"""File in the folder of records that stores the counted time."""
 LONGEST_S = 60.0
-"""Longest time that is counted between two calls, in s; a longer gap was no running recorder."""
+"""Longest time that is counted between two calls, in s; in a longer gap no recorder ran."""
 SAVE_S = 600.0
-"""Time after which what was counted is written again, in s."""
+"""Interval at which the counted time is written, in s."""
 BEHIND_S = 3_600.0
-"""Time by which the time of day may be behind what was counted since it was last right, in s."""
+"""Time by which the time of day may lag behind the time counted since it was last right, in s."""
 AHEAD_S = 7 * 86_400.0
-"""Time by which it may be ahead, in s: for so long a recorder may have been switched off."""
+"""Time by which the time of day may be ahead, in s: a recorder may have been off for as long."""
 
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e12)]
 
 
 class _State(msgspec.Struct):
-    """The content of the file."""
+    """Content of the file."""
 
     counted_s: Seconds = 0.0
-    """Time for which recorders have run."""
+    """Total running time of recorders, in s."""
     wall_s: float | None = None
-    """Newest time of day that agreed with what was counted, in s of UTC; None before the first."""
+    """Newest time of day that agreed with the counted time, in s of UTC; None before the first."""
     wall_at_s: Seconds = 0.0
-    """Time that had been counted by then."""
+    """Counted time at ``wall_s``, in s."""
     stepped: bool = False
-    """Whether the time of day has stepped since then, which no person has agreed to yet."""
+    """True if the time of day has stepped since then and no person has confirmed it yet."""
     ended: dict[str, Seconds] = msgspec.field(default_factory=dict[str, float])
-    """Counted time at which a record was first seen closed, by its name and in that order."""
+    """Counted time at which each record was first seen closed, by record name, in that order."""
 
 
 class CountedTime:
-    """Counts, and keeps the count over restarts; safe to use from several threads."""
+    """Counts time, and keeps the count over restarts; safe to use from several threads."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class CountedTime:
 
     @property
     def step_s(self) -> float | None:
-        """Time by which the time of day is off, in s; None where it agrees, or a person did."""
+        """Deviation of the time of day in s; None if it agrees, or a person has confirmed it."""
         with self._lock:
             return self._off_s if self._state.stepped else None
 
@@ -132,7 +132,10 @@ class CountedTime:
         return True
 
     def ages_s(self, names: Sequence[str]) -> Mapping[str, float]:
-        """Return the ages of closed records, those seen first first; new ones begin at zero."""
+        """Return the ages of closed records in s, in the order in which they were first seen.
+
+        New ones are 0.
+        """
         with self._lock:
             self._count()
             state, present = self._state, set(names)
@@ -144,7 +147,7 @@ class CountedTime:
             return {name: max(0.0, state.counted_s - at_s) for name, at_s in ended.items()}
 
     def close(self) -> None:
-        """Write what was counted."""
+        """Write the counted time."""
         with self._lock:
             self._count()
             self._save()

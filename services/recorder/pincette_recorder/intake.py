@@ -1,4 +1,4 @@
-"""A bounded queue from the threads of the bus to the one that writes."""
+"""Bounded queue from the threads of the bus to the writing thread."""
 
 from collections import Counter, deque
 from collections.abc import Callable
@@ -8,13 +8,13 @@ from pincette.core.messages import JobNotice, Message, RequestLog, Sample, Timin
 from pincette.core.topics import Topic
 
 ROOM = 50_000
-"""Messages that may wait to be written; nearly three minutes of a loop at 50 Hz."""
+"""Largest number of messages that wait to be written; nearly three minutes of a loop at 50 Hz."""
 
 OfEpoch = Sample | RequestLog | Timing
 
 
 class Intake:
-    """Takes the messages of one epoch."""
+    """Receives the messages of one epoch."""
 
     def __init__(self, clock_ns: Callable[[], int] = time_ns, room: int = ROOM) -> None:
         self._clock_ns, self._room = clock_ns, room
@@ -24,17 +24,17 @@ class Intake:
         """Number of messages that did not fit, by topic."""
 
     def open(self, job: str, epoch: int) -> None:
-        """Take the messages of an epoch, and the notices of its job, from here on."""
+        """Receive the messages of an epoch, and the notices of its job, from here on."""
         self._queue.clear()
         self.dropped = Counter()
         self._job, self._epoch = job, epoch
 
     def close(self) -> None:
-        """Take nothing."""
+        """Receive no more messages."""
         self._job, self._epoch = "", 0
 
     def take(self, topic: Topic, message: Message) -> None:
-        """Take a message of the bus if it is of the open record, as are those without an epoch."""
+        """Receive a message of the open record, or one without an epoch; ignore others."""
         if not self._epoch:
             return
         if isinstance(message, JobNotice):
@@ -57,7 +57,7 @@ class Intake:
         return 1e-9 * (self._clock_ns() - arrival_ns)
 
     def drain(self) -> list[tuple[int, Message]]:
-        """Return what has come since the last call, each with its arrival in ns of UTC."""
+        """Return the messages since the last call, each with its arrival in ns of UTC."""
         taken: list[tuple[int, Message]] = []
         while self._queue:
             taken.append(self._queue.popleft())

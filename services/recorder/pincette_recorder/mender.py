@@ -1,6 +1,6 @@
-"""Closes, repairs and deletes records, beside the thread that records.
+"""Closes, repairs and deletes records, in a thread beside the recording one.
 
-To close a long record takes many seconds, in which a job that is about to begin gets its answer.
+Closing a long record takes many seconds; a new job still gets its reply during that time.
 """
 
 import logging
@@ -25,25 +25,25 @@ log = logging.getLogger(__name__)
 CHECKED = 10
 """Number of the newest records that a start compares with their manifests."""
 KNOWN = 100
-"""Number of records of which it is known that they are sound."""
+"""Number of records whose intact state is remembered."""
 MOST_TEXT = 380
-"""Length of a reply's detail; see ``codec.MAX_TEXT``."""
+"""Largest length of a reply's detail; see ``codec.MAX_TEXT``."""
 Reply = Callable[[Message | str], None]
 
 
 class Mender:
-    """One thread that works on folders of which no record is open."""
+    """One thread that works on folders without an open record."""
 
     def __init__(self, config: RecorderConfig, counted: CountedTime | None = None) -> None:
         self._config = config
         self.counted = counted or CountedTime(config.records)
         self._pool = ThreadPoolExecutor(1, "mender")
         self.mended = self.deleted = 0
-        """Records since the start."""
+        """Number of records that were closed here since the start."""
         self.damaged: dict[str, list[str]] = {}
-        """Files that differ from the manifest and could not be made again, by record."""
+        """Files that differ from the manifest and could not be restored, by record."""
         self._sound: deque[str] = deque(maxlen=KNOWN)
-        """Records that this process has written or checked."""
+        """Names of records that this process has written or checked."""
 
     def note_written(self, name: str) -> None:
         """Note that a record was closed and its manifest written."""
@@ -54,7 +54,7 @@ class Mender:
         self._pool.submit(self.tidy_now, tuple(left)).add_done_callback(log_failure)
 
     def tell_end(self, request: Finish, reply: Reply) -> None:
-        """Reply how a record ended that is not open, once it is closed and repaired."""
+        """Reply how a record that is not open ended, once it is closed and repaired."""
         folder = self._config.records / request.job
 
         def answer(*, check: bool) -> None:
@@ -82,8 +82,8 @@ class Mender:
     def check_newest(self) -> Future[None]:
         """Compare the newest records with their manifests, and repair them; errors are logged.
 
-        Called while no record is open. Between two records whatever else was asked for is done, so
-        that a supervisor that has started too waits for one record at most.
+        Call it while no record is open. Other requests are handled between two records, so that a
+        supervisor that starts at the same time waits for one record at most.
 
         Returns
         -------
@@ -116,7 +116,7 @@ class Mender:
             self._pool.submit(check).add_done_callback(log_failure)
 
     def close(self) -> None:
-        """End what has begun, and begin nothing more."""
+        """Finish the running work, and begin no more."""
         self._pool.shutdown(cancel_futures=True)
         self.counted.close()
 
@@ -126,7 +126,7 @@ class Mender:
             self.mended += 1
 
     def _repair(self, folder: Path) -> None:
-        """Close a record that broke off, and make again what differs from its manifest."""
+        """Close a record that broke off, and restore files that differ from its manifest."""
         if (folder / NAME).exists():
             self._mend(folder)
         # The supervisor makes its own documents again.
@@ -139,7 +139,7 @@ class Mender:
             log.error("%s", _lost_words(folder, lost))
 
     def tidy_now(self, left: tuple[Path, ...]) -> None:
-        """Do the same in the thread of the caller; raises OSError."""
+        """Do the work of ``tidy`` in the thread of the caller; raises OSError."""
         config = self._config
         for folder in left:
             self._mend(folder)
@@ -159,7 +159,7 @@ def _lost_words(folder: Path, lost: list[str]) -> str:
 
 
 def _end_of(path: Path, request: Finish) -> Recorded | str:
-    """Return how a record has ended; raises OSError."""
+    """Return how a record ended; raises OSError."""
     about, closing = mcap_reading.read_closing(path)
     if closing is None:
         return f"the record of job {request.job} does not say how it has ended"

@@ -1,4 +1,4 @@
-"""A record while it is open: its file, and the progress of its loop."""
+"""Open record: its file, and the progress of its loop."""
 
 import logging
 from collections import Counter
@@ -26,13 +26,13 @@ from pincette_recorder.background_sync import BackgroundSync
 
 log = logging.getLogger(__name__)
 MADE = (Position, Estimate, Command, Telemetry, Applied)
-"""Messages of every sample of a loop that plays."""
+"""Message types that a playing loop sends for every sample."""
 TIMING_S = 10.0
-"""Interval in which the programs' timing is stored; each message includes the one before."""
+"""Interval in s at which the programs' timing is stored; each message includes the earlier ones."""
 
 
 class OpenRecord:
-    """The record of one epoch; OSError where it cannot begin, later a full disk is only noted."""
+    """Record of one epoch; OSError if it cannot begin; a disk that fills later is only noted."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class OpenRecord:
         start_ns: int,
         now_s: float,
     ) -> None:
-        """``every_tick``: see ``RowBlocks``."""
+        """Begin a record; for ``every_tick`` see ``RowBlocks``."""
         self.job, self.epoch, self.folder = folder.name, epoch, folder
         self.about: dict[str, str] = {**about, BEGIN: utc_text(start_ns)}
         """Metadata of the record; the times of its samples are added with the tables."""
@@ -54,25 +54,26 @@ class OpenRecord:
         self.file = McapFile(folder / NAME, rig, about=about, start_ns=start_ns, period_s=period_s)
         self._sync = BackgroundSync(self.file.duplicate())
         self._chunks = 0
-        """Number of the file's chunks that the thread knows of."""
+        """Number of the file's chunks that the syncing thread knows of."""
         self._tables = Tables(folder, self.about, period_s, every_tick=every_tick)
         self.trouble = ""
-        """Why the disk accepts no more data."""
+        """Reason why the disk accepts no more data; empty while it does."""
         self.refused: Counter[str] = Counter()
-        """Messages that came after that, or could not be kept, by topic."""
+        """Number of messages that came after that or could not be stored, by topic."""
         self.over_seq: int | None = None
-        """The sample with which the actuator said that the arming is over."""
+        """Number of the sample with which the actuator reported the end of the arming; None before.
+        """
         self.alive_at_s = self.heard_at_s = now_s
-        """Time at which the loop last played, and at which anything last arrived."""
+        """Time at which the loop last played; ``heard_at_s`` is the time of the last message."""
         self.missing = 0
-        """Samples that are known to have been sent and never came; see ``losses``."""
+        """Number of samples that are known to have been sent and never arrived; see ``losses``."""
         self._newest: dict[type[Message], int] = {}
         self._timings: dict[str, tuple[Timing, int]] = {}
-        """The newest of each program that is not written yet, with its arrival."""
+        """Newest timing of each program that is not written yet, with its arrival in ns."""
         self._timed_at_s = now_s
 
     def begin(self, documents: Mapping[str, str], at_ns: int) -> None:
-        """Put documents into the file, and bring its begin to the disk; raises OSError."""
+        """Write documents to the file, and sync its beginning to the disk; raises OSError."""
         for name, content in documents.items():
             self.file.attach(name, "application/json", content.encode(), at_ns)
         self.file.sync()
@@ -80,7 +81,7 @@ class OpenRecord:
 
     @property
     def unsynced_s(self) -> float:
-        """Age of the oldest data that a power cut would take now, in s."""
+        """Age of the oldest data that a power cut would lose now, in s."""
         return 0.0 if self.trouble else self._sync.unsynced_s
 
     def put(self, topic: str, message: Message, arrival_ns: int, now_s: float) -> None:
@@ -122,7 +123,7 @@ class OpenRecord:
             self._give_up(error)
 
     def flush_aged(self, now_ns: int) -> None:
-        """Write messages that have been in memory for long."""
+        """Write messages that have been in memory for too long."""
         if self.trouble:
             return
         if self._sync.error is not None:
@@ -135,22 +136,28 @@ class OpenRecord:
             self._give_up(error)
 
     def _note_chunks(self) -> None:
-        """Have chunks synced that were passed to the operating system since the last call."""
+        """Start a sync for chunks that were passed to the operating system since the last call."""
         if self.file.chunks != self._chunks:
             self._chunks = self.file.chunks
             self._sync.note_write()
 
     def has(self, seq: int | None) -> bool:
-        """Whether all messages of a sample have come, each by its own link; None: of the last."""
+        """Return whether all messages of a sample have arrived, each on its own link.
+
+        None: the last sample.
+        """
         known = [one for one in (seq, self.over_seq) if one is not None]
         return bool(known) and all(self._newest.get(kind, -2) >= min(known) for kind in MADE)
 
     def reached(self, seq: int | None) -> bool:
-        """Whether anything of a sample has come; where a program has died there is no more."""
+        """Return whether any message of a sample has arrived.
+
+        A program that has died sends no more.
+        """
         return seq is None or max(self._newest.values(), default=-2) >= seq
 
     def tables(self) -> list[str]:
-        """Make the tables of what has been written so far; returns what is wrong with it."""
+        """Write the tables of the record so far; return their errors."""
         self._write_timings()
         try:
             if not self.trouble:
@@ -173,11 +180,11 @@ class OpenRecord:
 
     @property
     def times(self) -> dict[str, str]:
-        """UTC times of the record, as of the last time that its tables were written."""
+        """UTC times of the record at the last write of its tables."""
         return {name: self.about[name] for name in TIMES if name in self.about}
 
     def finish(self, closing: Mapping[str, str]) -> str:
-        """Close the file; returns why that was not possible."""
+        """Close the file; returns the reason if that was not possible."""
         self._tables.close()
         self._sync.stop()
         if not self.trouble:
@@ -190,7 +197,7 @@ class OpenRecord:
         return self.trouble
 
     def abandon(self, error: OSError) -> None:
-        """Leave the file as it is; messages that come later are counted as refused."""
+        """Leave the file in its present state; messages that come later are counted as refused."""
         self._tables.close()
         self._give_up(error)
 

@@ -1,4 +1,4 @@
-"""The recorder program: records the messages of the bus, and keeps the folder of records."""
+"""Recorder program: records the messages of the bus, and maintains the folder of records."""
 
 import logging
 import queue
@@ -24,12 +24,12 @@ from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
 LOOK_S, IDLE_LOOK_S = 0.05, 1.0
-"""Interval at which messages that have come are written, and the same while no record is open."""
+"""Interval at which new messages are written, with and without an open record, in s."""
 TIDY_S = 600.0
 
 
 class Recorder:
-    """A keeper at work in its own thread, and a mender of what it has not open in another."""
+    """Runs a keeper in its own thread, and a mender of closed records in another."""
 
     def __init__(self, config: RecorderConfig, bus: ZenohBus) -> None:
         self._config, self._bus = config, bus
@@ -38,7 +38,7 @@ class Recorder:
         self._mender = Mender(config)
         self._keeper = Keeper(config, self._intake, wall, self._mender)
         self._asked: queue.SimpleQueue[tuple[Message, Reply] | None] = queue.SimpleQueue()
-        """Requests; None wakes the thread that writes."""
+        """Requests; None wakes the writing thread."""
         self._instance = secrets.randbits(48)
         self._tidy_at_s = monotonic()
 
@@ -88,13 +88,13 @@ class Recorder:
         )
 
     def _behind_s(self) -> float:
-        """Return the age of the oldest message that a power cut would take now, in s."""
+        """Return the age of the oldest message that a power cut would lose now, in s."""
         record = self._keeper.record
         unsynced_s = 0.0 if record is None else record.unsynced_s
         return max(unsynced_s, self._intake.waiting_s)
 
     def wake(self) -> None:
-        """Wake the thread that writes, so that it notices a stop."""
+        """Wake the writing thread, so that it notices a stop."""
         self._asked.put(None)
 
     def work(self, stop: threading.Event) -> None:

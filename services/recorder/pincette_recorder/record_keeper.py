@@ -1,4 +1,4 @@
-"""Begins, writes and finishes records, one at a time, in one thread and so without a lock."""
+"""Begins, writes and finishes records, one at a time, in one thread and thus without a lock."""
 
 import json
 import logging
@@ -24,9 +24,9 @@ from pincette_recorder.wall_clock import WallClock
 
 log = logging.getLogger(__name__)
 LAST_S, LAST_QUIET_S = 2.0, 0.3
-"""Limits of the wait for a loop's last samples: in all, and of silence."""
+"""Limits of the wait for a loop's last samples, in s: in total, and without any message."""
 QUIET_S = 1.0
-"""A loop that has not played for so long does not keep another job from being recorded."""
+"""Time in s after which a silent loop no longer prevents the recording of another job."""
 JOB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,79}")
 
 
@@ -47,16 +47,16 @@ class Keeper:
         self._beginning: tuple[Record, Reply, float] | None = None
         self.record: OpenRecord | None = None
         self.written = self.dropped = 0
-        """Messages of all records since the start."""
+        """Number of messages of all records since the start."""
         self._lack = ""
         self.finished = 0
-        """Records closed since the start."""
+        """Number of records closed since the start."""
 
     def begin(self, request: Record, reply: Reply) -> None:
-        """Open a record, or make the tables of the one that is open; a text is a refusal.
+        """Open a record, or write the tables of the open one; a returned text is a refusal.
 
-        Where another job's loop still plays the reply comes later: who asks may have heard of its
-        last sample before it came here.
+        While another job's loop still plays, the reply comes later: the client may have received
+        that loop's last sample before it arrived here.
         """
         if self._beginning is not None:
             reply(f"job {self._beginning[0].job} is about to be recorded")
@@ -137,7 +137,7 @@ class Keeper:
         return Ack(0)
 
     def _documents(self, about: Mapping[str, str]) -> dict[str, str]:
-        """Documents that the record's file holds besides samples: request, rig file and model."""
+        """Return the documents in the record's file: request, rig file and model."""
         found = {"rig.json": self._config.rig_file}
         if "request" in about:
             found[files.REQUEST] = about["request"]
@@ -154,12 +154,12 @@ class Keeper:
 
     @property
     def lack(self) -> str:
-        """What the newest record that has lost messages lacks; empty where none has."""
+        """Return the losses of the newest record that has lost messages; empty if none has."""
         dropped = self._intake.dropped
         return _lack(self.record.job, _not_kept(dropped)) if self.record and dropped else self._lack
 
     def take(self) -> None:
-        """Write what has come, notice that a loop has fallen silent, and open what waits for it."""
+        """Write new messages, detect a loop that has fallen silent, and open a waiting record."""
         self._write_arrivals()
         if self._beginning is not None:
             self._begin_in_turn(*self._beginning)
@@ -190,7 +190,7 @@ class Keeper:
                 self._close("it was not finished: did the supervisor end?")
 
     def finish(self, request: Finish, reply: Reply) -> None:
-        """Close a record as soon as its last samples are there; the reply may come later."""
+        """Close a record as soon as its last samples have arrived; the reply may come later."""
         record = self.record
         if record is None or (record.job, record.epoch) != (request.job, request.epoch):
             if JOB_NAME.fullmatch(request.job):
@@ -202,7 +202,10 @@ class Keeper:
         self.take()
 
     def _close(self, why: str) -> None:
-        """Make the tables of the record that is open and close it; ``why`` it is not complete."""
+        """Write the tables of the open record and close it.
+
+        ``why`` is the reason if it is incomplete.
+        """
         record = cast(OpenRecord, self.record)
         self.record = None
         self._intake.close()
@@ -243,7 +246,7 @@ class Keeper:
             reply(recorded)
 
     def _write_manifest(self, record: OpenRecord, closing: Mapping[str, str]) -> str:
-        """State in the folder itself how the record ended; returns why that was not possible.
+        """Write into the folder itself how the record ended; returns the reason if that fails.
 
         The supervisor may have ended, so its journal is not enough.
         """
@@ -273,7 +276,7 @@ def _lack(job: str, lack: Sequence[str]) -> str:
 
 
 def _lacking(recorded: Recorded, trouble: str) -> Recorded:
-    """Return the end of a record that is not complete, with the first reason for that."""
+    """Return the end of an incomplete record, with the first reason for that."""
     detail = recorded.detail if not recorded.complete else trouble
     return replace(recorded, complete=False, detail=detail[:MOST_TEXT])
 

@@ -1,4 +1,4 @@
-"""Closes records that broke off, and repairs records that are not as their manifests state."""
+"""Closes records that broke off, and repairs records that differ from their manifests."""
 
 import logging
 from collections.abc import Collection, Iterator, Mapping
@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 KILLED = "the recorder ended while this was being recorded"
 LOST_LATER = f"{NAME} has lost data after it was closed; the tables have all samples"
 TABLES = frozenset((files.SAMPLES, files.BURST, files.TIMING))
-"""Files that can be made again from the messages."""
+"""Files that can be restored from the messages."""
 OWN = frozenset((files.LIVE, *TABLES))
 """Files that a recorder writes."""
 
@@ -63,13 +63,13 @@ def mend(folder: Path, why: str) -> dict[str, str]:
 
 
 def _sound(folder: Path) -> set[str]:
-    """Return the names of files that are as the manifest lists them; raises OSError."""
+    """Return the names of files that agree with the manifest; raises OSError."""
     lost = files.damaged(folder)
     return {entry["name"] for entry in files.listed(folder)} - {*lost}
 
 
 def restore(folder: Path) -> list[str]:
-    """Compare a closed record with its manifest, and make its tables and manifest again.
+    """Compare a closed record with its manifest, and restore its tables and manifest.
 
     Returns the names of files that stay damaged; none is deleted. Raises OSError.
     """
@@ -93,7 +93,7 @@ def restore(folder: Path) -> list[str]:
 
 
 def _restore_manifest(folder: Path) -> None:
-    """Make the tables and the manifest of a record again from its messages; raises OSError."""
+    """Restore the tables and the manifest of a record from its messages; raises OSError."""
     path = folder / NAME
     about, closing = mcap_reading.read_closing(path)
     closing = closing or {"complete": "false", "detail": f"{NAME} does not state its end"}
@@ -112,7 +112,7 @@ def _restore_manifest(folder: Path) -> None:
 
 
 def _state_incomplete(folder: Path, why: str) -> None:
-    """Have the manifest say that a record is damaged; the entries of its files stay."""
+    """Mark a record as damaged in its manifest; the entries of its files stay."""
     manifest = files.read_manifest(folder)
     if manifest.get("complete") is not True:  # the recorder's status names the files
         return
@@ -136,9 +136,9 @@ def write_manifest(
     closing: Mapping[str, str],
     names: Collection[str] = OWN,
 ) -> None:
-    """Write a manifest that lists the files in ``names`` as they are now; raises OSError.
+    """Write a manifest that lists the files in ``names`` in their present state; raises OSError.
 
-    It keeps what the supervisor has written in its own, other files among it.
+    It keeps the supervisor's entries, including those of other files.
     """
     kept: dict[str, Any] = {name: text for name, text in about.items() if name != "request"}
     kept |= files.read_manifest(folder)

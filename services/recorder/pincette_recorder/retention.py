@@ -15,7 +15,7 @@ NEWEST = 10
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """The folder of a job that has ended."""
+    """Folder of a job that has ended."""
 
     name: str
     size: int
@@ -27,9 +27,9 @@ def records_to_delete(
     keep_s: float | None,
     keep_bytes: int | None,
 ) -> list[str]:
-    """Return records to delete, the oldest first: for their age, then for the size of all.
+    """Return records to delete, oldest first: by their age, then by the size of all.
 
-    ``ages_s`` holds the age of each record by its name, the oldest first.
+    ``ages_s`` holds the age of each record in s by its name, oldest first.
     """
     place = {name: number for number, name in enumerate(ages_s)}
     ordered = sorted(kept, key=lambda item: place[item.name])
@@ -46,9 +46,9 @@ def records_to_delete(
 
 
 def ended(records: Path) -> list[Kept]:
-    """Return jobs that have ended, as a manifest shows, and are not pinned; raises OSError.
+    """Return jobs that have ended, according to a manifest, and are not pinned; raises OSError.
 
-    They are in the order of their files' times, which counts only for those not seen before.
+    They are ordered by the times of their files, which count only for jobs not seen before.
     """
     found: list[tuple[float, Kept]] = []
     for manifest in records.glob(f"*/{files.MANIFEST}"):
@@ -69,6 +69,6 @@ def delete(records: Path, name: str) -> None:
 
 
 def sweep(records: Path) -> None:
-    """Go on with what an earlier run began to delete; raises OSError."""
+    """Continue deletions that an earlier run began; raises OSError."""
     for grave in records.glob(f"{files.DOOMED}*"):
         shutil.rmtree(grave)

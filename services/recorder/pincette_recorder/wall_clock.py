@@ -4,13 +4,13 @@ from collections.abc import Callable
 from time import monotonic_ns, time_ns
 
 STEP_S = 0.5
-"""A wall clock that has moved by so much more or less than time has passed was set."""
+"""Deviation in s between wall clock and elapsed time from which the clock was set."""
 MOST = 5
-"""Steps that are listed one by one."""
+"""Largest number of steps that are listed individually."""
 
 
 class WallClock:
-    """The time of day, anchored where a record begins."""
+    """Time of day, anchored at the beginning of a record."""
 
     def __init__(
         self,
@@ -19,9 +19,9 @@ class WallClock:
     ) -> None:
         self._wall_ns, self._steady_ns = wall_ns, steady_ns
         self._steps: list[tuple[float, float]] = []
-        """Time since the begin and size of each of the first steps."""
+        """Time in s since the beginning, and size in s, of each of the first steps."""
         self._more = 0
-        """Steps beyond those."""
+        """Number of steps beyond those."""
         self._begun_ns = self._offset_ns = self._seen_ns = 0
         self.begin()
 
@@ -37,7 +37,7 @@ class WallClock:
         return self._offset_ns + self._steady_ns()
 
     def look(self) -> None:
-        """Notice whether the machine's clock has been set since the last look."""
+        """Check whether the machine's clock has been set since the last call."""
         steady_ns = self._steady_ns()
         offset_ns = self._wall_ns() - steady_ns
         step_s = 1e-9 * (offset_ns - self._seen_ns)
@@ -49,7 +49,7 @@ class WallClock:
             self._seen_ns = offset_ns
 
     def words(self) -> str:
-        """Return what was noticed since the begin; empty where nothing was."""
+        """Return the steps noticed since the beginning as text; empty without any."""
         listed = [
             f"the wall clock was set by {step_s:+.1f} s, {at_s:.1f} s after the begin"
             for at_s, step_s in self._steps

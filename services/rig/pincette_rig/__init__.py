@@ -1,1 +1,1 @@
-"""The simulated rig as a program; nothing else knows that it is simulated."""
+"""Simulated rig as a program; no other program knows that it is simulated."""

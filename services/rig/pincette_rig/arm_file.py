@@ -1,8 +1,8 @@
-"""The file that keeps the simulated arm while its program does not run.
+"""File that stores the simulated arm while its program does not run.
 
-A real arm lives on over a restart of the programs, with its hysteresis, its creep and the time that
-passes. The rig program writes the state of the simulated arm twice a second from a thread of its
-own, and the next start resumes from it. The loop never waits for the disk.
+A real arm keeps its hysteresis and its creep over a restart of the programs, while time passes. The
+rig program writes the state of the simulated arm twice a second from a thread of its own, and the
+next start resumes from it. The loop never waits for the disk.
 """
 
 import hashlib
@@ -24,17 +24,17 @@ from pincette.sim.rig.rig import SimulatedRig
 log = logging.getLogger(__name__)
 SAVE_S = 0.5
 STARTING_S = 1.0
-"""Least time that passes for the arm between two starts, in s."""
+"""Least simulated time that passes for the arm between two starts, in s."""
 CLOSE_S = 2.0
 
 
 class SavedArm(FrozenRecord, frozen=True):
-    """State of the simulated arm or arms at a time."""
+    """State of the simulated arm or arms at one time."""
 
     hysteresis: str
-    """Digest of the hysteresis in the rig file; a state means nothing under another one."""
+    """Digest of the hysteresis in the rig file; a state is invalid for another digest."""
     saved_s: float
-    """Unix time."""
+    """Time of the save, as Unix time in s."""
     arms: tuple[PlantState, ...]
 
 
@@ -70,7 +70,7 @@ class ArmFile:
         self._action.start()
 
     def close(self) -> None:
-        """Save for the last time."""
+        """Save for the last time, and end the thread."""
         self._action.close(CLOSE_S)
         try:
             self.save()
@@ -78,7 +78,7 @@ class ArmFile:
             log.warning("the simulated arm is not saved: %s", error)
 
     def save(self) -> None:
-        """Replace the file where the arm has changed; raises OSError."""
+        """Replace the file if the arm has changed; raises OSError."""
         arms = self._rig.arm_states()
         if arms == self._saved:
             return
@@ -101,7 +101,7 @@ class ArmFile:
 
 
 def _digest(rig_file: RigFile) -> str:
-    """Return the digest of the settings that the memory of each arm depends on."""
+    """Return the digest of the settings on which the memory of each arm depends."""
     tables = [arm.simulation or rig_file.simulation for arm in rig_file.arms]
     kept = {"hysteresis", "relays"}
     texts = [one.model_dump_json(include=kept) for one in tables if one is not None]

@@ -1,4 +1,4 @@
-"""The rig program: the simulated plant behind its instruments' real bytes."""
+"""Rig program: the simulated plant behind the byte protocols of its instruments."""
 
 import logging
 import secrets
@@ -20,11 +20,11 @@ from pincette_rig.arm_file import ArmFile
 
 log = logging.getLogger(__name__)
 BEHIND_S = 0.1
-"""Longest standstill, in s, that a rig makes up for; after a longer one it skips the time."""
+"""Longest stall in s that a rig makes up for; after a longer one it skips the time."""
 
 
 class Pace:
-    """Lets lockstep pass no faster than ``pace`` times real time."""
+    """Limits lockstep to ``pace`` times real time."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Pace:
         self._began_s = clock()
 
     def __call__(self, rig_s: float) -> None:
-        """Wait until the rig's time has come."""
+        """Wait until the rig's time is due."""
         early_s = self._began_s + rig_s / self._pace - self._clock()
         if early_s > 0.0:
             self._wait(early_s)
@@ -46,7 +46,7 @@ class Pace:
 
 @contextmanager
 def kept_arm(file: ArmFile) -> Generator[None]:
-    """Let the simulated arm live on over restarts of this program, where its folder allows it."""
+    """Keep the simulated arm over restarts of this program, if its folder allows it."""
     try:
         file.start()
     except OSError as error:
@@ -93,7 +93,7 @@ def run(context: Context) -> None:
 
 
 def status(instance: int, digest: str, refused: RefusedMessages) -> Status:
-    """Return the status of this program, which has no epoch and makes no steps."""
+    """Return the status of this program, which has no epoch and no steps."""
     found = refused.finding()
     return Status(
         service="rig",

@@ -1,4 +1,4 @@
-"""What is missing for a rig, and how to get it, as findings; nothing is printed."""
+"""Findings about missing requirements of a rig, with remedies; nothing is printed."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,14 +14,14 @@ class Finding:
     what: str
     remedy: str = ""
     note: bool = False
-    """A hint that is neither passed nor missing."""
+    """True for a hint that is neither passed nor missing."""
 
     @property
     def mark(self) -> Mark:
-        """Return the mark with which it is shown."""
+        """Return the mark that shows the result."""
         return "note" if self.note else "ok" if self.ok else "missing"
 
 
 def noted(what: str, remedy: str = "") -> Finding:
-    """Return a hint for people that stops nothing."""
+    """Return a hint for people, which does not count as missing."""
     return Finding(True, what, remedy, note=True)

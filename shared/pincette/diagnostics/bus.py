@@ -1,4 +1,4 @@
-"""Sessions of other tools on the bus of a running rig, as its router knows them."""
+"""Sessions of other tools on the bus of a running rig, as seen by its router."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -21,7 +21,7 @@ from pincette.security.identity import SecurityError
 ASK_S = 1.0
 """Deadline of the requests to the programs, in s."""
 SETTLE_S = 0.5
-"""Time for the router to take in the sessions of this program before it is asked, in s."""
+"""Time for the router to process the sessions of this program before the request, in s."""
 NOT_ASKED = "the router is not asked which other tools have declared queryables or subscribers"
 ASK_LATER = "run doctor again while no job runs and no part is held"
 ANSWERS = "none needed: the rig's programs ignore its replies; docs/how-to/listen.md has the rules"
@@ -81,10 +81,10 @@ def _not_running(rig: RigFile, service: str) -> Finding:
 def foreign_sessions(rig: RigFile) -> Iterator[Finding]:
     """Yield what sessions other than the rig's programs have declared on its keys.
 
-    Yields nothing if the router cannot be joined. Sessions that are linked to a program directly,
-    past the router, are not known to it. While a rig on the router works, the router is not asked:
-    this question has locked routers up (see ``engine.router_watch``), and a restart of the router
-    may end a job.
+    Yields nothing if the router cannot be joined. The router does not know sessions that are linked
+    to a program directly. While a rig on the router works, no request is sent to the router: this
+    request has locked routers up (see ``engine.router_watch``), and a restart of the router may end
+    a job.
     """
     if rig.bus.pki is not None:
         yield Finding(True, "bus: access lists let only the rig's programs answer on its keys")

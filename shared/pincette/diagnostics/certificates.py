@@ -1,4 +1,4 @@
-"""Whether the certificates of a rig are valid."""
+"""Validity of the certificates of a rig."""
 
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def certificates(rig: RigFile, now: datetime | None = None) -> Iterator[Finding]:
-    """Yield whether each program of a rig has a certificate that is usable here and today.
+    """Yield for each program of a rig whether its certificate is usable here and today.
 
     Only keys on this machine are checked: a program elsewhere has its key there.
     """
@@ -70,7 +70,7 @@ def _programs(rig: RigFile) -> tuple[Identity, ...]:
 
 
 def _host(rig: RigFile, who: Identity) -> str:
-    """Return where others connect to it; empty if nobody does."""
+    """Return the host at which others connect to a program; empty if none do."""
     if who.role == UPSTREAM and rig.bus.upstream_at is not None:
         return rig.bus.upstream_at[0]
     if who.role == SUPERVISOR:

@@ -1,16 +1,17 @@
-"""What the arrival of answers reveals about a device server before an instrument."""
+"""Properties of a device server before an instrument, from the arrival of answers."""
 
 from collections.abc import Iterator
 
 from pincette.diagnostics import Finding, noted
 
 DEFAULT_HELD_S, NEXT_HELD_S = 0.003, 0.004
-"""Time for which ser2net 4 holds answers back by default at any baud rate, two characters at 9600
-baud rounded up to whole milliseconds; what is measured is a little longer."""
+"""Default hold time of ser2net 4 at any baud rate (two characters at 9600 baud, rounded up to whole
+milliseconds), and the next longer one, in s. A measured time is a little longer than the setting.
+"""
 
 
 def not_asked_for(name: str, count: int) -> Iterator[Finding]:
-    """Return what may have sent answers without a request, if there were any."""
+    """Return the possible senders of answers without a request, if there were any."""
     if count:
         yield noted(
             f"{name}: {count} answers without a request",
@@ -20,7 +21,7 @@ def not_asked_for(name: str, count: int) -> Iterator[Finding]:
 
 
 def hop_findings(name: str, held_s: float, line_baud: int) -> Iterator[Finding]:
-    """Yield a server that holds answers back, and a line slower than the rig file states.
+    """Yield findings of a server that holds answers back, and of a line slower than stated.
 
     Parameters
     ----------

@@ -30,18 +30,18 @@ from pincette.instruments.protocols import (
 
 READINGS = 40
 COARSEST_UM, FINEST_UM = 0.05, 0.001
-"""Plausible steps of a reading: 0.1 µm hide 25 nm, and 1e-5 is a display in mm."""
+"""Limits of plausible steps of a reading, in µm: 0.1 µm hides 25 nm, and 1e-5 means a display in
+mm."""
 LATENCY_MS = 1
 THIN_SHARE = 0.5
-"""Share of a timeout that the slowest reading may take before the margin is called thin."""
+"""Share of a timeout above which the slowest reading has too small a margin."""
 MOVE_V, MOVE_STEPS, STEP_S = 0.2, 20, 0.05
 LEAST_SHARE, MOST_SHARE = 0.3, 3.0
 """Range of the measured motion, as a share of the model's, that counts as the arm's."""
 OLD_SHARE = 0.5
-"""Share of a move below which the first reading after it is an old one."""
+"""Share of a move below which the first reading after it counts as an old one."""
 LASER_ANSWERS = re.compile(r"b['\"]ER,[$#~]")
-"""Sign of a laser at the output's address: a Keyence controller repeats a request that it does not
-know."""
+"""Sign of a laser at the output's address: a Keyence controller repeats an unknown request."""
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 INSTRUMENTS_HELP = (
     "instruments: simulated, started with the rig; of real ones doctor asks whether the ports "
@@ -113,10 +113,10 @@ def opened_device(service: AnyService, rig: RigFile) -> PositionSensor | Voltage
 
 
 def remedy_of(error: InstrumentError, table: str, url: str) -> str:
-    """Return what to do about an instrument of a table of the rig file that fails.
+    """Return the remedy for an instrument of a table of the rig file that fails.
 
-    An error of a port states its cause and remedy; cable and power are in doubt only where nothing
-    is known but that no proper answer came.
+    An error of a port states its cause and remedy. Cable and power are suspected only if no valid
+    answer came and nothing else is known.
     """
     if error.code in ("cannot_open", "hung_up", "misused"):
         return f"do what the error states; `url` in [{table}] of the rig file is the port"
@@ -276,7 +276,7 @@ def readings(
 
 
 def standing(rig: RigFile, output: VoltageOutput) -> Iterator[Finding]:
-    """Report the voltage of the output."""
+    """Report the present voltage of the output."""
     found_V = output.read_V()
     yield Finding(
         rig.limits.voltage_min_V <= found_V <= rig.limits.voltage_max_V,
@@ -331,7 +331,7 @@ def direction(
 
 
 def _readings_um(sensor: PositionSensor, output: VoltageOutput) -> list[float]:
-    """Return several readings; on a slow line this lasts longer than an output's watchdog waits."""
+    """Return several readings in µm; on a slow line this exceeds the watchdog time of an output."""
     x_um: list[float] = []
     for _ in range(READINGS):
         if isinstance(output, WatchedOutput):

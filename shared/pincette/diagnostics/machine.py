@@ -61,7 +61,7 @@ def disk(data: Path) -> Finding:
 
 
 def priority() -> Finding:
-    """Check whether the loop gets the requested fixed priority in real time, or what instead."""
+    """Check whether the loop gets the fixed priority requested in real time, or which it gets."""
     # On Linux a thread has a priority of its own, and this one ends with it.
     with ThreadPoolExecutor(1) as pool:
         got = pool.submit(_granted).result()
@@ -100,7 +100,7 @@ def os_requests(rig: RigFile) -> Iterator[Finding]:
 
 
 def measured(rig: RigFile, data: Path) -> Iterator[Finding]:
-    """Check the measured timing of this machine against the rig file."""
+    """Compare the measured timing of this machine with the rig file."""
     if rig.lockstep:
         return
     known = kept(data)
@@ -142,7 +142,7 @@ def shared_ports(rig: RigFile) -> Iterator[Finding]:
 
 
 def port_finding(rig: RigFile) -> Finding:
-    """Check the ports of a rig: free, in use because it is up, or taken by another program."""
+    """Check the ports of a rig: free, in use by the running rig, or taken by another program."""
     try:
         check_ports(rig)
     except FleetError as error:

@@ -15,9 +15,9 @@ from pincette.engine.timing_budget import budget, shared_timeout_s, stated_outpu
 from pincette.instruments.options import read_options
 
 COVERAGE = 2.0
-"""Coverage factor: number of standard uncertainties in U."""
+"""Coverage factor: number of standard uncertainties in the expanded uncertainty U."""
 RING_NOTED = 0.02
-"""Share of a path's swing above which the uncertainty from ringing is reported."""
+"""Share of a path's range above which the uncertainty from ringing is reported."""
 RC_S = 0.0033
 """Time constant of the recommended RC before the amplifier, in s."""
 
@@ -83,9 +83,9 @@ def timing(rig: RigFile) -> Finding:
 
 
 def ring(rig: RigFile) -> Iterator[Finding]:
-    """Return whether the steps of the voltage ring the mode, and what keeps them from it.
+    """Check whether the steps of the voltage excite the mode, and what prevents that.
 
-    Judged by the path of ``[track]``, if it is a sinusoid: its steps are the largest where it is
+    The path of ``[track]`` is checked if it is a sinusoid: its steps are the largest where it is
     fastest.
     """
     buffered = budget(rig).outputs[0].buffered_hz is not None
@@ -134,7 +134,7 @@ def ring(rig: RigFile) -> Iterator[Finding]:
 
 
 def composed(rig: RigFile) -> Iterator[Finding]:
-    """Check whether one process can run what the rig file composes, and what is given up."""
+    """Check whether one process can run the composed services, and report what is given up."""
     services = loop_services()
     for name in rig.rig.composed:
         try:
@@ -153,7 +153,7 @@ def composed(rig: RigFile) -> Iterator[Finding]:
 
 
 def watchdog(rig: RigFile) -> Finding:
-    """Check what the output does by itself if its host becomes silent."""
+    """Check the output's own behaviour if its host becomes silent."""
     options = options_of(plugins.VOLTAGE_OUTPUTS, rig.output)
     limit_s = getattr(options, "watchdog_s", None)
     if limit_s:
@@ -226,7 +226,7 @@ def limits(rig: RigFile) -> Iterator[Finding]:
 
 
 def model(rig: RigFile) -> Finding:
-    """Report quantities of the model that were not measured on this rig, according to its file."""
+    """Report quantities of the model that, by the rig file, were not measured on this rig."""
     left = [name for name in CALIBRATED if not _given(rig, name)]
     if not left:
         return noted("model: as the rig file has it; a calibration may replace each quantity")

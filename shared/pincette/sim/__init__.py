@@ -1,1 +1,1 @@
-"""The simulated rig: the plant in simulated time, and the instruments' side of the wire."""
+"""Simulated rig: the plant in simulated time, and the instruments' side of the line."""

@@ -1,4 +1,4 @@
-"""The bench: the plant with its simulated instruments, as a rig file describes them."""
+"""Bench: the plant with its simulated instruments, as a rig file describes them."""
 
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -29,22 +29,22 @@ class Bench:
 
     rig: SimulatedRig | SimulatedPair
     fitted: dict[str, Fitted]
-    """Instruments by table of the rig file: ``sensor`` and ``output``, ``second_sensor``,
+    """Instruments by table of the rig file: ``sensor``, ``output``, ``second_sensor``,
     ``second_output``."""
 
     @property
     def sensor(self) -> Instrument:
-        """The position sensor, of two arms that of the first."""
+        """Position sensor; with two arms, that of the first."""
         return self.fitted["sensor"].instrument
 
     @property
     def output(self) -> Instrument:
-        """The voltage output, of two arms that of the first."""
+        """Voltage output; with two arms, that of the first."""
         return self.fitted["output"].instrument
 
     @contextmanager
     def offer(self) -> Generator[dict[str, str]]:
-        """Offer all instruments at their urls; yields where each one is; raises WireError."""
+        """Offer all instruments at their urls; yields the url of each one; raises WireError."""
         with ExitStack() as ports:
             at: dict[str, str] = {}
             servers: dict[int, str] = {}
@@ -77,7 +77,7 @@ def open_bench(
     script: Script | None = None,
     pace: Callable[[float], None] | None = None,
 ) -> Bench:
-    """Set up the instruments that the drivers of a rig file expect to meet; raises ConfigError."""
+    """Set up the instruments that the drivers of a rig file expect; raises ConfigError."""
     simulation = rig_file.simulation
     if simulation is None:
         raise ConfigError("[simulation] is missing: this rig file describes a real rig")
@@ -105,7 +105,7 @@ def open_bench(
 
 
 def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[str, Fitted]:
-    """Instruments of the first arm that are the second's, too, with what a script does to both."""
+    """Return the first arm's instruments that the second arm shares, with the script's effect."""
     modules = {id(one.module): one for one in found.values() if one.module is not None}
     return {
         table: modules[id(one.module)]
@@ -115,7 +115,7 @@ def _shared(beside: Mapping[str, Fitted], found: Mapping[str, Fitted]) -> dict[s
 
 
 def _tables_of(arm: RigFile) -> dict[str, set[str]]:
-    """Return tables by the driver that they name."""
+    """Return tables of the rig file by the driver that they name."""
     tables_of: dict[str, set[str]] = {}
     for table in TABLES:
         name = (arm.sensor if table == "sensor" else arm.output).driver
@@ -138,7 +138,7 @@ def _simulated(
     clock: Callable[[], float],
     truth: TruthSink | None,
 ) -> tuple[SimulatedRig | SimulatedPair, tuple[SimulatedRig | ArmOfPair, ...]]:
-    """Return the plant, and it or its arms as instruments meet them; raises ValueError."""
+    """Return the plant, and the rig or its arms as instruments see them; raises ValueError."""
     period_s, lockstep = rig_file.rig.period_s, rig_file.lockstep
     if rig_file.second is None:
         plant = resolved(simulation, rig_file.output.driver)
@@ -158,7 +158,7 @@ def _setting(
     pace: Callable[[float], None] | None,
     beside: Mapping[str, Fitted],
 ) -> Setting:
-    """The rig as the instruments of an arm meet it, at its pace, through the script if any."""
+    """Return the rig as the instruments of an arm see it, through the script if there is one."""
 
     def paced_um() -> float:
         if pace is not None:

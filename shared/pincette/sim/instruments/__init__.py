@@ -1,1 +1,1 @@
-"""The instruments as their lines show them: tables of commands, free of I/O."""
+"""Simulated instruments as seen from their lines: tables of commands, without I/O."""

@@ -38,7 +38,7 @@ MISSING, EXTRA, NULL, BAD_FLOAT, BAD_TOKEN_VALUE, UNKNOWN_TOKEN = 5, 6, 7, 9, 12
 
 
 class _CommandError(Exception):
-    """A command that cannot be parsed; carries the code that LCME? will answer."""
+    """Error of a command that cannot be parsed; carries the code that LCME? will return."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -47,7 +47,7 @@ class _CommandError(Exception):
 
 @dataclass(slots=True)
 class SimulatedDC205:
-    """A source that calls ``put_out`` for each voltage while it is on, and at each switch."""
+    """Source that calls ``put_out`` for each voltage while it is on, and at each switching."""
 
     put_out: Callable[[float], None]
     overloaded: bool = False
@@ -59,17 +59,17 @@ class SimulatedDC205:
     _errors: dict[bytes, int] = field(default_factory=lambda: {b"LEXE": 0, b"LCME": 0}, init=False)
 
     def power_cycle(self) -> None:
-        """Lose the supply and get it back: as after *RST, with the output off."""
+        """Lose and regain the supply: as after *RST, with the output off."""
         self._states |= {b"RNGE": 0, b"SOUT": 0}
         self._voltage_V = 0.0
         self._errors = dict.fromkeys(self._errors, 0)
         self.put_out(0.0)
 
     def idle(self) -> None:
-        """Do nothing: this instrument acts only when told to."""
+        """Do nothing: this instrument acts only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Carry out one line of commands; silence where none of them is a query."""
+        """Carry out one line of commands; returns None if none of them is a query."""
         if len(line) > LONGEST_LINE:
             return None
         replies: list[bytes] = []

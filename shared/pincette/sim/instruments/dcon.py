@@ -22,7 +22,7 @@ TRIPPED, FINE = b"04", b"00"
 
 @dataclass(slots=True)
 class _Watchdog:
-    """Trips where the host has been silent for ``limit_s`` while it is enabled."""
+    """Trips if the host has been silent for ``limit_s`` while it is enabled."""
 
     enabled: bool = False
     limit_s: float = 0.0
@@ -40,9 +40,9 @@ class _Channel:
 
 @dataclass(slots=True)
 class SimulatedI7024:
-    """Four channels, of which ``channel`` drives the plant; others by ``connect``.
+    """Four channels, of which ``channel`` drives the plant; ``connect`` connects others.
 
-    Lines and idle times drive the watchdog, which is one for all channels.
+    Command lines and idle times drive the watchdog, which is common to all channels.
     """
 
     put_out: Callable[[float], None]
@@ -62,25 +62,25 @@ class SimulatedI7024:
         self._drives[self.channel] = self.put_out
 
     def connect(self, channel: int, put_out: Callable[[float], None]) -> None:
-        """Let another channel drive something, too; raises ValueError where it does already."""
+        """Connect another channel to a function; raises ValueError if it is connected already."""
         if channel in self._drives:
             raise ValueError(f"channel {channel} of module {self.address} drives an arm already")
         self._drives[channel] = put_out
 
     @property
     def tripped(self) -> bool:
-        """Whether the host watchdog has tripped."""
+        """Return whether the host watchdog has tripped."""
         return self._watchdog.tripped
 
     def power_cycle(self) -> None:
-        """Lose the supply and get it back: each channel starts at its power-on value."""
+        """Lose and regain the supply: each channel starts at its power-on value."""
         self._watchdog = _Watchdog()
         for number, channel in enumerate(self._channels):
             channel.commanded_V = channel.power_on_V
             self._drive(number, channel.power_on_V)
 
     def idle(self) -> None:
-        """Let the host watchdog trip where its time is over."""
+        """Let the host watchdog trip if its time is over."""
         dog = self._watchdog
         if not dog.enabled or dog.tripped or self.clock() - dog.fed_s < dog.limit_s:
             return
@@ -89,7 +89,7 @@ class SimulatedI7024:
             self._drive(number, channel.safe_V)
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one command line; silence for another address or a wrong checksum."""
+        """Answer one command line; returns None for another address or a wrong checksum."""
         self.idle()
         body = line
         if self.checksum:
@@ -108,7 +108,7 @@ class SimulatedI7024:
         return reply + _sum(reply) if self.checksum else reply
 
     def _set(self, rest: bytes) -> bytes | None:
-        """#AAN(data): put out a voltage."""
+        """Execute #AAN(data): put out a voltage."""
         number, data = self._number(rest[:1]), rest[1:]
         if number is None or DATA.fullmatch(data) is None:
             return None
@@ -122,7 +122,7 @@ class SimulatedI7024:
         return b">"
 
     def _ask(self, command: bytes) -> bytes | None:
-        """Answer commands after $ and ~; None where there is no such command."""
+        """Answer commands after $ and ~; returns None for an unknown command."""
         prefix = b"!%02X" % self.address
         dog = self._watchdog
         if command in (b"$2", b"$M", b"$F", b"~0"):
@@ -148,7 +148,7 @@ class SimulatedI7024:
         return prefix + f"{shown_V:+07.3f}".encode()
 
     def _watch(self, enabled: bool, ticks: int) -> bool:
-        """Set the host watchdog; false where that is no setting."""
+        """Set the host watchdog; returns False for an invalid setting."""
         if enabled and not ticks:
             return False
         dog = self._watchdog

@@ -1,4 +1,4 @@
-"""How a simulated instrument is fitted to a rig; one is registered under its driver's name."""
+"""Registration and set-up of a simulated instrument, under its driver's name."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -16,7 +16,7 @@ from pincette.sim.rig.wave import PutOutWave
 TABLES = ("sensor", "output")
 """Tables of the rig file that name a driver."""
 BAUD = 115200
-"""Default baud rate, that of the drivers."""
+"""Default baud rate of the drivers."""
 
 
 class OutputTraits(NamedTuple):
@@ -27,11 +27,11 @@ class OutputTraits(NamedTuple):
 
 
 class Served(Protocol):
-    """A server that listens."""
+    """Server at which a driver can open an instrument."""
 
     @property
     def url(self) -> str:
-        """What a driver opens to get here."""
+        """Return the url for a driver."""
         ...
 
 
@@ -40,21 +40,22 @@ OpenServer = Callable[[str, Instrument], AbstractContextManager[Served]]
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """An instrument at the end of its line."""
+    """Instrument with the properties of its line."""
 
     instrument: Instrument
     url: str
     """Address for the driver."""
     terminator: bytes | None
-    """Ends each line; None where an answer is taken whole."""
+    """End of each line; None if an answer is returned whole."""
     baud: int | None = None
-    """Of a serial line in real time; None where bytes take no time."""
+    """Baud rate of a serial line in real time; None if bytes take no time."""
     server: Instrument | None = None
-    """What answers at a port that both instruments may share, and"""
+    """Instrument that answers at a port that both arms' instruments may share; see ``open_server``.
+    """
     open_server: OpenServer | None = None
-    """what serves it at a url; None: a serial line or a socket."""
+    """Opens the server of ``server`` at a url; None for a serial line or a socket."""
     module: Instrument | None = None
-    """``instrument`` without what a script does to its line, where another arm may share it."""
+    """``instrument`` without the script's effect on its line, for sharing with another arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +69,14 @@ class Setting:
     measure_um: Callable[[], float]
     put_out: Callable[[float], None]
     line: Callable[[str, Instrument], Instrument]
-    """Puts what a script does to a line before the instrument of a table."""
+    """Adds the script's effect on its line to the instrument of a table."""
     beside: Mapping[str, Fitted]
-    """Instruments of the first arm while the second one's are made; empty for the first."""
+    """Instruments of the first arm while those of the second are made; empty for the first."""
     put_out_wave: PutOutWave | None = None
-    """Puts out a wave through a script; None: the rig does."""
+    """Puts out a waveform through a script; None if the rig does so itself."""
 
     def baud(self, settings: Sensor | Output) -> int | None:
-        """Of a serial line; None in lockstep, where bytes take no time."""
+        """Return the baud rate of a serial line; None in lockstep, where bytes take no time."""
         if self.rig_file.lockstep:
             return None
         own = "baud" in self.simulation.model_fields_set
@@ -84,21 +85,22 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedDriver:
-    """The simulated instruments that a driver meets."""
+    """Simulated instruments for one driver."""
 
     tables: frozenset[str]
-    """Tables of the rig file in which the driver can stand."""
+    """Tables of the rig file that can name the driver."""
     fit: Callable[[Setting, frozenset[str]], dict[str, Fitted]]
     """Makes the instruments of the tables that name the driver.
 
-    Raises ConfigError where the rig file does not say how one is connected."""
+    Raises ConfigError where the rig file does not say how one is connected.
+    """
     traits: OutputTraits | None = None
-    """Of its voltage output; None: to be given in [simulation]."""
+    """Properties of its voltage output; None if [simulation] must state them."""
 
 
 @cache
 def simulated_driver(name: str) -> SimulatedDriver | None:
-    """Return what is registered for a driver; None where its instrument is not simulated."""
+    """Return the simulation of a driver's instrument; None if it is not simulated."""
     if name not in plugins.names(plugins.SIMULATED_INSTRUMENTS):
         return None
     driver: SimulatedDriver = plugins.load(plugins.SIMULATED_INSTRUMENTS, name)
@@ -106,13 +108,16 @@ def simulated_driver(name: str) -> SimulatedDriver | None:
 
 
 def simulated_in(table: str) -> list[str]:
-    """Return drivers of a table whose instruments are simulated."""
+    """Return the drivers of a table whose instruments are simulated."""
     names = plugins.names(plugins.SIMULATED_INSTRUMENTS)
     return [name for name in names if (one := simulated_driver(name)) and table in one.tables]
 
 
 def resolved(simulation: Simulation, output_driver: str) -> Simulation:
-    """The simulation with step and lag of the output, by default its driver's; or ConfigError."""
+    """Return the simulation with step and lag of the output, by default its driver's.
+
+    Or ConfigError.
+    """
     if simulation.output_step_V is not None and simulation.output_lag_s is not None:
         return simulation
     driver = simulated_driver(output_driver)

@@ -29,9 +29,9 @@ TERMINATOR = b"\r"
 
 
 class SimulatedKeyence:
-    """A controller whose outputs all show ``measure()``, in µm; None is an invalid reading.
+    """Controller whose outputs all show ``measure()``, in µm; None is an invalid reading.
 
-    ``clock`` measures changes of mode, and must go on by itself. ``set_averaging`` gets the time
+    ``clock`` measures changes of mode, and must advance on its own. ``set_averaging`` gets the time
     that output 1 averages over when it changes. Before each n-th answer (``unsolicited_every``, 0:
     never) TG,01 is sent.
     """
@@ -48,7 +48,7 @@ class SimulatedKeyence:
         unsolicited_every: int = 0,
     ) -> None:
         self.trouble: Fault | None = None
-        """Fault of its own, such as "timeout", that measuring commands are answered by."""
+        """Fault of the instrument, such as "timeout", with which it answers measuring commands."""
         self._measure = measure
         self._unit: Unit = unit
         self._dialect: Dialect = dialect
@@ -66,17 +66,17 @@ class SimulatedKeyence:
 
     @property
     def averaging_s(self) -> float:
-        """Time that output 1 averages over."""
+        """Return the time that output 1 averages over, in s."""
         return self._sampling_s * self._averaged
 
     def press_zero(self) -> None:
-        """The panel's key: from here on every output shows the difference to the present."""
+        """Press the zero key of the panel: from here on every output shows the change from now."""
         x_um = self._measure()
         if not self._locked and x_um is not None:
             self._zero_um = dict.fromkeys(self._zero_um, x_um)
 
     def idle(self) -> None:
-        """Do nothing: this instrument speaks only when asked, and beside that."""
+        """Do nothing: this instrument sends only answers, and lines along with them."""
 
     def answer(self, line: bytes) -> bytes | None:
         """Answer one command line; commands are case-insensitive."""

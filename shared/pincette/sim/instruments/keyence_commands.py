@@ -1,4 +1,4 @@
-"""The commands of the Keyence controllers: their fields, error codes, and how a value is written.
+"""Commands of the Keyence controllers: fields, error codes, and the form of a value.
 
 Assumed: the error codes of the LK-G5000, whose numbers alone are known, mean what those of the
 LK-G3000 mean, in the same order; a line longer than any command is one of wrong length; outputs are
@@ -28,12 +28,12 @@ CODES: dict[Dialect, dict[Fault, bytes]] = {
     "LK-G3000": dict(zip(FAULTS, (b"00", b"01", b"20", b"21", b"22", b"88", b"99"), strict=True)),
 }
 SAME_MODE = b"01"
-"""Answer of both to R0 or Q0 in the mode that is asked for."""
+"""Answer of both controllers to R0 or Q0 in the requested mode."""
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Least and largest count of its fields, and the mode that it needs; None is any."""
+    """Least and largest number of fields of a command, and the mode that it needs; None is any."""
 
     least: int
     most: int
@@ -60,7 +60,7 @@ OUTPUTS: dict[Dialect, int] = {"LK-G5000": 12, "LK-G3000": 2}
 
 
 class Refused(Exception):
-    """A command that is answered by an error."""
+    """A command that gets an error as its answer."""
 
     def __init__(self, fault: Fault) -> None:
         super().__init__(fault)
@@ -68,7 +68,10 @@ class Refused(Exception):
 
 
 def value(position_um: float | None, unit: Unit) -> bytes:
-    """Eight characters: sign, then 7 with the point, zero padded; None is an invalid reading."""
+    """Return eight characters: sign, then 7 with the point, zero padded.
+
+    None is an invalid reading.
+    """
     if position_um is None or not isfinite(position_um):
         return INVALID
     decimals = DECIMALS[unit]
@@ -87,7 +90,7 @@ def number(field: bytes, least: int, most: int) -> int:
 
 
 def chosen(command: bytes, fields: list[bytes], dialect: Dialect) -> list[int]:
-    """Return the outputs that a measuring command asks for; raises Refused."""
+    """Return the outputs that a measuring command reads; raises Refused."""
     every = list(range(1, OUTPUTS[dialect] + 1))
     if command in (b"MA", b"M0"):
         return every

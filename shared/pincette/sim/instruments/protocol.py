@@ -6,12 +6,12 @@ TERMINATOR = b"\r"
 
 
 class Instrument(Protocol):
-    """One instrument: a line in, a line or silence out, both without their terminator."""
+    """One instrument: a line in, a line or None out, both without their terminator."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Answer one line; None is silence. Several lines have the terminator between them."""
+        """Answer one line; None is silence. The terminator separates the lines of an answer."""
         ...
 
     def idle(self) -> None:
-        """Let the instrument look at its own clock; called while no line arrives."""
+        """Let the instrument check its own clock; called while no line arrives."""
         ...

@@ -1,1 +1,1 @@
-"""The plant: from the amplifier's input to the tip, the part and the passive arm; pure."""
+"""Plant: from the amplifier's input to the tip, the part and the passive arm; pure."""

@@ -1,4 +1,4 @@
-"""The amplifier between the voltage output and the arm, counted at its input; pure.
+"""Amplifier between voltage output and arm, in volts at its input; pure.
 
 limited   v = clip(gain·u, ±saturation)
 slewed    |ẇ| <= slew, w follows v
@@ -20,11 +20,11 @@ class AmplifierParameters:
 
 
 IDEAL = AmplifierParameters()
-"""An amplifier whose output is its input."""
+"""Amplifier whose output is its input."""
 
 
 def limited_V(amplifier: AmplifierParameters, input_V: float) -> float:
-    """Return the voltage that an amplifier aims at."""
+    """Return the voltage that an amplifier approaches, in V."""
     most_V = amplifier.saturation_V
     return max(-most_V, min(most_V, amplifier.gain_ratio * input_V))
 
@@ -36,10 +36,10 @@ def advance_amplifier(
     input_V: tuple[float, float],
     dt_s: float,
 ) -> tuple[float, float]:
-    """Slewed and output voltage after ``dt_s`` with an input that runs straight between two values.
+    """Return slewed and output voltage after ``dt_s``, with a linear input between two values.
 
-    Exact for a constant input. One that moves is followed along a straight line to where the slew
-    limit lets it come.
+    Exact for a constant input. A changing input is followed along a straight line within the slew
+    limit.
     """
     start_V, end_V = limited_V(amplifier, input_V[0]), limited_V(amplifier, input_V[1])
     reach_V = amplifier.slew_V_per_s * dt_s

@@ -24,32 +24,33 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Arms:
-    """Both ways in which the arms can move, as modes."""
+    """Both ways in which the arms can move, as modes: apart, or joined by the part."""
 
     apart: ModalSystem
-    """State q_i, y, q̇_i, ẏ (without y where the passive arm has no mass); watches x - y."""
+    """Modes apart: state q_i, y, q̇_i, ẏ (without y if the passive arm has no mass); watches x - y.
+    """
     joined: ModalSystem
-    """State q_i, q̇_i; watches the contact force F in mN."""
+    """Modes joined: state q_i, q̇_i; watches the contact force F in mN."""
     bending_modes: int
     inverse_masses: tuple[float, float]
-    """1/m_i in µm/(mN·s²); 0 for a mode that there is not."""
+    """Inverse modal masses 1/m_i, in µm/(mN·s²); 0 for a missing mode."""
     passive_mass: float
-    """m_p; 0 without mass."""
+    """Mass m_p of the passive arm, in mN·s²/µm; 0 without mass."""
     passive_stiffness_mN_per_um: float
     compliance_um_per_mN: float
-    """Compliance of both arms in series."""
+    """Compliance of both arms in series, in µm/mN."""
     slowest_decay_per_s: float
     finest_s: float
-    """A fortieth of the fastest mode's period."""
+    """A fortieth of the period of the fastest mode, in s."""
 
     @property
     def passive_moves(self) -> bool:
-        """Whether the passive arm has a motion of its own."""
+        """Return whether the passive arm has a motion of its own."""
         return self.passive_mass > 0.0
 
 
 class ArmNumbers(NamedTuple):
-    """Those of ``PlantParameters`` on which the arms' modes depend."""
+    """Members of ``PlantParameters`` that determine the arms' modes."""
 
     natural_frequency_rad_per_s: float
     damping_ratio: float
@@ -64,7 +65,7 @@ class ArmNumbers(NamedTuple):
 
 @lru_cache(maxsize=64)
 def arms_of(p: PlantParameters) -> Arms:
-    """The modes of a plant's arms, computed once for the same numbers; ValueError if overdamped."""
+    """Return the modes of the arms, computed once per parameter set; ValueError if overdamped."""
     return _arms(ArmNumbers(*(getattr(p, name) for name in ArmNumbers._fields)))
 
 

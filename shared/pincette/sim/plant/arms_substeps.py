@@ -1,4 +1,4 @@
-"""Both arms over substeps: whole ones where nothing can touch or leave, else in pieces."""
+"""Both arms over substeps: whole ones without a change of contact, otherwise in pieces."""
 
 from collections.abc import MutableSequence, Sequence
 
@@ -15,10 +15,10 @@ def pass_substeps(
     dents_um: MutableSequence[float],
     positions_um: MutableSequence[float],
 ) -> Motion:
-    """Let x_f go to each value within a substep.
+    """Move x_f to each value within one substep.
 
-    ``dents_um`` is scratch, as long as ``rests_um`` where the faces of a part can be pressed in.
-    ``positions_um``, the position of the tip after each, is filled unless it is empty.
+    ``dents_um`` is scratch memory, as long as ``rests_um`` if the faces of a part can be pressed
+    in. ``positions_um`` receives the position of the tip after each substep, unless it is empty.
     """
     done, count = 0, len(rests_um)
     while done < count:
@@ -47,7 +47,7 @@ def _pass_undisturbed(
     first: int,
     last: int,
 ) -> tuple[Motion, int]:
-    """Whole substeps from ``first`` on, up to ``last`` or one in which the arms may touch or leave.
+    """Compute whole substeps from ``first`` to ``last``, or until the contact may change.
 
     Returns the place of that one, for which the faces have been pressed in.
     """
@@ -122,7 +122,7 @@ def _press(
     dents_um: MutableSequence[float],
     first: int,
 ) -> None:
-    """Dents of faces that follow the force at rest, from ``first`` on as long as nothing leaves."""
+    """Compute dents of faces that follow the force at rest, until a face separates."""
     compliance, hertz = k.compliance_um_per_mN, k.hertz_um_per_mN23
     rest_um, dent_um = m.rest_um, m.dent_um
     for index in range(first, len(rests_um)):

@@ -1,4 +1,4 @@
-"""Divide a substep at the moments in which an arm touches or leaves, found by the secant method."""
+"""Divides a substep at the times at which an arm touches or separates (secant method)."""
 
 import math
 
@@ -6,12 +6,12 @@ from pincette.sim.plant.motion import Motion, MotionConstants, Tips, motion_of, 
 from pincette.sim.plant.ways import Three, Transition, carried, deviation, transition
 
 MOST_CHANGES = 8
-"""Touches and leaves within one piece; beyond, the rest of the piece goes unwatched."""
+"""Largest number of contact changes within one piece; further ones are not detected."""
 SECANTS = 4
 
 
 def pass_pieces(k: MotionConstants, m: Motion, goal_um: float) -> Motion:
-    """Return a substep in which the arms may touch or leave."""
+    """Return the motion after a substep in which the arms may touch or separate."""
     piece_s, start_um = k.dt_s / k.pieces, m.rest_um
     for number in range(1, k.pieces + 1):
         way = approached(k, number * piece_s, k.dt_s)
@@ -21,7 +21,7 @@ def pass_pieces(k: MotionConstants, m: Motion, goal_um: float) -> Motion:
 
 
 def _pass_piece(k: MotionConstants, m: Motion, dt_s: float, goal_um: float) -> Motion:
-    """Return a piece in which the arms may touch or leave, more than once."""
+    """Return the motion after a piece in which the arms may touch or separate more than once."""
     step = _kept(k.joined_piece if m.joined else k.apart_piece)
     for _ in range(MOST_CHANGES):
         start, before = m, margin(k, m)
@@ -41,7 +41,7 @@ def _pass_piece(k: MotionConstants, m: Motion, dt_s: float, goal_um: float) -> M
 def _change_within(
     k: MotionConstants, start: Motion, dt_s: float, goal_um: float, before: float, after: float
 ) -> tuple[Motion, float]:
-    """Return the motion after the change, and when within the piece that was."""
+    """Return the motion after the change, and the time of the change within the piece, in s."""
     m, moment_s = start, 0.0
     times, margins = (0.0, dt_s), (before, after)
     for _ in range(SECANTS if before > 0.0 else 1):
@@ -55,7 +55,7 @@ def _change_within(
 
 
 def change(k: MotionConstants, m: Motion) -> Motion:
-    """Touch or leave; a touch gives both tips one speed."""
+    """Change between apart and joined; a touch gives both tips one speed."""
     tips = tips_of(k, m)
     first, second, y_um, first_speed, second_speed, y_speed = tips.values
     dent_um = m.dent_um
@@ -74,7 +74,7 @@ def change(k: MotionConstants, m: Motion) -> Motion:
 
 
 def margin(k: MotionConstants, m: Motion) -> float:
-    """Return what is left until the arms touch, in µm, or leave, in mN."""
+    """Return the distance until the arms touch, in µm, or the force until they separate, in mN."""
     offset_um = k.contact_um + m.dent_um
     if m.joined:
         at_rest = (m.rest_um - offset_um) / k.compliance_um_per_mN + k.pull_off_mN
@@ -83,14 +83,14 @@ def margin(k: MotionConstants, m: Motion) -> float:
 
 
 def _closing_um_per_s(k: MotionConstants, m: Motion) -> float:
-    """Return the speed of x - y while the arms are apart."""
+    """Return the speed at which the arms approach while apart (that of x - y), in µm/s."""
     rates = k.apart.rates_per_s
     speeds: Three = (rates[0] * m.w[0], rates[1] * m.w[1], rates[2] * m.w[2])
     return deviation(k.apart.watched, speeds)
 
 
 def _kept(step: Transition) -> Transition:
-    """Return the same as numbers of its own, whatever keeps it."""
+    """Return a copy of the transition with its own tuples."""
     factors, pushes = step.factors, step.pushes
     return Transition((factors[0], factors[1], factors[2]), (pushes[0], pushes[1], pushes[2]))
 
@@ -100,7 +100,7 @@ def _over(k: MotionConstants, m: Motion, dt_s: float) -> Transition:
 
 
 def sprung_back(k: MotionConstants, m: Motion) -> float:
-    """Return the dent of the faces: apart, they come out as far as the arms have opened."""
+    """Return the dent of the faces: apart, they recover as far as the arms have opened, in µm."""
     if m.joined or m.dent_um == 0.0:
         return m.dent_um
     reach_um = m.rest_um + deviation(k.apart.watched, m.w)
@@ -108,13 +108,13 @@ def sprung_back(k: MotionConstants, m: Motion) -> float:
 
 
 def approached(k: MotionConstants, time_s: float, whole_s: float) -> float:
-    """Return the share of its way that x_f has made by a time within a step."""
+    """Return the share of its change that x_f has covered at a time within a step."""
     if k.lag_s <= 0.0:
         return 1.0
     return math.expm1(-time_s / k.lag_s) / math.expm1(-whole_s / k.lag_s)
 
 
 def moved_by(step: Transition, m: Motion, rest_um: float) -> Motion:
-    """Return the motion after a step."""
+    """Return the motion after a step that moves x_f to ``rest_um``."""
     w = carried(step, m.w, rest_um - m.rest_um)
     return Motion(w, rest_um, m.joined, m.there, m.dent_um)

@@ -20,10 +20,10 @@ def hertz_um_per_mN23(radius_um: float, modulus_GPa: float) -> float:
 def static_force_mN(
     overlap_um: float, compliance_um_per_mN: float, hertz_um_per_mN23: float
 ) -> float:
-    """F >= 0 with s·F + B·F^(2/3) = overlap; B for all faces together.
+    """Return F >= 0 with s·F + B·F^(2/3) = overlap, in mN; B is for all faces together.
 
     In the root G = F^(1/3) it is the cubic s·G³ + B·G² = overlap, convex for G > 0, so that
-    Newton's method from above falls to the root without overshoot.
+    Newton's method from above converges to the root without overshoot.
     """
     if overlap_um <= 0.0:
         return 0.0
@@ -46,12 +46,12 @@ def static_force_mN(
 
 
 def cube_root(value: float) -> float:
-    """Return the C library's, which a compiler must be shown."""
+    """Return the cube root, computed by the C library."""
     return math.cbrt(value)
 
 
 def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) -> float:
-    """Force that parts ball and arm: 3/2·π·w·R of smooth faces, times the roughness factor.
+    """Return the pull-off force in mN: 3/2·π·w·R of smooth faces, times the roughness factor.
 
     J/m² is mN/mm, hence the thousandth.
     """
@@ -59,11 +59,11 @@ def pull_off_mN(radius_um: float, adhesion_J_per_m2: float, roughness: float) ->
 
 
 def ball_weight_mN(radius_um: float, density_kg_per_m3: float) -> float:
-    """Return the weight of the ball, 4/3·π·R³·ρ·g."""
+    """Return the weight of the ball, 4/3·π·R³·ρ·g, in mN."""
     volume_m3 = 4.0 / 3.0 * math.pi * (radius_um * 1e-6) ** 3
     return volume_m3 * density_kg_per_m3 * GRAVITY_M_PER_S2 * 1e3
 
 
 def holding_force_mN(weight_mN: float, friction: float) -> float:
-    """Return the least force at which friction on both arms carries the ball: weight/(2·µ)."""
+    """Return the least force in mN at which friction carries the ball: weight/(2·µ), two arms."""
     return weight_mN / (2.0 * friction)

@@ -31,11 +31,11 @@ class DriveConstants(NamedTuple):
 
     dt_s: float
     lag: float
-    """e^(-dt/τ) of the output."""
+    """Factor e^(-dt/τ) of the output's lag."""
     lags: bool
-    """Whether the output lags at all."""
+    """True if the output has a lag."""
     amplifies: bool
-    """Whether the amplifier's output is anything but its input."""
+    """True if the amplifier's output differs from its input."""
     amplifier: AmplifierParameters
     hysteresis: BoucWen
     """Bouc-Wen hysteresis; without effect if there are relays."""
@@ -48,7 +48,7 @@ class DriveConstants(NamedTuple):
 
 
 class Electrical(NamedTuple):
-    """Part of the plant's state before the arms."""
+    """Electrical part of the plant's state, before the arms."""
 
     voltage_V: float
     slewed_V: float
@@ -58,12 +58,12 @@ class Electrical(NamedTuple):
 
 
 def rest_um(p: PlantParameters, state: PlantState) -> float:
-    """Return the position x_f that the free arm would rest at, a hung weight included."""
+    """Return the rest position x_f of the free arm with its hung weight, in µm."""
     return rest_of(drive_constants(p, p.substep_s), electrical(state))
 
 
 def rest_of(k: DriveConstants, at: Electrical) -> float:
-    """Return the same of the electrical part alone."""
+    """Return the rest position x_f from the electrical part only, in µm."""
     w = at.drive_V
     y = k.d * w * (1.0 + k.kappa * w) - k.scale * at.hysteresis_um
     c0, c1, c2, c3, c4 = at.creep_um
@@ -82,7 +82,7 @@ def drive(
     count: int,
     targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Substeps of equal length, with a target for each or the present one for all.
+    """Advance substeps of equal length, with a target for each, or the present one for all.
 
     Returns the state with its electrical part advanced, and at the end of each substep the
     position x_f in µm and, where targets are given, the voltage at the amplifier's input.
@@ -114,7 +114,7 @@ def drive(
 
 
 def electrical(state: PlantState) -> Electrical:
-    """Return the part of a state that lies before the arms."""
+    """Return the electrical part of a state, before the arms."""
     return Electrical(
         state.voltage_V, state.slewed_V, state.drive_V, state.hysteresis_um, state.creep_um
     )
@@ -129,9 +129,9 @@ def drive_substeps(
     voltages_V: MutableSequence[float],
     scratch: MutableSequence[float],
 ) -> Electrical:
-    """As many substeps as ``rests_um`` has places, of a plant with Bouc-Wen hysteresis.
+    """Advance ``len(rests_um)`` substeps of a plant with Bouc-Wen hysteresis.
 
-    Fills x_f after each, and returns the end.
+    Fills x_f after each, and returns the electrical part at the end.
 
     The output goes to ``target_V``; where ``targets_V`` has a target for each substep, to those,
     and ``voltages_V`` is filled with the voltage after each. ``scratch`` is as long as
@@ -151,7 +151,7 @@ def _put_out(
     drives_V: MutableSequence[float],
     voltages_V: MutableSequence[float],
 ) -> tuple[float, float, float]:
-    """Output and amplifier: fills w and the voltage after each substep; returns u, slewed and w."""
+    """Fill w and output voltage after each substep; return the last u, slewed voltage and w."""
     lag, amplifies, plays = k.lag, k.amplifies, len(targets_V) > 0
     u, slewed, w = before.voltage_V, before.slewed_V, before.drive_V
     behind = u - target_V
@@ -181,7 +181,7 @@ def _bent(
     ways: MutableSequence[float],
     levels_um: Sequence[float],
 ) -> Electrical:
-    """Put y, then x_f in the place of each w, with h after each; returns the end."""
+    """Replace each w by y, then x_f, and fill h after each; return the last h."""
     d, kappa, scale = k.d, k.kappa, k.scale
     for index in range(len(ways)):
         w = ways[index]
@@ -195,7 +195,7 @@ def _bent(
 
 
 def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float]) -> CreepStates:
-    """Creep: puts x_f in the place of each y; returns the lags."""
+    """Replace each y by x_f, which includes creep; return the lags."""
     gamma, sag, gains = k.gamma, k.sag_um, k.gains
     g0, g1, g2, g3, g4 = gains[0], gains[1], gains[2], gains[3], gains[4]
     c0, c1, c2, c3, c4 = at
@@ -213,7 +213,7 @@ def _crept(k: DriveConstants, at: CreepStates, rests_um: MutableSequence[float])
 
 @lru_cache(maxsize=64)
 def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
-    """Return what substeps of a length work with."""
+    """Return the constants for substeps of a length."""
     return DriveConstants(
         dt_s=dt_s,
         lag=math.exp(-dt_s / p.output_lag_s) if p.output_lag_s > 0 else 0.0,
@@ -231,7 +231,7 @@ def drive_constants(p: PlantParameters, dt_s: float) -> DriveConstants:
 
 
 def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """Return one step of any length with the voltage settled."""
+    """Return the electrical part after one step of any length with settled voltage."""
     push = p.creep_per_decade * (
         p.piezo_um_per_V * state.drive_V * (1.0 + p.curvature_per_V * state.drive_V)
         - p.hysteresis_scale * state.hysteresis_um
@@ -243,7 +243,7 @@ def creep_alone(p: PlantParameters, state: PlantState, dt_s: float) -> PlantStat
 
 
 def settling_s(p: PlantParameters, state: PlantState) -> float:
-    """Time constant of the voltage's way to the arm, and the time that the slew limit takes."""
+    """Return the time constant from voltage to arm, and the duration of the slew limit, in s."""
     amplifier = p.amplifier
     way_V = abs(limited_V(amplifier, state.target_V) - state.slewed_V)
     return p.output_lag_s + amplifier.lag_s + way_V / amplifier.slew_V_per_s
@@ -251,6 +251,6 @@ def settling_s(p: PlantParameters, state: PlantState) -> float:
 
 @lru_cache(maxsize=64)
 def creep_gains(dt_s: float) -> CreepStates:
-    """1 - exp(-dt/τ_i): by how much each lag approaches a constant input."""
+    """Return 1 - exp(-dt/τ_i), the share by which each lag approaches a constant input."""
     g0, g1, g2, g3, g4 = (-math.expm1(-dt_s / time_s) for time_s in CREEP_TIMES_S)
     return g0, g1, g2, g3, g4

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 SERIES_UP_TO = 1.0 / 8.0
 """Limit of z for the series of (1 - e^(-z))/z: the first omitted term, z¹⁰/11!, is 2e-17 there."""
 AHEAD = 64
-"""Number of ways whose shares are computed before it is known how far they are valid."""
+"""Number of voltage segments whose shares are computed before their range of validity is known."""
 NOT_SHORT = -1.0
-"""Mark in place of a share, which is never negative."""
+"""Marker instead of a share, which is never negative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ def follow_voltages(
     voltages_V: Sequence[float],
     levels_um: MutableSequence[float],
 ) -> float:
-    """Go straight from voltage to voltage; fills h after each, and returns the last."""
+    """Move straight from voltage to voltage; fills h after each, and returns the last h in µm."""
     done = 0
     while done < len(voltages_V):
         before_V = voltages_V[done - 1] if done > 0 else begin_V
@@ -60,10 +60,10 @@ def _follow_side(
     levels_um: MutableSequence[float],
     first: int,
 ) -> tuple[float, int]:
-    """``advance_hysteresis`` of short ways in one direction, as long as h stays on its side of 0.
+    """Advance h over short segments in one direction while h keeps its sign.
 
-    What does not depend on h comes first, in a loop that a compiler does for several at once.
-    Returns h, and the place of the first voltage that was not followed.
+    The part that does not depend on h is computed first, in a loop that a compiler can vectorise.
+    Returns h, and the index of the first voltage that was not reached.
     """
     A, rate, rises, against = _side(shape, h_um, voltages_V[first] - before_V)
     last = min(first + AHEAD, len(voltages_V))
@@ -85,9 +85,9 @@ def _follow_side(
 def advance_hysteresis(shape: BoucWen, h_um: float, du_V: float) -> float:
     """Return the hysteresis h in µm after the voltage has moved monotonically by ``du_V``.
 
-    With w = |du| the equation is dh/dw = ±A - rate·h, rising or falling; the rate is b± - g while
-    h stands against the way and b± + g along it, and h crosses zero at most once. The result
-    depends on the path of the voltage alone, not on its speed.
+    With w = |du| the equation is dh/dw = ±A - rate·h, rising or falling; the rate is b± - g while h
+    opposes the change and b± + g while it follows it, and h crosses zero at most once. The result
+    depends only on the path of the voltage, not on its speed.
     """
     A, rate, rises, against = _side(shape, h_um, du_V)
     w = du_V if rises else -du_V
@@ -101,7 +101,7 @@ def advance_hysteresis(shape: BoucWen, h_um: float, du_V: float) -> float:
 
 
 def _side(shape: BoucWen, h_um: float, du_V: float) -> tuple[float, float, bool, bool]:
-    """±A and the rate of a way, whether it rises, and whether h stands against it."""
+    """Return ±A and the rate of a segment, whether it rises, and whether h opposes it."""
     rises = du_V > 0.0
     A = shape.A_um_per_V if rises else -shape.A_um_per_V
     b = shape.b_per_V * (1.0 + (shape.asymmetry if rises else -shape.asymmetry))
@@ -110,15 +110,15 @@ def _side(shape: BoucWen, h_um: float, du_V: float) -> tuple[float, float, bool,
 
 
 def _relaxing(rate: float, w: float) -> float:
-    """(1 - e^(-rate·w))/rate: what of a way w counts where the rate takes from it."""
+    """Return (1 - e^(-rate·w))/rate, the effective length of a relaxing segment w."""
     z = rate * w
     return _series(w, z) if z <= SERIES_UP_TO else -math.expm1(-z) / rate
 
 
 def _series(w: float, z: float) -> float:
-    """The same of a short way, as that of a substep is: w·(1 - z/2! + z²/3! - ...), z = rate·w.
+    """Return ``_relaxing`` of a short segment by the series w·(1 - z/2! + z²/3! - ...), z = rate·w.
 
-    It calls nothing, and is exact to the last bit or two.
+    It calls no function, and is exact to one or two bits.
     """
     far = 1.0 / 40320.0 - z * (1.0 / 362880.0 - z * (1.0 / 3628800.0))
     further = 1.0 / 120.0 - z * (1.0 / 720.0 - z * (1.0 / 5040.0 - z * far))

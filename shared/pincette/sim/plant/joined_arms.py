@@ -45,10 +45,10 @@ def move_arms(
     *,
     tells: bool = False,
 ) -> tuple[PlantState, list[float]]:
-    """Substeps of equal length, x_f from ``start_um`` to each value.
+    """Advance substeps of equal length, with x_f from ``start_um`` to each value.
 
-    Also returns the position after each; where ``tells`` is not set, none. ``state.elapsed_s`` is
-    that of the end.
+    Also returns the position after each substep if ``tells`` is set. ``state.elapsed_s`` is the
+    time at the end.
     """
     k = motion_constants(p, dt_s)
     motion = motion_of(k, tips(state), start_um, there=touchable(p, state))
@@ -73,7 +73,7 @@ def move_arms(
 
 
 def tips(state: PlantState) -> Tips:
-    """Return the arms of a state."""
+    """Return positions and speeds of the arms in a state."""
     second_um, second_speed = state.second_um, state.second_speed_um_per_s
     values = (
         state.x_um - second_um,
@@ -87,12 +87,12 @@ def tips(state: PlantState) -> Tips:
 
 
 def touchable(p: PlantParameters, state: PlantState) -> bool:
-    """Return whether there is anything to touch."""
+    """Return whether there is a part that can be touched."""
     return state.part == "there" and p.environment_stiffness_mN_per_um > 0.0
 
 
 def put_into(k: MotionConstants, motion: Motion, state: PlantState) -> PlantState:
-    """Return the state with the arms as they are."""
+    """Return the state with the positions and speeds of a motion."""
     found = tips_of(k, motion)
     first, second, y_um, first_speed, second_speed, y_speed = found.values
     return replace(
@@ -109,14 +109,14 @@ def put_into(k: MotionConstants, motion: Motion, state: PlantState) -> PlantStat
 
 
 def without_part(k: MotionConstants, motion: Motion) -> Motion:
-    """Nothing to touch any more; the arms go on from where they are."""
+    """Return the motion without a part; the arms continue from their positions."""
     if motion.joined:
         motion = change(k, motion)
     return Motion(motion.w, motion.rest_um, motion.joined, False, 0.0)
 
 
 def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float) -> PlantState:
-    """Return the arms at their equilibrium after ``dt_s`` in which nothing but creep went on."""
+    """Return the arms at their equilibrium after ``dt_s`` with creep only."""
     arms = arms_of(p)
     there = state.part == "there" and arms.passive_stiffness_mN_per_um > 0.0
     overlap_um = rest_um - p.contact_um
@@ -150,7 +150,10 @@ def rest_arms(p: PlantParameters, state: PlantState, dt_s: float, rest_um: float
 
 
 def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> float:
-    """Contact force with x_f at ``rest_um``; negative where the part sticks and is pulled."""
+    """Return the contact force with x_f at ``rest_um``, in mN.
+
+    Negative if the part sticks and is pulled.
+    """
     k = motion_constants(p, p.substep_s)
     return force_mN(k, motion_of(k, tips(state), rest_um, there=touchable(p, state)))
 
@@ -158,9 +161,9 @@ def arms_force_mN(p: PlantParameters, state: PlantState, rest_um: float) -> floa
 def befall(
     part: PartParameters, held_s: float, force_mN: float, dt_s: float, now_s: float
 ) -> tuple[float, Event | None]:
-    """For how long the force has carried the part after ``dt_s`` with it, and how it went if so.
+    """Return how long the force has carried the part after ``dt_s``, and its fall or break, if any.
 
-    Lifted is a part that the force has carried, F >= weight/(2µ), for ``lift_after_s``.
+    A part counts as lifted once the force has carried it, F >= weight/(2µ), for ``lift_after_s``.
     """
     if force_mN > part.break_mN:
         text = f"the part broke: {force_mN:.3f} mN are above {part.break_mN:.3f} mN"

@@ -29,27 +29,28 @@ Weights = tuple[complex, ...]
 
 @dataclass(frozen=True, slots=True)
 class ModalSystem:
-    """Modes of a system, and what is read from them."""
+    """Modes of a system, and the weights of its outputs."""
 
     rates_per_s: Weights
-    """µ_i, imaginary part above 0."""
+    """Eigenvalues µ_i in 1/s, those with imaginary part above 0."""
     into: tuple[Weights, ...]
-    """L_i, by mode."""
+    """Left vectors L_i, by mode."""
     out: tuple[Weights, ...]
-    """R, by component of the state."""
+    """Right vectors R, by component of the state."""
     rest_by_input: tuple[float, ...]
     rest_by_offset: tuple[float, ...]
-    """(r; 0) and (t; 0)."""
+    """Rest positions (r; 0) per input (the field before) and (t; 0) per offset."""
     pushed_by_input: Weights
     pushed_by_offset: Weights
-    """L_i·(r; 0) and L_i·(t; 0)."""
+    """Products L_i·(r; 0) for the input (the field before) and L_i·(t; 0) for the offset."""
     tip: Weights
-    """Weights of x in the modes."""
+    """Weights of the tip position x in the modes."""
     watched: Weights
-    """Weights of what decides on touching or leaving."""
+    """Weights of the quantity that decides on touching or separating."""
     most_watched: tuple[float, ...]
     most_by_input: float
-    """Of the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|): the factors of |w_i| and of |Δ|."""
+    """Factor of |Δ| in the bound 2·Σ |watched_i|·(|w_i| + |L_i·(r; 0)·Δ|); the field before holds
+    the factors of |w_i|."""
 
 
 def modal_system(
@@ -60,7 +61,10 @@ def modal_system(
     tip: tuple[Matrix, Matrix],
     watched: tuple[Matrix, Matrix],
 ) -> ModalSystem:
-    """Modes of q̈ = -P·(q - rest) - D·q̇; ``tip`` and ``watched`` weigh (q - rest) and q̇."""
+    """Return the modes of q̈ = -P·(q - rest) - D·q̇.
+
+    ``tip`` and ``watched`` weigh (q - rest) and q̇.
+    """
     count = len(rest_by_input)
     rates, vectors, inverse = _eigen(by_position, by_speed)
 
@@ -90,7 +94,7 @@ def modal_system(
 
 
 def _eigen(by_position: Matrix, by_speed: Matrix) -> tuple[Eigen, Eigen, Eigen]:
-    """Return rates above the real axis, their vectors (columns) and the rows of the inverse."""
+    """Return eigenvalues above the real axis, vectors (columns) and the rows of the inverse."""
     # Arms that are apart are solved one by one: two alike would make one repeated eigenvalue.
     count = len(by_position)
     if not np.any(by_position - np.diag(np.diag(by_position))):

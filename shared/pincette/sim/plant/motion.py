@@ -1,4 +1,4 @@
-"""Both arms on their way, from a state of the plant and back into one."""
+"""Motion of both arms, from a state of the plant and back into one."""
 
 import math
 from functools import lru_cache
@@ -19,7 +19,7 @@ from pincette.sim.plant.ways import (
 )
 
 PRESS_S = 0.005
-"""Time constant by which the faces follow the force at rest: two periods of the first mode."""
+"""Time constant in s by which the faces follow the force at rest: two periods of the first mode."""
 
 
 class MotionConstants(NamedTuple):
@@ -32,31 +32,33 @@ class MotionConstants(NamedTuple):
     joined_step: Transition
     apart_piece: Transition
     joined_piece: Transition
-    """Over one of the pieces that a substep is cut into where the arms may touch or leave."""
+    """Transition over one of the pieces of a substep in which the arms may touch or separate, while
+    joined."""
     pieces: int
     lag_s: float
     pressing: float
-    """e^(-dt/PRESS_S) - 1."""
+    """Factor e^(-dt/PRESS_S) - 1 of the faces' response."""
     contact_um: float
     tip_compliance_um_per_mN: float
-    """Compliance of the driven arm, and"""
+    """Compliance of the driven arm, in µm/mN."""
     compliance_um_per_mN: float
-    """of both in series."""
+    """Compliance of both arms in series, in µm/mN."""
     inverse_masses: tuple[float, float, float]
-    """1/m of both bending modes and of the passive arm; 0 where there is none."""
+    """Inverse masses 1/m of both bending modes and of the passive arm, in µm/(mN·s²); 0 if missing.
+    """
     passive_moves: bool
     hertz_um_per_mN23: float
     pull_off_mN: float
 
 
 class Motion(NamedTuple):
-    """Both arms on their way: modes, where the free arm would rest, and the part between them."""
+    """Motion of both arms: modes, rest position of the free arm, and the part between them."""
 
     w: Three
     rest_um: float
     joined: bool
     there: bool
-    """Whether there is anything to touch."""
+    """True if there is a part that can be touched."""
     dent_um: float
 
 
@@ -69,7 +71,7 @@ class Tips(NamedTuple):
 
 
 def motion_of(k: MotionConstants, tips: Tips, rest_um: float, *, there: bool) -> Motion:
-    """Return the motion of arms that are somewhere, with x_f at ``rest_um``."""
+    """Return the motion of arms with given positions and speeds, with x_f at ``rest_um``."""
     joined = tips.joined and there
     offset_um = k.contact_um + tips.dent_um if joined else 0.0
     way = k.joined if joined else k.apart
@@ -80,7 +82,7 @@ def motion_of(k: MotionConstants, tips: Tips, rest_um: float, *, there: bool) ->
 
 
 def tips_of(k: MotionConstants, m: Motion) -> Tips:
-    """Return where the arms are."""
+    """Return positions and speeds of the arms."""
     way = k.joined if m.joined else k.apart
     offset_um = k.contact_um + m.dent_um if m.joined else 0.0
     first = component(way, 0, m.w, m.rest_um, offset_um)
@@ -97,7 +99,7 @@ def tips_of(k: MotionConstants, m: Motion) -> Tips:
 
 
 def force_mN(k: MotionConstants, m: Motion) -> float:
-    """Return the contact force, negative where the part sticks and is pulled."""
+    """Return the contact force in mN, negative if the part sticks and is pulled."""
     if not m.joined:
         return 0.0
     at_rest_mN = (m.rest_um - (k.contact_um + m.dent_um)) / k.compliance_um_per_mN
@@ -106,7 +108,7 @@ def force_mN(k: MotionConstants, m: Motion) -> float:
 
 @lru_cache(maxsize=64)
 def motion_constants(p: PlantParameters, dt_s: float) -> MotionConstants:
-    """Return what substeps of a length work with."""
+    """Return the constants for substeps of a length."""
     arms = arms_of(p)
     apart, joined = (way_of(system, arms.bending_modes) for system in (arms.apart, arms.joined))
     lag_s, pieces = p.output_lag_s + p.amplifier.lag_s, math.ceil(dt_s / arms.finest_s)

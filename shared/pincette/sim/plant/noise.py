@@ -1,14 +1,14 @@
-"""Gaussian noise that depends on (seed, stream, index) alone, whatever was asked before."""
+"""Gaussian noise that depends only on (seed, stream, index), not on earlier calls."""
 
 from numpy.random import Generator, Philox
 
 BLOCK = 1024
 STREAM = 192
-"""Bit of the generator's counter from which on it counts streams."""
+"""First bit of the generator's counter that counts streams."""
 
 
 class GaussianNoise:
-    """Standard normal numbers by index, drawn a block at a time from a counter-based generator."""
+    """Standard normal numbers by index, drawn in blocks from a counter-based generator."""
 
     def __init__(self, seed: int, stream: int = 0) -> None:
         self._seed = seed

@@ -36,7 +36,7 @@ from pincette.sim.plant.state import Event, newest_events
 
 
 def advance_pair(p: PairParameters, state: PairState, dt_s: float) -> PairState:
-    """Let ``dt_s`` pass: whole substeps, then the rest; the same bits for the same arguments."""
+    """Advance by ``dt_s``: whole substeps, then the rest; the same bits for the same arguments."""
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
     longest_s = min(p.first.substep_s, p.second.substep_s)
@@ -62,7 +62,7 @@ def _substeps(p: PairParameters, state: PairState, dt_s: float, count: int) -> P
 def move_pair(
     p: PairParameters, state: PairState, dt_s: float, rests_um: Sequence[Pair], begin_s: float = 0.0
 ) -> PairState:
-    """Substeps of equal length, each towards the free positions of both arms."""
+    """Advance substeps of equal length, each towards the free positions of both arms."""
     numbers = pair_numbers(p)
     for number, rests in enumerate(rests_um, start=1):
         state = _pass_substep(p, numbers, state, dt_s, rests)
@@ -89,7 +89,7 @@ def _pass_substep(
 def _pushes(
     p: PairParameters, numbers: PairNumbers, modes: PairModes, state: PairState, rests_um: Pair
 ) -> Pair:
-    """k_i·x_f,i less what F_i has beside its share of the tips."""
+    """Return k_i·x_f,i minus the part of F_i that does not depend on the tips, in mN."""
     contact, kept_um = state.contact, state.part_um
     z_um = place_um(modes, (0.0, 0.0), _load_mN(p, state), kept_um)
     face = p.face_mN_per_um
@@ -100,7 +100,7 @@ def _pushes(
 
 
 def _load_mN(p: PairParameters, state: PairState) -> float:
-    """Return what the balance of the part has beside the tips."""
+    """Return the terms in the balance of the part that do not depend on the tips, in mN."""
     contact = state.contact
     load_mN = p.face_mN_per_um * p.gap_um if contact.second else 0.0
     if contact.ground == Ground.HOLDS:
@@ -111,7 +111,7 @@ def _load_mN(p: PairParameters, state: PairState) -> float:
 
 
 def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) -> PairState:
-    """Return the tips after the step of ``modes``, and the part with them."""
+    """Return the tips after the step of ``modes``, and the part that follows them."""
     first, second = state.first, state.second
     e = (
         first.x_um - rest[0],
@@ -134,7 +134,7 @@ def _moved(p: PairParameters, modes: PairModes, state: PairState, rest: Pair) ->
 def _certain(
     p: PairParameters, numbers: PairNumbers, modes: PairModes, state: PairState, rest: Pair
 ) -> bool:
-    """Return whether nothing can touch, leave or slip while the tips go to their rest."""
+    """Return whether nothing can touch, leave or slip while the tips approach their rest."""
     if state.part != "there":
         return True
     contact = state.contact
@@ -164,7 +164,7 @@ def _certain(
 
 
 def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState:
-    """Touch, leave, slip and hold by what the end of a piece shows."""
+    """Update touching, separation, slip and hold by the state at the end of a piece."""
     if state.part != "there":
         return state
     contact, z = state.contact, state.part_um
@@ -190,9 +190,10 @@ def _changed(p: PairParameters, state: PairState, before_um: float) -> PairState
 def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
     """Return which faces touch from here on.
 
-    Of a part that nothing but faces holds both forces are one, and that of a single face is 0: no
-    sign of a difference tells then what leaves. Both go by the one force, and a single face by the
-    way that its arm goes: it pushes the part on, and pulls it where it sticks.
+    If a part is held by faces only, both forces are equal, and the force of a single face is 0, so
+    no sign of a difference tells which face separates. Two faces are then judged by their common
+    force, and a single face by the direction of its arm: it pushes the part forwards, and pulls it
+    if it sticks.
     """
     contact, z = state.contact, state.part_um
     x_1, x_2 = state.tips_um
@@ -212,7 +213,7 @@ def _touching(p: PairParameters, state: PairState) -> tuple[bool, bool]:
 
 
 def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) -> PairState:
-    """Lift, fall and break, by the weaker of both forces."""
+    """Lift, drop or break the part, by the weaker of both forces."""
     if not p.part.may_go:
         return state
     contact = state.contact
@@ -237,7 +238,7 @@ def _befallen(p: PairParameters, state: PairState, dt_s: float, now_s: float) ->
 
 
 def _landed(state: PairState, now_s: float) -> PairState:
-    """On the ground where it was let go, by whatever still touches it."""
+    """Put the part on the ground where it was released, touched by the faces in contact."""
     z = state.part_um
     event = Event(now_s, "landed", f"the part lies on the ground again, touched at {z:.3f} µm")
     contact = Contact(state.contact.first, state.contact.second, Ground.HOLDS)

@@ -28,13 +28,13 @@ class Ground(IntEnum):
 
     HOLDS = 0
     SLIPS_UP = 1
-    """The part is pushed along x_1, R = f."""
+    """The part is pushed along x_1 and slips, R = f."""
     SLIPS_DOWN = -1
     AWAY = 2
 
 
 class Contact(NamedTuple):
-    """A state of contact."""
+    """State of contact: which faces touch, and how the ground holds the part."""
 
     first: bool
     second: bool
@@ -45,30 +45,30 @@ class PairNumbers(NamedTuple):
     """Numbers on which the motion depends, each pair by arm."""
 
     masses: Pair
-    """mN·s²/µm."""
+    """Mass of each arm, in mN·s²/µm."""
     dampings: Pair
-    """mN·s/µm."""
+    """Damping of each arm, in mN·s/µm."""
     stiffnesses: Pair
-    """mN/µm."""
+    """Stiffness of each arm, in mN/µm."""
     face_mN_per_um: float
     ground_mN_per_um: float
 
 
 @dataclass(frozen=True, slots=True)
 class PairModes:
-    """One state of contact, over one step."""
+    """Solution of one state of contact over one step."""
 
     contact: Contact
     transition: tuple[Row, Row, Row, Row]
-    """Transition of (x_1, x_2, ẋ_1, ẋ_2) less their rest."""
+    """Transition of (x_1, x_2, ẋ_1, ẋ_2) minus their rest."""
     stiffness: tuple[float, float, float]
-    """K_11, K_12, K_22 of tips, faces and ground."""
+    """Stiffness K_11, K_12, K_22 of tips, faces and ground, in mN/µm."""
     flexibility: tuple[float, float, float]
-    """The inverse."""
+    """Inverse of ``stiffness``, in µm/mN."""
     place_by_x: Pair
-    """∂z/∂x."""
+    """Derivatives ∂z/∂x by x_1 and x_2."""
     joint_mN_per_um: float
-    """Divisor of z: faces that touch, and the ground where it holds; 0 if z is free."""
+    """Divisor of z in mN/µm: touching faces, and the ground if it holds; 0 if z is free."""
 
 
 @lru_cache(maxsize=256)
@@ -103,7 +103,10 @@ def pair_modes(numbers: PairNumbers, contact: Contact, dt_s: float) -> PairModes
 
 
 def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) -> float:
-    """Place z of the part; ``load_mN`` is what else its balance has, see ``PairMotion``."""
+    """Return the place z of the part in µm; ``load_mN`` is the rest of its balance.
+
+    See ``PairMotion``.
+    """
     if modes.joint_mN_per_um == 0.0:
         return kept_um
     by_1, by_2 = modes.place_by_x
@@ -111,21 +114,21 @@ def place_um(modes: PairModes, tips_um: Pair, load_mN: float, kept_um: float) ->
 
 
 def rest_of(modes: PairModes, pushes_mN: Pair) -> Pair:
-    """Return where the tips rest under k_i·x_f,i less the constant part of F_i."""
+    """Return the rest of the tips under k_i·x_f,i minus the constant part of F_i, in µm."""
     f11, f12, f22 = modes.flexibility
     push_1, push_2 = pushes_mN
     return f11 * push_1 + f12 * push_2, f12 * push_1 + f22 * push_2
 
 
 def reach_of(modes: PairModes, by_x: Pair) -> float:
-    """√(aᵀK⁻¹a) of a quantity a·x."""
+    """Return √(aᵀK⁻¹a), the reach of a quantity a·x."""
     f11, f12, f22 = modes.flexibility
     a, b = by_x
     return (f11 * a * a + 2.0 * f12 * a * b + f22 * b * b) ** 0.5
 
 
 def finest_s(numbers: PairNumbers) -> float:
-    """Return a fortieth of the fastest period: that of the lighter arm on both faces."""
+    """Return a fortieth of the fastest period, that of the lighter arm on both faces, in s."""
     stiffest = max(numbers.stiffnesses) + numbers.face_mN_per_um
     return float(2.0 * np.pi * (min(numbers.masses) / stiffest) ** 0.5 / 40.0)
 

@@ -1,6 +1,6 @@
-"""Two driven arms and the part between them: what they are, and where; pure.
+"""Two driven arms and the part between them: parameters and state; pure.
 
-Positions of each arm count towards the part, x_1 + x_2 = g where both touch it and do not press.
+Positions of each arm count towards the part, x_1 + x_2 = g when both touch it without pressing.
 """
 
 import math
@@ -17,34 +17,35 @@ from pincette.sim.plant.plant import start as arm_at_rest
 from pincette.sim.plant.state import Event, PlantState
 
 APART = Contact(first=False, second=False, ground=Ground.HOLDS)
-"""The part on the ground, and nothing touches it."""
+"""Contact of a part on the ground that nothing touches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairParameters:
-    """Two arms, and the part between them; raises ValueError.
+    """Parameters of two arms and the part between them; raises ValueError.
 
-    Of each arm what it would touch alone plays no part.
+    The part in the parameters of each arm has no effect.
     """
 
     first: PlantParameters
     second: PlantParameters
     gap_um: float
-    """g: x_1 + x_2 where both tips touch the part and do not press it."""
+    """Gap g in µm: x_1 + x_2 when both tips touch the part without pressing it."""
     part_um: float
-    """x_1 at which the first arm touches the part where it lies at the start."""
+    """Position x_1 in µm at which the first arm touches the part at its initial place."""
     face_mN_per_um: float = 80.0
-    """K_f of each face; a ball of glass between flat arms bears some 40 through both."""
+    """Stiffness K_f of each face; both faces of a glass ball between flat arms have about 40 mN/µm.
+    """
     ground_mN_per_um: float = 5.0
-    """k_r by which the part sticks to where it lies, assumed."""
+    """Stiffness k_r by which the part sticks to its place on the ground; assumed."""
     ground_slip_mN: float = 0.0
-    """f from which it slips there; 0: it lies loose."""
+    """Force f from which the part slips on the ground; 0 for a loose part."""
     part: PartParameters = RIGID
-    """Weight, lift and break; the faces' own numbers are those here."""
+    """Weight, lift and break of the part; the parameters of the faces are those of this class."""
     pull_off_mN: Pair = (0.0, 0.0)
-    """Pull-off force of the face at each arm."""
+    """Pull-off force of the face at each arm, in mN."""
     lands: bool = False
-    """Whether a lifted part that is released lies on the ground again at its old place."""
+    """True if a lifted part that is released lies on the ground again at its old place."""
 
     def __post_init__(self) -> None:
         for arm in (self.first, self.second):
@@ -56,7 +57,7 @@ class PairParameters:
 
     @property
     def arms(self) -> tuple[PlantParameters, PlantParameters]:
-        """Both arms."""
+        """Parameters of both arms."""
         return self.first, self.second
 
 
@@ -66,41 +67,44 @@ class PairState(FrozenRecord, frozen=True):
     first: PlantState
     second: PlantState
     part_um: float
-    """z, along x_1."""
+    """Place z of the part along x_1, in µm."""
     anchor_um: float
-    """z_a: where the ground would have the part."""
+    """Place z_a to which the ground pulls the part, in µm."""
     contact: Contact = APART
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
-    """Time for which the weaker of both forces has carried the part."""
+    """Time for which the weaker of both forces has carried the part, in s."""
     events: tuple[Event, ...] = ()
 
     @property
     def tips_um(self) -> Pair:
-        """x_1 and x_2."""
+        """Positions x_1 and x_2 of the tips, in µm."""
         return self.first.x_um, self.second.x_um
 
 
 def start_pair(p: PairParameters) -> PairState:
-    """Return both arms unpoled and at rest, the part on the ground."""
+    """Return both arms unpoled and at rest, with the part on the ground."""
     return PairState(arm_at_rest(), arm_at_rest(), p.part_um, p.part_um)
 
 
 def set_pair_voltages(p: PairParameters, state: PairState, voltages_V: Pair) -> PairState:
-    """Give each output stage a target, rounded to its step."""
+    """Set the target of each output stage, rounded to its step."""
     state = set_arm_voltage(p, state, 0, voltages_V[0])
     return set_arm_voltage(p, state, 1, voltages_V[1])
 
 
 def set_arm_voltage(p: PairParameters, state: PairState, arm: int, voltage_V: float) -> PairState:
-    """Give the output stage of one arm, 0 or 1, a target."""
+    """Set the target of the output stage of one arm, 0 or 1."""
     one = (state.first, state.second)[arm]
     driven = replace(one, target_V=quantised_V(p.arms[arm], voltage_V))
     return replace(state, second=driven) if arm else replace(state, first=driven)
 
 
 def pair_forces_mN(p: PairParameters, state: PairState) -> Pair:
-    """Force of each arm on the part, compressive and positive; negative where a face is pulled."""
+    """Return the force of each arm on the part in mN, compressive and positive.
+
+    Negative if pulled.
+    """
     contact, z = state.contact, state.part_um
     x_1, x_2 = state.tips_um
     return (
@@ -110,7 +114,7 @@ def pair_forces_mN(p: PairParameters, state: PairState) -> Pair:
 
 
 def remove_pair_part(state: PairState) -> PairState:
-    """Take the part away; the arms go on from where they are."""
+    """Remove the part; the arms continue from their positions."""
     return part_gone(state, "removed")
 
 
@@ -135,6 +139,6 @@ def _damping(arm: PlantParameters) -> float:
 
 
 def part_gone(state: PairState, how: Literal["lost", "broken", "removed"]) -> PairState:
-    """Nothing to touch any more; the arms go on from where they are."""
+    """Return the state without a part; the arms continue from their positions."""
     nothing = Contact(first=False, second=False, ground=Ground.AWAY)
     return replace(state, contact=nothing, held_s=0.0, part=how)

@@ -22,35 +22,35 @@ FACES = 2
 
 
 class PartParameters(FrozenRecord, frozen=True):
-    """Properties of the part between the arms besides being rigid."""
+    """Properties of the part between the arms, in addition to being rigid."""
 
     hertz_um_per_mN23: float = 0.0
-    """B of δ = B·F^(2/3), all faces together."""
+    """Coefficient B of δ = B·F^(2/3), for all faces together."""
     pull_off_mN: float = 0.0
     hold_mN: float = 0.0
-    """Least force that carries it."""
+    """Least force that carries the part, in mN."""
     lift_after_s: float = math.inf
     break_mN: float = math.inf
     slip_mN: float = math.inf
-    """Force above which the face gives way by ``slip_um``, ``slips`` times."""
+    """Force in mN above which the face yields by ``slip_um``, ``slips`` times."""
     slip_um: float = 0.0
     slips: int = 0
 
     @property
     def may_go(self) -> bool:
-        """Whether it can fall or break."""
+        """Return whether the part can fall or break."""
         return self.lift_after_s < math.inf or self.break_mN < math.inf
 
 
 RIGID = PartParameters()
-"""A part that does nothing but resist."""
+"""Rigid part that cannot fall, slip or break."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantParameters:
     """Parameters of the plant.
 
-    Equal only to themselves, so that caches by identity hold their constants.
+    Instances are equal only to themselves, so that caches by identity hold their constants.
     """
 
     natural_frequency_rad_per_s: float
@@ -63,18 +63,18 @@ class PlantParameters:
     output_lag_s: float
     contact_um: float
     environment_stiffness_mN_per_um: float
-    """K_e; 0 without a part."""
+    """Stiffness K_e of the part's support; 0 without a part."""
     substep_s: float
     curvature_per_V: float = 0.0
     hysteresis_scale: float = 1.0
     hung_mN: float = 0.0
-    """Force on the driven tip, positive towards -x."""
+    """Hung weight on the driven tip in mN, positive towards -x."""
     amplifier: AmplifierParameters = IDEAL
     second_share: float = 0.0
     second_frequency_ratio: float = 6.27
     second_damping_ratio: float = 0.026
     passive_natural_frequency_rad_per_s: float | None = None
-    """None: the passive arm has no mass."""
+    """Natural frequency of the passive arm in rad/s; None if it has no mass."""
     passive_damping_ratio: float = 0.026
     part: PartParameters = RIGID
 
@@ -85,7 +85,7 @@ class PlantParameters:
 
     @property
     def elaborate(self) -> bool:
-        """Whether the arms are more than one mode against a spring without mass."""
+        """Return whether the arms are more than one mode against a massless spring."""
         return (
             self.second_share > 0.0
             or self.passive_natural_frequency_rad_per_s is not None
@@ -125,7 +125,7 @@ def plant_parameters(simulation: Simulation) -> PlantParameters:
 
 
 def _hysteresis(simulation: Simulation) -> tuple[BoucWen | Relays, float]:
-    """Return the shape, and the curvature of the line beside it."""
+    """Return the parameters of the hysteresis, and the curvature of the line added to it."""
     d, relays = simulation.piezo_um_per_V, simulation.relays
     if relays is not None:
         full_V = relays.full_drive_V

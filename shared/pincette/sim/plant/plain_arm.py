@@ -1,4 +1,4 @@
-"""One mode against a part that a spring without mass holds; pure.
+"""One mode against a part on a massless spring; pure.
 
     mode        ẍ + 2·ζ·ω_n·ẋ + ω_n²·(x - x_f) = -F/m,  m = k/ω_n²,  k = 1/s_p
     contact     F = K_e·max(0, x - x_b)
@@ -33,7 +33,7 @@ class PlainMode:
     vx: float
     vv: float
     per_square: float
-    """1/ω²: what ẋ² counts beside x² in the energy of the mode."""
+    """Factor 1/ω² in s², the weight of ẋ² relative to x² in the energy of the mode."""
 
 
 class PlainConstants(NamedTuple):
@@ -42,10 +42,10 @@ class PlainConstants(NamedTuple):
     free: PlainMode
     touching: PlainMode
     crossing_free: PlainMode
-    """Of a part of the substep, likewise"""
+    """Free transition over a part of the substep; ``crossing_touching`` is the one in contact."""
     crossing_touching: PlainMode
     ratio: float
-    """K_e·s_p."""
+    """Ratio K_e·s_p of the part's stiffness to that of the arm."""
 
 
 def move_plain_arm(
@@ -56,7 +56,10 @@ def move_plain_arm(
     *,
     tells: bool = False,
 ) -> tuple[PlantState, list[float]]:
-    """Substeps of equal length towards each free position; with ``tells``, also each position."""
+    """Advance substeps of equal length towards each free position.
+
+    With ``tells``, return positions.
+    """
     positions_um = [0.0] * (len(rests_um) if tells else 0)
     tip = state.x_um, state.speed_um_per_s
     constants, bead_um = plain_constants(p, dt_s), first_touch_um(p, state)
@@ -71,9 +74,9 @@ def plain_substeps(
     rests_um: Sequence[float],
     positions_um: MutableSequence[float],
 ) -> tuple[float, float]:
-    """Return a substep towards each free position; returns x and ẋ.
+    """Advance one substep towards each free position; return x and ẋ.
 
-    ``positions_um``, the position after each, is filled unless it is empty.
+    ``positions_um`` receives the position after each substep, unless it is empty.
     """
     ratio, stiffer, tells = k.ratio, 1.0 + k.ratio, len(positions_um) > 0
     free = (k.free.xx, k.free.xv, k.free.vx, k.free.vv, k.free.per_square)
@@ -109,12 +112,12 @@ def rest_plain_arm(p: PlantParameters, state: PlantState, rest_um: float) -> Pla
 
 
 def plain_force_mN(p: PlantParameters, state: PlantState) -> float:
-    """F = K_e·max(0, x - x_b)."""
+    """Return F = K_e·max(0, x - x_b) in mN."""
     return p.environment_stiffness_mN_per_um * max(0.0, state.x_um - first_touch_um(p, state))
 
 
 def first_touch_um(p: PlantParameters, state: PlantState) -> float:
-    """Return the position x_b of first touch; infinite where there is nothing to touch."""
+    """Return the position x_b of first touch in µm; infinite if there is nothing to touch."""
     there = p.environment_stiffness_mN_per_um > 0 and state.part == "there"
     return p.contact_um if there else math.inf
 
@@ -122,7 +125,7 @@ def first_touch_um(p: PlantParameters, state: PlantState) -> float:
 def _cross(
     k: PlainConstants, bead: float, equilibrium: float, x: float, v: float
 ) -> tuple[float, float]:
-    """Return one substep in which the tip may touch or leave the bead."""
+    """Advance one substep in which the tip may touch or leave the bead."""
     pressed = (equilibrium + k.ratio * bead) / (1.0 + k.ratio)
     for _ in range(CROSSING_PARTS):
         mode, rest = (k.crossing_touching, pressed) if x > bead else (k.crossing_free, equilibrium)
@@ -148,7 +151,7 @@ def plain_constants(p: PlantParameters, dt_s: float) -> PlainConstants:
 
 
 def _mode(p: PlantParameters, stiffening: float, dt_s: float) -> PlainMode:
-    """Exact transition with ω² = ω_n²·(1 + K_e·s_p) and the free arm's damping σ = ζ·ω_n."""
+    """Return the transition with ω² = ω_n²·(1 + K_e·s_p) and the free arm's damping σ = ζ·ω_n."""
     sigma = p.damping_ratio * p.natural_frequency_rad_per_s
     squared = p.natural_frequency_rad_per_s**2 * stiffening
     damped = math.sqrt(squared - sigma**2)

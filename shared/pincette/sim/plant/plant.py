@@ -1,4 +1,4 @@
-"""The simulated gripper: voltage output, amplifier, piezo, arms and contact; pure.
+"""Simulated gripper: voltage output, amplifier, piezo, arms and contact; pure.
 
 From the voltage to the tip, in µm, mN, V and s:
 
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 SETTLED_DECAYS = 30.0
-"""Number of time constants at constant voltage after which only creep is left (e⁻³⁰ = 1e-13)."""
+"""Number of time constants at constant voltage after which only creep remains (e⁻³⁰ = 1e-13)."""
 
 
 def start() -> PlantState:
@@ -49,7 +49,7 @@ def start() -> PlantState:
 
 
 def left_alone(state: PlantState) -> PlantState:
-    """Return the same arm with its output at 0 V and no part: electrical and own motion alone."""
+    """Return the arm with its output at 0 V and no part: only electrical state and own motion."""
     return replace(
         state,
         target_V=0.0,
@@ -65,12 +65,15 @@ def left_alone(state: PlantState) -> PlantState:
 
 
 def set_voltage(parameters: PlantParameters, state: PlantState, voltage_V: float) -> PlantState:
-    """Give the output stage a target, rounded to its step."""
+    """Set the target of the output stage, rounded to its step."""
     return replace(state, target_V=quantised_V(parameters, voltage_V))
 
 
 def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
-    """Contact force, compressive and positive; negative where a part sticks and is pulled."""
+    """Return the contact force in mN, compressive and positive.
+
+    Negative if a part sticks and is pulled.
+    """
     if not parameters.elaborate:
         return plain_force_mN(parameters, state)
     if not state.joined:
@@ -79,7 +82,7 @@ def contact_force_mN(parameters: PlantParameters, state: PlantState) -> float:
 
 
 def place_part(parameters: PlantParameters, state: PlantState) -> PlantState:
-    """A part lies at ``contact_um``; where the driven tip stands beyond, the passive arm yields."""
+    """Put a part at ``contact_um``; if the driven tip is beyond it, the passive arm yields."""
     over_um = state.x_um - parameters.contact_um
     placed = replace(state, part="there", held_s=0.0, dent_um=0.0, joined=False)
     if not parameters.elaborate or over_um <= 0.0:
@@ -92,7 +95,7 @@ def place_part(parameters: PlantParameters, state: PlantState) -> PlantState:
 def take_part(
     parameters: PlantParameters, state: PlantState, how: Literal["removed", "lost"]
 ) -> PlantState:
-    """Return the part is gone; the arms go on from where they are."""
+    """Return the state without the part; the arms continue from their positions."""
     gone = replace(state, part=how, held_s=0.0, dent_um=0.0)
     if parameters.elaborate and state.joined:
         # The tips of joined arms are kept, as are their speeds.
@@ -101,10 +104,10 @@ def take_part(
 
 
 def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """Let ``dt_s`` pass: whole substeps, then the rest; same bits for the same arguments.
+    """Advance by ``dt_s``: whole substeps, then the rest; same bits for the same arguments.
 
-    Beyond the time in which the output and the modes come to rest, one step is taken: what is
-    left is creep, which is linear with a constant input, and the arm follows its equilibrium.
+    Beyond the time in which the output and the modes come to rest, one step is taken: only creep
+    remains, which is linear with a constant input, and the arm follows its equilibrium.
     """
     if not 0.0 <= dt_s < math.inf:
         raise ValueError(f"dt_s = {dt_s} s: must be positive and finite")
@@ -122,7 +125,7 @@ def advance(parameters: PlantParameters, state: PlantState, dt_s: float) -> Plan
 def play(
     parameters: PlantParameters, state: PlantState, dt_s: float, voltages_V: Sequence[float]
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Put out one voltage after the other, each for ``dt_s``, at most a substep; raises ValueError.
+    """Put out successive voltages, each for ``dt_s``, at most a substep; raises ValueError.
 
     Also returns position in µm and voltage at the amplifier's input in V at the end of each.
     """
@@ -141,7 +144,10 @@ def _substeps(
     count: int,
     targets_V: Sequence[float] | None = None,
 ) -> tuple[PlantState, list[float], list[float]]:
-    """Substeps of equal length; given targets, also position and voltage at the end of each."""
+    """Advance substeps of equal length.
+
+    With targets, also return position and voltage after each.
+    """
     driven, rests_um, voltages_V = drive(p, state, dt_s, count, targets_V)
     tells = targets_V is not None
     if p.elaborate:
@@ -153,7 +159,7 @@ def _substeps(
 
 
 def settled_s(p: PlantParameters, state: PlantState) -> float:
-    """Return the time in s after which nothing but creep is left; longer steps are cut there."""
+    """Return the time in s after which only creep remains; longer steps are divided there."""
     decay_per_s = p.damping_ratio * p.natural_frequency_rad_per_s
     if p.elaborate:
         decay_per_s = min(decay_per_s, arms_of(p).slowest_decay_per_s)
@@ -161,7 +167,7 @@ def settled_s(p: PlantParameters, state: PlantState) -> float:
 
 
 def _creep_only(p: PlantParameters, state: PlantState, dt_s: float) -> PlantState:
-    """Return one step of any length with the voltage settled; the arm ends at its equilibrium."""
+    """Advance one step of any length with settled voltage; the arm ends at its equilibrium."""
     crept = creep_alone(p, state, dt_s)
     rest = rest_um(p, crept)
     return rest_arms(p, crept, dt_s, rest) if p.elaborate else rest_plain_arm(p, crept, rest)

@@ -22,26 +22,29 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 Turns = tuple[tuple[float, float], ...]
-"""Turning points that still count, the outermost first: v in V and P of each."""
+"""Turning points that are still stored, outermost first: v in V and P of each."""
 BISECTIONS = 60
 MOST_SPREADS = 5.0
-"""c/w, beyond which tanh(2c/w) leaves nothing between itself and 1."""
+"""Largest c/w; beyond it tanh(2c/w) cannot be distinguished from 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relays:
-    """h = g·(u - P), P scaled so that a cycle from -U to U leads over 2·U; raises ValueError."""
+    """Relays with h = g·(u - P), P scaled so that a cycle from -U to U spans 2·U.
+
+    Raises ValueError.
+    """
 
     gain_um_per_V: float
-    """g: what of the arm's way relays do instead of the line."""
+    """Gain g in µm/V: the share of the motion that comes from relays instead of the line."""
     full_drive_V: float
-    """U."""
+    """Full drive U, in V."""
     coercive_V: float
-    """c."""
+    """Coercive voltage c, in V."""
     spread_V: float
-    """w."""
+    """Spread w of the thresholds, in V."""
     centre_V: float = 0.0
-    """Voltage about which the thresholds lie."""
+    """Voltage at the centre of the thresholds, in V."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.coercive_V <= MOST_SPREADS * self.spread_V:
@@ -59,7 +62,7 @@ def loop_of_relays(
     spread_V: float,
     centre_V: float = 0.0,
 ) -> Relays:
-    """Relays beside a line d·u whose loop over ±U is as wide as this share of its stroke 2·d·U.
+    """Return relays beside a line d·u whose loop over ±U has this share of its stroke 2·d·U.
 
     Raises
     ------
@@ -85,9 +88,9 @@ def follow_relays(
     voltages_V: Sequence[float],
     levels_um: MutableSequence[float],
 ) -> Turns:
-    """Go straight from voltage to voltage; fills h after each, and returns the turning points.
+    """Move straight from voltage to voltage; fills h after each, and returns the turning points.
 
-    h depends on the turning points alone: not on speed, nor on where a way was cut.
+    h depends only on the turning points, not on speed, nor on the division into steps.
     """
     scale, zero = _scale(shape), _level(shape, -shape.centre_V, ())
     v = begin_V - shape.centre_V
@@ -102,7 +105,7 @@ def follow_relays(
 
 
 def everett(shape: Relays, upper_V: float, lower_V: float) -> float:
-    """E(α, β) in V²: relays with both thresholds between, α >= β both counted from the centre."""
+    """Return E(α, β) in V²: relays with both thresholds between; α >= β count from the centre."""
     c, w = shape.coercive_V, shape.spread_V
     up, down = math.tanh((upper_V - c) / w), math.tanh((lower_V - c) / w)
     since_lower = up - down
@@ -115,7 +118,7 @@ def everett(shape: Relays, upper_V: float, lower_V: float) -> float:
 
 
 def _turned(shape: Relays, v: float, turns: Turns, next_V: float) -> Turns:
-    """Turning points after a way from v to another voltage."""
+    """Return the turning points after a straight change from v to another voltage."""
     way = next_V - v
     since = v - turns[-1][0] if turns else v
     if since * way < 0.0:
@@ -126,7 +129,7 @@ def _turned(shape: Relays, v: float, turns: Turns, next_V: float) -> Turns:
 
 
 def _level(shape: Relays, v: float, turns: Turns) -> float:
-    """P in V², with all relays counted by their density."""
+    """Return P in V², with all relays counted by their density."""
     if not turns:
         return math.copysign(everett(shape, abs(v), -abs(v)), v)
     turn_V, level = turns[-1]
@@ -137,16 +140,16 @@ def _level(shape: Relays, v: float, turns: Turns) -> float:
 
 @lru_cache(maxsize=64)
 def _scale(shape: Relays) -> float:
-    """1/V: from P to a voltage, so that a cycle from -U to U leads over 2·U."""
+    """Return the scale from P to a voltage in 1/V, so that a cycle from -U to U spans 2·U."""
     high_V, low_V = shape.full_drive_V - shape.centre_V, -shape.full_drive_V - shape.centre_V
     return shape.full_drive_V / everett(shape, high_V, low_V)
 
 
 def _width_V(shape: Relays) -> float:
-    """Return the largest width of the loop between -U and U, as P scaled.
+    """Return the largest width of the loop between -U and U, scaled as P.
 
-    The gap E(U, -U) - E(U, u) - E(u, -U), twice, is widest where both ways are equally steep; the
-    way up gains on the way down up to there, and loses from there.
+    Twice the gap E(U, -U) - E(U, u) - E(u, -U) is the width. It is widest where both branches are
+    equally steep: the gap grows up to that point and shrinks beyond it.
     """
     low_V, high_V = -shape.full_drive_V - shape.centre_V, shape.full_drive_V - shape.centre_V
     below, above = low_V, high_V

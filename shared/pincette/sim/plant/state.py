@@ -10,7 +10,7 @@ from pincette.sim.plant.relays import Turns
 CreepStates = tuple[float, float, float, float, float]
 
 MOST_EVENTS = 1000
-"""Events that a simulated rig remembers; older ones are left out."""
+"""Number of events that a simulated rig stores; older ones are dropped."""
 
 
 class Event(NamedTuple):
@@ -18,13 +18,14 @@ class Event(NamedTuple):
 
     time_s: float
     what: str
-    """lost, landed, broken, slipped, placed, removed, hung, stiffness, hysteresis."""
+    """Kind of event: lost, landed, broken, slipped, placed, removed, hung, stiffness or hysteresis.
+    """
     text: str
     """Text with the numbers, for people."""
 
 
 def newest_events(events: tuple[Event, ...], event: Event) -> tuple[Event, ...]:
-    """Return the events with one more; of too many the oldest are left out."""
+    """Return the events with one added; if there are too many, without the oldest."""
     return (*events, event)[-MOST_EVENTS:]
 
 
@@ -33,35 +34,35 @@ class PlantState(FrozenRecord, frozen=True):
 
     target_V: float
     voltage_V: float
-    """Voltage at the amplifier's input."""
+    """Voltage at the amplifier's input, in V."""
     hysteresis_um: float
     creep_um: CreepStates
     x_um: float
     speed_um_per_s: float
     slewed_V: float = 0.0
     drive_V: float = 0.0
-    """Behind the amplifier, over its nominal gain."""
+    """Voltage behind the amplifier divided by its nominal gain, in V."""
     second_um: float = 0.0
-    """Share of the second mode in ``x_um``."""
+    """Contribution of the second mode to ``x_um``, in µm."""
     second_speed_um_per_s: float = 0.0
     passive_um: float = 0.0
-    """Deflection of the passive arm's tip, away from the driven arm."""
+    """Deflection of the passive arm's tip away from the driven arm, in µm."""
     passive_speed_um_per_s: float = 0.0
     joined: bool = False
-    """Whether part and both arms touch; of elaborate arms only."""
+    """True if part and both arms touch; used for elaborate arms only."""
     dent_um: float = 0.0
-    """Compression of the part's faces."""
+    """Compression of the part's faces, in µm."""
     part: Literal["there", "lost", "broken", "removed"] = "there"
     held_s: float = 0.0
-    """Time for which the force has carried the part."""
+    """Time for which the force has carried the part, in s."""
     elapsed_s: float = 0.0
     events: tuple[Event, ...] = ()
-    """Events of the part, kept until it is taken out."""
+    """Events of the part, kept until the rig takes them."""
     turns: Turns = ()
-    """Turning points of the voltage that relays remember."""
+    """Turning points of the voltage that the relays store."""
 
     def held(self, held_s: float, event: Event | None) -> "PlantState":
-        """With a part that was carried for so long, or went as the event says."""
+        """Return the state with the time for which the part was carried, and with its event."""
         if event is None:
             return replace(self, held_s=held_s)
         part = "broken" if event.what == "broken" else "lost"

@@ -1,7 +1,7 @@
-"""A way in which the arms can move, laid out alike for all arms, and what is computed of it; pure.
+"""Modes of one way in which the arms can move, with the same layout for all arms; pure.
 
-Three modes w and six components of the state, in the order q_1, q_2, y, q̇_1, q̇_2, ẏ; what an arm
-does not have is 0.
+Three modes w and six components of the state, in the order q_1, q_2, y, q̇_1, q̇_2, ẏ; components
+that an arm lacks are 0.
 """
 
 import math
@@ -21,9 +21,9 @@ class Way(NamedTuple):
 
     rates_per_s: Three
     into: Rows
-    """L, by component."""
+    """Left vectors L, by component."""
     out: Rows
-    """R, by component."""
+    """Right vectors R, by component."""
     rest_by_input: Components
     rest_by_offset: Components
     pushed_by_input: Three
@@ -35,14 +35,14 @@ class Way(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Over a step: factors e^(µ_i·h), and φ_i·L_i·(r; 0)."""
+    """Transition over a step: factors e^(µ_i·h), and φ_i·L_i·(r; 0)."""
 
     factors: Three
     pushes: Three
 
 
 def way_of(system: ModalSystem, bending_modes: int) -> Way:
-    """Lay out a system of one or two bending modes, and a passive arm where there are more."""
+    """Lay out a system of one or two bending modes, and a passive arm if it has more modes."""
     count = len(system.rates_per_s)
     places = [0, 1, 2] if bending_modes == 2 else [0, 2]
     places = [*places[:count], *(3 + place for place in places[:count])]
@@ -81,7 +81,7 @@ def _three(values: tuple[complex, ...]) -> Three:
 
 
 def modes_of(way: Way, state: Components, input_um: float, offset_um: float) -> Three:
-    """w of a state."""
+    """Return the modes w of a state."""
     a, b, c = 0j, 0j, 0j
     for index in range(6):
         rest_um = way.rest_by_input[index] * input_um
@@ -94,13 +94,13 @@ def modes_of(way: Way, state: Components, input_um: float, offset_um: float) -> 
 
 
 def component(way: Way, index: int, w: Three, input_um: float, offset_um: float) -> float:
-    """Return a component of the state that w stands for."""
+    """Return the component of the state that w represents."""
     rest = way.rest_by_input[index] * input_um + way.rest_by_offset[index] * offset_um
     return rest + deviation(way.out[index], w)
 
 
 def deviation(weights: Three, w: Three) -> float:
-    """2·Re Σ weights_i·w_i."""
+    """Return 2·Re Σ weights_i·w_i."""
     p, q, r = weights[0], weights[1], weights[2]
     a, b, c = w
     total = p.real * a.real - p.imag * a.imag
@@ -110,12 +110,15 @@ def deviation(weights: Three, w: Three) -> float:
 
 
 def magnitude(w: complex) -> float:
-    """|w|, of numbers whose squares are numbers too."""
+    """Return |w| of numbers whose squares do not overflow."""
     return math.sqrt(w.real * w.real + w.imag * w.imag)
 
 
 def transition(way: Way, dt_s: float, lag_s: float) -> Transition:
-    """Over a step, with an input that approaches its goal with the time constant ``lag_s``."""
+    """Return the transition over a step.
+
+    The input approaches its goal with time constant ``lag_s``.
+    """
     if dt_s <= 0.0 < lag_s:
         return Transition((1.0 + 0j, 1.0 + 0j, 1.0 + 0j), (0j, 0j, 0j))
     rest = math.exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
@@ -135,13 +138,13 @@ def transition(way: Way, dt_s: float, lag_s: float) -> Transition:
 
 
 def exponential(rate_per_s: complex, dt_s: float) -> complex:
-    """e^(µ·h)."""
+    """Return e^(µ·h)."""
     grown, angle = math.exp(rate_per_s.real * dt_s), rate_per_s.imag * dt_s
     return complex(grown * math.cos(angle), grown * math.sin(angle))
 
 
 def carried(step: Transition, w: Three, moved_um: float) -> Three:
-    """w after a step in which x_f moves by ``moved_um``."""
+    """Return w after a step in which x_f moves by ``moved_um``."""
     (e, f, g), (p, q, r) = step
     return (
         e * w[0] - p * moved_um,

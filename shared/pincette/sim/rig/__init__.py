@@ -1,1 +1,1 @@
-"""The plant in time: what is measured, put out, played, acquired, and done to it."""
+"""Plant in time: measurements, outputs, waveforms, captures, and actions on it."""

@@ -1,17 +1,17 @@
-"""A buffered acquisition: position and drive, one sample each 1/rate, kept until drained."""
+"""Buffered acquisition: position and drive, one sample each 1/rate, stored until drained."""
 
 from pincette.sim.rig.wave import Grid
 
 LONGEST_S = 60.0
-"""Length of the buffer."""
+"""Length of the buffer, in s."""
 
 
 class CaptureOverflowError(ValueError):
-    """More samples were due than the buffer holds."""
+    """Error of a capture with more samples than the buffer holds."""
 
 
 class Capture:
-    """Samples 1, 2, … after its beginning, and those not yet drained."""
+    """Samples 1, 2, … after the beginning of the capture, and those not yet drained."""
 
     def __init__(self, begin_ns: int, rate_hz: float) -> None:
         self._grid = Grid(begin_ns, rate_hz)
@@ -21,7 +21,7 @@ class Capture:
         self._missed = 0
 
     def instants_ns(self, after_ns: int, until_ns: int) -> list[int]:
-        """When samples are due, after a time and up to another, as far as the buffer takes them."""
+        """Return when samples are due between two times, as far as the buffer has space."""
         first = max(1, self._grid.index_at(after_ns) + 1)
         due = self._grid.index_at(until_ns) + 1 - first
         room = max(0, min(due, self._most - len(self._x_um)))
@@ -29,12 +29,15 @@ class Capture:
         return [self._grid.instant_ns(index) for index in range(first, first + room)]
 
     def take(self, x_um: float, drive_V: float) -> None:
-        """Keep a sample."""
+        """Store a sample."""
         self._x_um.append(x_um)
         self._drive_V.append(drive_V)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Give what is kept: positions in µm, drive in V; raises CaptureOverflowError."""
+        """Return and drop the stored positions in µm and drive in V.
+
+        Raises CaptureOverflowError.
+        """
         drained = self._x_um, self._drive_V
         missed, self._missed = self._missed, 0
         self._x_um, self._drive_V = [], []

@@ -11,17 +11,17 @@ from pincette.sim.rig.timeline import Timeline
 
 
 class Orders:
-    """Changes of a rig from outside, each an event; mixed into the rig, which keeps the lock."""
+    """Changes of a rig from outside, each an event; mixed into the rig, which holds the lock."""
 
     def now_s(self) -> float:
-        """Return the time as the rig counts it."""
+        """Return the time on the rig's clock, in s."""
         raise NotImplementedError
 
     def _present(self) -> AbstractContextManager[Timeline]:
         raise NotImplementedError
 
     def place_part(self, contact_um: float | None = None) -> None:
-        """Put a part between the arms, touched at ``contact_um`` or where the last one was."""
+        """Put a part between the arms, touched at ``contact_um`` or at the last one's place."""
         with self._present() as timeline:
             if contact_um is not None:
                 at_um = finite("contact_um", contact_um, "µm")
@@ -39,19 +39,19 @@ class Orders:
         self._take_part("lost", "the part fell, as commanded")
 
     def slip_part(self, by_um: float) -> None:
-        """Let the face of the part give way by so much, away from the driven arm."""
+        """Let the face of the part yield by a distance in µm, away from the driven arm."""
         with self._present() as timeline:
             timeline.slip(finite("slip_um", by_um, "µm"))
 
     def hang(self, weight_mN: float) -> None:
-        """Hang a weight on the driven tip in place of what hung there; positive: towards -x."""
+        """Hang a weight on the driven tip, replacing the present one; positive: towards -x."""
         with self._present() as timeline:
             hung_mN = finite("weight_mN", weight_mN, "mN")
             timeline.parameters = replace(timeline.parameters, hung_mN=hung_mN)
             _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the driven tip")
 
     def scale_stiffness(self, factor: float) -> None:
-        """Let the passive arm be stiffer by a factor from here on; its mass stays."""
+        """Multiply the stiffness of the passive arm by a factor from here on; its mass stays."""
         with self._present() as timeline:
             p, omega = timeline.parameters, timeline.parameters.passive_natural_frequency_rad_per_s
             stiffness = p.environment_stiffness_mN_per_um * positive(factor)
@@ -64,7 +64,7 @@ class Orders:
             _tell(timeline, "stiffness", text)
 
     def scale_hysteresis(self, factor: float) -> None:
-        """Let the hysteretic part h of the motion be larger by a factor from here on."""
+        """Multiply the hysteretic part h of the motion by a factor from here on."""
         with self._present() as timeline:
             scale = timeline.parameters.hysteresis_scale * positive(factor)
             timeline.parameters = replace(timeline.parameters, hysteresis_scale=scale)
@@ -81,14 +81,14 @@ def _tell(timeline: Timeline, what: str, text: str) -> None:
 
 
 def finite(name: str, value: float, unit: str) -> float:
-    """Return the value; raises ValueError where it is none."""
+    """Return the value; raises ValueError if it is not finite."""
     if not math.isfinite(value):
         raise ValueError(f"{name} = {value} {unit}: must be finite")
     return value
 
 
 def positive(factor: float) -> float:
-    """Return the factor; raises ValueError where it is none."""
+    """Return the factor; raises ValueError if it is not positive."""
     if not 0.0 < factor < math.inf:
         raise ValueError(f"factor = {factor}: must be above 0 and finite")
     return factor

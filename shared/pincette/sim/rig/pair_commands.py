@@ -19,16 +19,16 @@ from pincette.sim.rig.commands import Orders, finite, positive
 
 @dataclass(slots=True)
 class PairTimeline:
-    """State of both arms and the part, and since when it holds."""
+    """State of both arms and the part, and the time since which it holds."""
 
     parameters: PairParameters
     state: PairState
     time_ns: int = 0
     slipped: int = 0
-    """Number of times that the part has given way by its force."""
+    """Number of times that the part has yielded to its force."""
 
     def pass_to(self, end_ns: int, dt_s: float) -> None:
-        """Let ``dt_s`` pass, until ``end_ns``; a part that may give way is looked at often."""
+        """Advance by ``dt_s``, until ``end_ns``; a part that may yield is checked often."""
         substep_s = self.parameters.first.substep_s
         while self.slipped < self.parameters.part.slips and dt_s > substep_s:
             self._advance(substep_s)
@@ -37,7 +37,7 @@ class PairTimeline:
         self.time_ns = end_ns
 
     def slip(self, by_um: float) -> None:
-        """Let the part become narrower by so much."""
+        """Make the part narrower by a distance in µm."""
         gap_um = self.parameters.gap_um + by_um
         self.parameters = replace(self.parameters, gap_um=gap_um)
         _tell(
@@ -55,7 +55,7 @@ class PairTimeline:
 
 
 class PairOrders(Orders):
-    """Changes of a pair from outside, each an event; mixed into the rig, which keeps the lock."""
+    """Changes of a pair from outside, each an event; mixed into the rig, which holds the lock."""
 
     def _present(self) -> AbstractContextManager[PairTimeline]:  # pyright: ignore[reportIncompatibleMethodOverride]
         raise NotImplementedError
@@ -84,19 +84,19 @@ class PairOrders(Orders):
             _tell(timeline, "placed", f"a part was placed, to be touched at {at_um:.3f} µm")
 
     def slip_part(self, by_um: float) -> None:
-        """Let the part become narrower by so much."""
+        """Make the part narrower by a distance in µm."""
         with self._present() as timeline:
             timeline.slip(finite("slip_um", by_um, "µm"))
 
     def hang(self, weight_mN: float) -> None:
-        """Hang a weight on the first tip in place of what hung there; positive: towards -x."""
+        """Hang a weight on the first tip, replacing the present one; positive: towards -x."""
         with self._present() as timeline:
             first = replace(timeline.parameters.first, hung_mN=finite("weight_mN", weight_mN, "mN"))
             timeline.parameters = replace(timeline.parameters, first=first)
             _tell(timeline, "hung", f"{weight_mN:.4f} mN hang on the first tip")
 
     def scale_stiffness(self, factor: float) -> None:
-        """Let the part's faces be stiffer by a factor from here on."""
+        """Multiply the stiffness of the part's faces by a factor from here on."""
         with self._present() as timeline:
             stiffness = timeline.parameters.face_mN_per_um * positive(factor)
             timeline.parameters = replace(timeline.parameters, face_mN_per_um=stiffness)
@@ -104,7 +104,7 @@ class PairOrders(Orders):
             _tell(timeline, "stiffness", text)
 
     def scale_hysteresis(self, factor: float) -> None:
-        """Let the hysteretic part of the first arm's motion be larger by a factor from here on."""
+        """Multiply the hysteretic part of the first arm's motion by a factor from here on."""
         with self._present() as timeline:
             first = timeline.parameters.first
             scale = first.hysteresis_scale * positive(factor)

@@ -1,4 +1,4 @@
-"""The simulated rig of two arms: each is measured and driven by itself, in either time."""
+"""Simulated rig of two arms, each measured and driven separately, in lockstep or real time."""
 
 import threading
 from collections.abc import Callable, Generator, Sequence
@@ -36,13 +36,13 @@ NOISE_STREAMS = (0, 2)
 
 @dataclass(frozen=True, slots=True)
 class PairSnapshot:
-    """True values at a time."""
+    """True values at one time."""
 
     time_s: float
     tips_um: Pair
     forces_mN: Pair
     voltages_V: Pair
-    """Voltages at the amplifiers' inputs."""
+    """Voltages at the amplifiers' inputs, in V."""
     part_um: float
     part_present: bool
     events: tuple[Event, ...]
@@ -64,7 +64,10 @@ class SimulatedPair(PairOrders):
         clock: Callable[[], float],
         truth: TruthSink | None = None,
     ) -> None:
-        """``outputs`` are the simulations of each arm, with step and lag of its output resolved."""
+        """Create a pair.
+
+        ``outputs`` are the simulations of each arm, with resolved output step and lag.
+        """
         if lockstep and simulation.actuation_delay_s > period_s:
             raise ValueError(
                 f"actuation_delay_s = {simulation.actuation_delay_s} s is above the period, "
@@ -80,15 +83,15 @@ class SimulatedPair(PairOrders):
         self._ticks = 0
         self._sample: PairState | None = None
         self._written_V: dict[int, float] = {}
-        """Voltages of the tick under way, by arm; in lockstep."""
+        """Voltages of the present tick by arm; in lockstep."""
         self._due_V: Pair | None = None
-        """What has ended a tick that the plant has yet to pass through; in lockstep."""
+        """Voltages that have ended a tick which the plant must still pass through; in lockstep."""
         self._lock = threading.Lock()
         if not simulation.bead:
             self.remove_part()
 
     def now_s(self) -> float:
-        """Return the time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        """Return the rig's time in s: simulated in lockstep, that of the clock in real time."""
         return self._ticks * self._period_s if self._lockstep else self._clock()
 
     def measure_um(self, arm: int) -> float:
@@ -118,13 +121,13 @@ class SimulatedPair(PairOrders):
                 self._end_tick(timeline.state)
 
     def pass_time(self) -> None:
-        """In lockstep, let the plant move through the tick that the writes have ended."""
+        """Move the plant through the tick that the writes have ended; in lockstep only."""
         if self._lockstep:
             with self._present():
                 pass
 
     def snapshot(self) -> PairSnapshot:
-        """Return what is true now."""
+        """Return the present true values."""
         with self._present() as timeline:
             state = timeline.state
             return PairSnapshot(
@@ -138,18 +141,20 @@ class SimulatedPair(PairOrders):
             )
 
     def events(self) -> list[Event]:
-        """Return what has befallen the rig so far, in its own time."""
+        """Return the events of the rig so far, with times on its own clock."""
         return list(self.snapshot().events)
 
     def arm_states(self) -> tuple[PlantState, ...]:
-        """Return the state of both arms now."""
+        """Return the present state of both arms."""
         with self._present() as timeline:
             return timeline.state.first, timeline.state.second
 
     def resume(self, arms: tuple[PlantState, ...], away_s: float) -> None:
-        """Go on with two arms that were simulated before; raises ValueError unless they are two.
+        """Continue with two arms that were simulated before.
 
-        Both outputs were at 0 V for ``away_s``. The part lies where the rig file has it.
+        Raises ValueError unless there are two.
+
+        Both outputs were at 0 V for ``away_s``. The part lies at its place in the rig file.
         """
         with self._present() as timeline:
             # Without the part each arm moves as if it were alone.
@@ -161,7 +166,7 @@ class SimulatedPair(PairOrders):
 
     @contextmanager
     def _present(self) -> Generator[PairTimeline]:
-        """Both arms as they are now, locked."""
+        """Provide the present state of both arms under the lock."""
         with self._lock:
             self._catch_up()
             yield self._timeline
@@ -209,62 +214,62 @@ class SimulatedPair(PairOrders):
 
 @dataclass(frozen=True, slots=True)
 class ArmOfPair:
-    """One arm of a pair as its instruments meet it."""
+    """One arm of a pair, as seen by its instruments."""
 
     pair: SimulatedPair
     arm: int
-    """0 or 1."""
+    """Index of the arm, 0 or 1."""
 
     def measure_um(self) -> float:
-        """Reading of this arm's sensor."""
+        """Return the reading of this arm's sensor, in µm."""
         return self.pair.measure_um(self.arm)
 
     def put_out(self, voltage_V: float) -> None:
-        """Put out this arm's voltage."""
+        """Put out the voltage of this arm."""
         self.pair.put_out(self.arm, voltage_V)
 
     def now_s(self) -> float:
-        """Return the time as the rig counts it."""
+        """Return the time on the rig's clock, in s."""
         return self.pair.now_s()
 
     def set_averaging(self, averaging_s: float) -> None:
-        """Refuse an average: the sensors of a simulated pair show the position itself."""
+        """Reject averaging: the sensors of a simulated pair show the position itself."""
         if averaging_s:
             raise ValueError(f"averaging_s = {averaging_s} s: the sensors of a pair do not average")
 
     @property
     def wave_over(self) -> bool:
-        """No wave plays."""
+        """Return True, since a pair plays no waveforms."""
         return True
 
     def end_capture(self) -> None:
-        """There is none."""
+        """Do nothing, since a pair has no capture."""
 
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:  # noqa: ARG002
-        """Refuse it, as it would end the tick of one arm alone."""
+        """Reject a waveform, since it would end the tick of one arm only."""
         raise NO_WAVES
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:  # noqa: ARG002
-        """Refuse it likewise."""
+        """Reject the extension of a waveform."""
         raise NO_WAVES
 
     def go_on(self) -> None:
-        """Refuse it likewise."""
+        """Reject a tick without a write."""
         raise NO_WAVES
 
     def begin_capture(self, rate_hz: float) -> None:  # noqa: ARG002
-        """Refuse it likewise."""
+        """Reject a capture."""
         raise NO_WAVES
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Refuse it likewise."""
+        """Reject reading a capture."""
         raise NO_WAVES
 
 
 def pair_parameters(
     simulation: Simulation, outputs: tuple[Simulation, Simulation]
 ) -> PairParameters:
-    """Return both arms and what lies between them, of a rig file's tables; raises ValueError."""
+    """Return both arms and the part between them, from tables of a rig file; raises ValueError."""
     if any(one.averaging_s for one in outputs):
         raise ValueError("averaging_s: the sensors of a pair do not average; leave it out")
     if simulation.passive_natural_frequency_rad_per_s is not None:

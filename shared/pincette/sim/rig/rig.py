@@ -1,4 +1,4 @@
-"""The simulated rig: one plant, measured by a sensor and driven by an output, in either time."""
+"""Simulated rig: one plant with a sensor and an output, in lockstep or real time."""
 
 import threading
 from collections.abc import Callable, Generator, Sequence
@@ -18,19 +18,22 @@ from pincette.sim.rig.timeline import Timeline
 from pincette.sim.rig.wave import NANOSECONDS, Grid, Wave, checked_V
 
 TruthSink = Callable[[GroundTruth], None]
-"""Takes the truth of a tick, counted from 0: position and contact force at the sample before it,
-and the voltage that the output aims at."""
+"""Receives the truth of a tick, counted from 0.
+
+It contains position and contact force at the sample before the tick, and the voltage that the
+output approaches.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """True values at a time."""
+    """True values at one time."""
 
     time_s: float
     x_um: float
     force_mN: float
     voltage_V: float
-    """Voltage at the amplifier's input."""
+    """Voltage at the amplifier's input, in V."""
     part_present: bool
     events: tuple[Event, ...]
 
@@ -71,11 +74,11 @@ class SimulatedRig(Orders):
         self._ticks = 0
         self._sample: tuple[float, float] | None = None
         self._written_V: float | None = None
-        """What ended a tick that the plant has yet to pass through; in lockstep."""
+        """Voltage that has ended a tick which the plant must still pass through; in lockstep."""
         self._lock = threading.Lock()
 
     def now_s(self) -> float:
-        """Return the time as the rig counts it: simulated in lockstep, the clock's in real time."""
+        """Return the rig's time in s: simulated in lockstep, that of the clock in real time."""
         return self._ticks * self._period_s if self._lockstep else self._clock()
 
     def measure_um(self) -> float:
@@ -98,7 +101,7 @@ class SimulatedRig(Orders):
             self._written_V = voltage_V
 
     def pass_time(self) -> None:
-        """In lockstep, let the plant move through the tick that a write has ended."""
+        """Move the plant through the tick that a write has ended; in lockstep only."""
         if self._lockstep:
             with self._present():
                 pass
@@ -106,8 +109,9 @@ class SimulatedRig(Orders):
     def put_out_wave(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Begin to put out one voltage each 1/rate, or raise ValueError; in lockstep, end the tick.
 
-        While a capture runs a wave counts from its next sample, as where both share one clock, so
-        that the plant has one step between samples and not two: it is nine times as fast by that.
+        During a capture the waveform counts from its next sample, as if both shared one clock. The
+        plant then has one step between samples instead of two, which makes the simulation nine
+        times as fast.
         """
         samples_V, grid = checked_V(voltages_V), Grid(0, rate_hz)
         with self._tick() as timeline:
@@ -115,55 +119,61 @@ class SimulatedRig(Orders):
             timeline.wave = Wave(replace(grid, begin_ns=begin_ns), samples_V)
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:
-        """Let a wave that plays go on with these voltages; raises ValueError where none plays."""
+        """Append voltages to a playing waveform; raises ValueError if none plays."""
         with self._present() as timeline:
             if timeline.wave is None:
                 raise ValueError("the wave is over: it came to its last voltage before these came")
             timeline.wave.voltages_V.extend(checked_V(voltages_V))
 
     def go_on(self) -> None:
-        """In lockstep, end the tick without a write; in real time, nothing."""
+        """End the tick without a write in lockstep; do nothing in real time."""
         if self._lockstep:
             with self._tick():
                 pass
 
     @property
     def wave_over(self) -> bool:
-        """Whether no wave plays any more: each of its voltages has had its 1/rate."""
+        """Return whether no waveform plays: each of its voltages has lasted 1/rate."""
         with self._present() as timeline:
             return timeline.wave is None
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Keep position and drive each 1/rate from here on; raises ValueError if that is so."""
+        """Store position and drive each 1/rate from here on.
+
+        Raises ValueError if a capture runs.
+        """
         with self._present() as timeline:
             if timeline.capture is not None:
                 raise ValueError("a capture is running: end it before another one begins")
             timeline.capture = Capture(timeline.time_ns, rate_hz)
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Readings in µm and amplifier inputs in V since the last drain; raises ValueError."""
+        """Return readings in µm and amplifier inputs in V since the last drain.
+
+        Raises ValueError.
+        """
         with self._present() as timeline:
             if timeline.capture is None:
                 raise ValueError("no capture is running: nothing can be drained")
             return timeline.capture.drain()
 
     def end_capture(self) -> None:
-        """End the capture, if there is one; what was not drained is dropped."""
+        """End the capture, if there is one; samples that were not drained are dropped."""
         with self._present() as timeline:
             timeline.capture = None
 
     def set_averaging(self, averaging_s: float) -> None:
-        """Let the sensor's reading be the mean over a time; 0: the position itself."""
+        """Make the sensor's reading the mean over a time in s; 0: the position itself."""
         with self._present() as timeline:
             timeline.set_averaging(averaging_s)
 
     def events(self) -> list[Event]:
-        """Return what has befallen the rig so far, in its own time."""
+        """Return the events of the rig so far, with times on its own clock."""
         with self._present():
             return self._dated_events()
 
     def snapshot(self) -> Snapshot:
-        """Return what is true now."""
+        """Return the present true values."""
         with self._present() as timeline:
             present = timeline.state.part == "there"
             voltage_V, events = timeline.state.voltage_V, tuple(self._dated_events())
@@ -171,14 +181,14 @@ class SimulatedRig(Orders):
             return Snapshot(time_s, *self._look(), voltage_V, present, events)
 
     def arm_states(self) -> tuple[PlantState, ...]:
-        """Return the state of the plant now."""
+        """Return the present state of the plant."""
         with self._present() as timeline:
             return (timeline.state,)
 
     def resume(self, arms: tuple[PlantState, ...], away_s: float) -> None:
-        """Go on with an arm that was simulated before; raises ValueError unless it is one.
+        """Continue with an arm that was simulated before; raises ValueError unless it is one.
 
-        Its output was at 0 V for ``away_s``. The part lies where the rig file has it.
+        Its output was at 0 V for ``away_s``. The part lies at its place in the rig file.
         """
         (arm,) = arms
         with self._present() as timeline:
@@ -186,14 +196,14 @@ class SimulatedRig(Orders):
 
     @contextmanager
     def _present(self) -> Generator[Timeline]:
-        """The plant as it is now, locked."""
+        """Provide the present state of the plant under the lock."""
         with self._lock:
             self._catch_up()
             yield self._timeline
 
     @contextmanager
     def _tick(self) -> Generator[Timeline]:
-        """The plant at the moment of a write, which in lockstep ends the tick."""
+        """Provide the plant at the time of a write, which in lockstep ends the tick."""
         with self._present() as timeline:
             sample, begun = self._sample or self._look(), self._ticks
             if self._lockstep:
@@ -218,7 +228,7 @@ class SimulatedRig(Orders):
         self._timeline.pass_to(end_ns, self._period_s - self._simulation.actuation_delay_s)
 
     def _look(self) -> tuple[float, float]:
-        """True position and contact force."""
+        """Return true position in µm and contact force in mN."""
         timeline = self._timeline
         force_mN = plant.contact_force_mN(timeline.parameters, timeline.state)
         return timeline.state.x_um, force_mN
@@ -244,7 +254,7 @@ class SimulatedRig(Orders):
 
 
 def _next_sample_ns(capture: Capture | None, time_ns: int, rate_hz: float) -> int:
-    """Return when a capture of at least this rate samples next; now where there is none."""
+    """Return when a capture with at least this rate samples next; the present time without one."""
     if capture is None:
         return time_ns
     due = capture.instants_ns(time_ns - 1, time_ns + ceil(NANOSECONDS / rate_hz))

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pincette.config import Simulation
 
 KEPT = 4096
-"""Places that are dropped at once, so that dropping costs nothing worth speaking of."""
+"""Number of positions that are dropped at once, to keep the cost of dropping small."""
 
 
 class Average:
-    """Mean position over a window of time, from straight lines between the given places."""
+    """Mean position over a window of time, by straight lines between the given positions."""
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
@@ -20,7 +20,7 @@ class Average:
         self._integrals: list[float] = []
 
     def add(self, time_s: float, x_um: float) -> None:
-        """Tell a place; times only grow."""
+        """Add a position; times must increase."""
         total = 0.0
         if self._times_s:
             passed_s = time_s - self._times_s[-1]
@@ -34,7 +34,10 @@ class Average:
                 del values[:old]
 
     def mean_um(self) -> float:
-        """Return the mean over the window before the last time; the first place held before it."""
+        """Return the mean over the window before the last time.
+
+        Before the first position, that one counts.
+        """
         now_s, total = self._times_s[-1], self._integrals[-1]
         begin_s = now_s - self.window_s
         index = bisect_right(self._times_s, begin_s) - 1
@@ -50,7 +53,7 @@ class Average:
 
 
 def drift_um(simulation: Simulation, time_s: float) -> float:
-    """slope·t + A·sin(2πt/T)."""
+    """Return the drift slope·t + A·sin(2πt/T), in µm."""
     drift = simulation.drift
     wave_um = drift.amplitude_um * math.sin(2.0 * math.pi * time_s / drift.cycle_s)
     return drift.slope_um_per_s * time_s + wave_um
@@ -59,7 +62,7 @@ def drift_um(simulation: Simulation, time_s: float) -> float:
 def reading_um(
     simulation: Simulation, x_um: float, time_s: float, noise: Callable[[int], float], index: int
 ) -> float:
-    """Reading of a position: with drift, noise number ``index``, rounded to the sensor's step."""
+    """Return a reading of a position with drift and noise number ``index``, rounded to the step."""
     step = simulation.sensor_step_um
     noise_um = simulation.sensor_noise_um * noise(index)
     return round((x_um + drift_um(simulation, time_s) + noise_um) / step) * step

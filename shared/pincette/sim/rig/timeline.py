@@ -1,4 +1,4 @@
-"""A plant on its way through time, while waves play, captures run and the sensor averages."""
+"""Plant in time, with waveforms, captures and the averaging of the sensor."""
 
 import dataclasses
 from collections import deque
@@ -15,14 +15,14 @@ from pincette.sim.rig.sensor_view import Average, reading_um
 from pincette.sim.rig.wave import Wave
 
 CAPTURED = 1
-"""Stream of the captured samples' noise; that of single readings is 0."""
+"""Random stream of the captured samples' noise; that of single readings is 0."""
 
 
 class Timeline:
-    """The plant's state and time, with what happens at instants of their own.
+    """State and time of the plant, with scheduled instants.
 
-    While a wave plays, a capture runs or the sensor averages, the substeps end at each of their
-    instants, on a grid of nanoseconds; otherwise time passes in the steps that are asked for.
+    While a waveform plays, a capture runs or the sensor averages, the substeps end at each of their
+    instants, on a grid of nanoseconds; otherwise time passes in the requested steps.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -43,7 +43,7 @@ class Timeline:
         self.set_averaging(simulation.averaging_s)
 
     def set_averaging(self, averaging_s: float) -> None:
-        """Let the sensor average over a time from here on; 0: not at all."""
+        """Let the sensor average over a time in s from here on; 0 disables it."""
         if averaging_s < 0.0:
             raise ValueError(f"averaging_s = {averaging_s} s: must not be negative")
         self._average = Average(averaging_s) if averaging_s else None
@@ -51,18 +51,18 @@ class Timeline:
             self._average.add(self.time_ns * 1e-9, self.state.x_um)
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Give the output a target; ends a wave."""
+        """Set the target of the output; ends a waveform."""
         self.wave = None
         self.state = plant.set_voltage(self.parameters, self.state, voltage_V)
 
     def reading_um(self, noise: Callable[[int], float], index: int) -> float:
-        """Return what the sensor says, with noise number ``index``."""
+        """Return the reading of the sensor in µm, with noise number ``index``."""
         average = self._average
         x_um = self.state.x_um if average is None else average.mean_um()
         return reading_um(self._simulation, x_um, self.time_ns * 1e-9, noise, index)
 
     def pass_to(self, end_ns: int, dt_s: float) -> None:
-        """Let time pass until ``end_ns``, ``dt_s`` from here on."""
+        """Advance until ``end_ns``, by ``dt_s``."""
         if self.wave is None and self.capture is None and self._average is None:
             self._advance(dt_s)
             self.time_ns = end_ns
@@ -84,7 +84,7 @@ class Timeline:
             self.set_averaging(self._average.window_s)
 
     def slip(self, by_um: float) -> None:
-        """Let the face of the part give way, away from the driven arm."""
+        """Let the face of the part yield, away from the driven arm."""
         p = self.parameters
         force_mN = plant.contact_force_mN(p, self.state)
         contact_um = p.contact_um + by_um
@@ -93,7 +93,7 @@ class Timeline:
         self.events.append(Event(self.time_ns * 1e-9, "slipped", text))
 
     def _advance(self, dt_s: float) -> None:
-        """Let time pass; a part that may give way is looked at after each substep."""
+        """Advance the plant; a part that may yield is checked after each substep."""
         substep_s = self.parameters.substep_s
         while self._slips_left and dt_s > substep_s:
             self.state = plant.advance(self.parameters, self.state, substep_s)
@@ -103,7 +103,7 @@ class Timeline:
         self._yield()
 
     def _yield(self) -> None:
-        """Let the part give way where it is pressed by more than it bears."""
+        """Let the part yield if it is pressed by more than its limit."""
         part = self.parameters.part
         if not self._slips_left or self.state.part != "there":
             return
@@ -130,7 +130,7 @@ class Timeline:
             first = last
 
     def _pass_equal(self, length_ns: int, instants: Sequence[int], due: frozenset[int]) -> None:
-        """Stretches of one length; one longer than a substep is taken by substeps."""
+        """Advance intervals of equal length; intervals longer than a substep are divided."""
         dt_s, wave = length_ns * 1e-9, self.wave
         if dt_s > self.parameters.substep_s:
             for instant_ns in instants:

@@ -9,7 +9,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class PutOutWave(Protocol):
-    """Puts out voltages one after the other."""
+    """Puts out successive voltages."""
 
     def __call__(self, voltages_V: Sequence[float], rate_hz: float) -> None:
         """Begin to put out one voltage each 1/rate."""
@@ -18,7 +18,7 @@ class PutOutWave(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Instants begin + i/rate, each rounded to a nanosecond by itself; raises ValueError."""
+    """Instants begin + i/rate, each rounded to a nanosecond independently; raises ValueError."""
 
     begin_ns: int
     rate_hz: float
@@ -42,7 +42,7 @@ class Grid:
 
 
 def checked_V(voltages_V: Iterable[float]) -> list[float]:
-    """Return voltages as floats; raises ValueError where there is none or one is not finite."""
+    """Return voltages as floats; raises ValueError if there are none or one is not finite."""
     checked = [float(voltage_V) for voltage_V in voltages_V]
     if not checked:
         raise ValueError("a wave has at least one voltage, and all of them finite")
@@ -54,7 +54,7 @@ def checked_V(voltages_V: Iterable[float]) -> list[float]:
 
 @dataclass(frozen=True, slots=True)
 class Wave:
-    """Voltages on a grid, to which more may be added while it plays; the last one stays."""
+    """Voltages on a grid, which can be extended during playback; the last one stays."""
 
     grid: Grid
     voltages_V: list[float]
@@ -64,7 +64,7 @@ class Wave:
         return self.voltages_V[max(0, min(self.grid.index_at(time_ns), len(self.voltages_V) - 1))]
 
     def over(self, time_ns: int) -> bool:
-        """Return whether each sample has had its 1/rate."""
+        """Return whether each sample has lasted 1/rate."""
         return time_ns >= self.grid.instant_ns(len(self.voltages_V))
 
     def instants_ns(self, after_ns: int, before_ns: int) -> list[int]:

@@ -1,1 +1,1 @@
-"""Faults and hands at the bench, by order."""
+"""Faults and manual actions on a simulated bench, by script."""

@@ -1,6 +1,6 @@
-"""Faults of a simulated instrument and its line, in the rig's own time; pure but for the reading.
+"""Faults of a simulated instrument and its line, on the rig's clock; pure except for the reading.
 
-Which faults hold is a function of the time and of the orders alone, and chance is a function of
+The active faults are a function only of the time and the orders, and randomness is a function of
 seed, target and number of the exchange: a run in lockstep can be repeated to the bit.
 """
 
@@ -13,20 +13,20 @@ from math import copysign, inf
 from pincette.core.messages import SimCommand
 
 OVER_RANGE_UM = 1e12
-"""Beyond what any instrument can show."""
+"""Position in µm that is beyond the range of any instrument."""
 LONGEST_GARBAGE = 24
 ENDS = b"\r\n"
 EDGE_S = 1e-9
-"""Times that differ by less are the same: those of ticks are products and sums of floats."""
+"""Times that differ by less than this are equal: those of ticks are products and sums of floats."""
 
 
 class HungUpError(ConnectionResetError):
-    """The simulated port has been pulled out: whoever serves it hangs up."""
+    """The simulated port has been pulled out; its server hangs up."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """An order that lasts, from ``begin_s`` up to and without ``end_s``."""
+    """An order that lasts from ``begin_s`` until just before ``end_s``."""
 
     target: str
     what: str
@@ -37,12 +37,12 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """Faults on one target at one time; the newest of a kind counts."""
+    """Faults on one target at one time; of one kind, the newest counts."""
 
     held: tuple[Fault, ...] = ()
 
     def value(self, what: str) -> float | None:
-        """Return the value of the newest fault of a kind; None where none holds."""
+        """Return the value of the newest fault of a kind; None if none is active."""
         return next((fault.value for fault in reversed(self.held) if fault.what == what), None)
 
     def __bool__(self) -> bool:
@@ -58,7 +58,7 @@ def fault_of(order: SimCommand, now_s: float, default: float) -> Fault:
 
 
 def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
-    """Faults of a target that hold now; a ``heal`` ends the earlier ones, ties go by order."""
+    """Return active faults of a target; a ``heal`` ends the earlier ones, ties follow the order."""
     held: list[Fault] = []
     for fault in sorted(faults, key=lambda fault: fault.begin_s):
         if fault.target != target or fault.begin_s > now_s + EDGE_S:
@@ -71,7 +71,7 @@ def holding(faults: Iterable[Fault], target: str, now_s: float) -> Faults:
 
 
 def left(faults: Iterable[Fault], now_s: float) -> list[Fault]:
-    """Return those that hold now, and those to come."""
+    """Return the active and the future faults."""
     known = list(faults)
     held = [
         fault
@@ -82,12 +82,12 @@ def left(faults: Iterable[Fault], now_s: float) -> list[Fault]:
 
 
 def chance(key: str, number: int) -> bytes:
-    """Return 64 random bytes that depend on nothing but what is given."""
+    """Return 64 random bytes that depend only on the arguments."""
     return blake2b(f"{key}/{number}".encode()).digest()
 
 
 def lost(share: float, drawn: bytes) -> bool:
-    """Return whether an exchange is among the share that is lost."""
+    """Return whether an exchange belongs to the share that is lost."""
     return int.from_bytes(drawn[:8]) < share * 2.0**64
 
 
@@ -98,14 +98,14 @@ def garbage(drawn: bytes) -> bytes:
 
 
 class Past:
-    """Values with their times, as far back as one may ask, and one from ever."""
+    """Values with their times for a limited past, and one value for all earlier times."""
 
     def __init__(self, kept_s: float, first: float = 0.0) -> None:
         self._kept_s = kept_s
         self._known: list[tuple[float, float]] = [(-inf, first)]
 
     def note(self, now_s: float, value: float) -> None:
-        """Take the newest value."""
+        """Add the newest value."""
         self._known.append((now_s, value))
         old_s = now_s - self._kept_s
         # The newest of those that are too old is what was true at the edge.
@@ -119,12 +119,12 @@ class Past:
 
     @property
     def newest(self) -> float:
-        """The value noted last."""
+        """Return the last added value."""
         return self._known[-1][1]
 
 
 def misread_um(faults: Faults, past: Past, now_s: float) -> float:
-    """What the sensor takes for the position, given its right readings while it was not stuck."""
+    """Return the position that the sensor reports, given its true readings while not stuck."""
     delay_s = faults.value("delayed")
     x_um = past.newest if delay_s is None else past.at(now_s - delay_s)
     x_um += faults.value("wrong") or 0.0
@@ -133,7 +133,7 @@ def misread_um(faults: Faults, past: Past, now_s: float) -> float:
 
 
 def misput_V(faults: Faults, past: Past, now_s: float) -> float:
-    """Return what the output puts out, given the voltages asked for while it was not stuck."""
+    """Return the voltage that the output applies, given the requested ones while not stuck."""
     delay_s = faults.value("delayed")
     asked_V = past.newest if delay_s is None else past.at(now_s - delay_s)
     return asked_V + (faults.value("wrong") or 0.0)

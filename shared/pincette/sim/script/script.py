@@ -1,4 +1,4 @@
-"""A script for a simulated rig: orders that are carried out at their time, on the rig's own clock.
+"""Script for a simulated rig: orders that are executed at their time on the rig's clock.
 
 It stands between the rig and its instruments, and between them and their lines. In lockstep the
 rig's time moves by the voltages that reach it, so while an output is unplugged no time passes.
@@ -44,7 +44,7 @@ log = logging.getLogger(__name__)
 
 
 class Script:
-    """Orders of the rig file, at their time since the first write, and of callers in any thread."""
+    """Orders of the rig file, timed from the first write, and of callers in any thread."""
 
     def __init__(
         self,
@@ -66,15 +66,15 @@ class Script:
         self._operations: list[tuple[float, SimCommand]] = []
         self._two_arms = two_arms
         self._voltages: dict[str, Past] = {}
-        """Voltages that each output was asked for."""
+        """Requested voltages of each output."""
         self._lock = threading.Lock()
 
     def operate(self, rig: Orders) -> None:
-        """Work on this rig from here on."""
+        """Use this rig from here on."""
         self._rig = rig
 
     def order(self, order: SimCommand) -> str:
-        """Take an order; returns why it is refused, empty where it is not."""
+        """Accept an order; returns the reason for a rejection, empty if it is accepted."""
         if not self._allowed:
             return FORBIDDEN
         if self._rig is None:
@@ -96,7 +96,7 @@ class Script:
             self._operations.append((now_s + order.after_s, order))
 
     def _act(self, rig: Orders) -> str:
-        """Do what is due; returns what could not be done."""
+        """Execute all due orders; returns their errors."""
         if not self._operations:
             return ""
         now_s = rig.now_s() + EDGE_S
@@ -115,7 +115,7 @@ class Script:
         return trouble
 
     def _look(self, target: str) -> tuple[float, Faults]:
-        """Do what is due; returns the time and what holds on a target."""
+        """Execute all due orders; returns the time and the active faults of a target."""
         rig = self._rig
         if rig is None:
             return 0.0, Faults()
@@ -127,7 +127,7 @@ class Script:
     def measure(
         self, measure_um: Callable[[], float], target: str = "sensor"
     ) -> Callable[[], float]:
-        """Stand between the position and a sensor."""
+        """Return the measurement of a sensor with the effects of its faults."""
         readings = Past(LONGEST_DELAY_S)
 
         def measured_um() -> float:
@@ -142,7 +142,7 @@ class Script:
     def put_out(
         self, put_out_V: Callable[[float], None], target: str = "output"
     ) -> Callable[[float], None]:
-        """Stand between an output and its amplifier."""
+        """Return the output of voltages with the effects of its faults."""
         voltages = self._voltages.setdefault(target, Past(LONGEST_DELAY_S))
 
         def put_V(voltage_V: float) -> None:
@@ -155,9 +155,9 @@ class Script:
         return put_V
 
     def put_out_wave(self, put_out_wave: PutOutWave, target: str = "output") -> PutOutWave:
-        """Stand between an output and its amplifier while the output plays voltages by its clock.
+        """Return the waveform output of an instrument with the effects of its faults.
 
-        A fault that holds when a wave begins holds for all of it.
+        A fault that is active when a waveform begins applies to the whole waveform.
         """
         past = self._voltages.setdefault(target, Past(LONGEST_DELAY_S))
 
@@ -187,7 +187,7 @@ class Script:
                     self._take(self._rig.now_s(), order)
 
     def link(self, name: str, instrument: Instrument) -> Instrument:
-        """Stand between an instrument and its line; ``name`` is its target in orders."""
+        """Return an instrument behind a line with faults; ``name`` is its target in orders."""
         patience_s = self._timeouts_s.get(name, LONGEST_DELAY_S) if self._lockstep else None
         return ScriptedLine(
             instrument, lambda: self._look(name)[1], f"{self._seed}/{name}", patience_s
@@ -195,7 +195,7 @@ class Script:
 
 
 def script_of(rig_file: RigFile) -> Script:
-    """Return the script of a rig file: its entries, and whether orders may come."""
+    """Return the script of a rig file: its entries, and whether orders may arrive."""
     simulation = rig_file.simulation
     return Script(
         () if simulation is None else simulation.script,
@@ -208,7 +208,7 @@ def script_of(rig_file: RigFile) -> Script:
 
 
 def timeouts_of(rig_file: RigFile) -> dict[str, float]:
-    """Return how long each instrument is waited for, by its target in orders."""
+    """Return the timeout of each instrument in s, by its target in orders."""
     timeouts_s = {"sensor": rig_file.sensor.timeout_s, "output": rig_file.output.timeout_s}
     if (second := rig_file.second) is not None:
         timeouts_s |= {
@@ -219,7 +219,7 @@ def timeouts_of(rig_file: RigFile) -> dict[str, float]:
 
 
 def carry_out(rig: Orders, order: SimCommand) -> None:
-    """Do what is ordered; raises ValueError where the rig cannot bear it."""
+    """Execute an order; raises ValueError if it is not possible on this rig."""
     value = order.value
     match order.target, order.what:
         case "part", "remove":

@@ -1,1 +1,1 @@
-"""Places at which a simulated instrument can be reached."""
+"""Endpoints at which a simulated instrument can be reached."""

@@ -1,4 +1,4 @@
-"""Places at which a simulated instrument can be reached: a TCP port, or a pseudo-terminal."""
+"""Endpoints at which a simulated instrument is reached: a TCP port, or a pseudo-terminal."""
 
 import os
 import pty
@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 from pincette.core.listening import bound
 
 Wait = Callable[[int], bool]
-"""Waits until a descriptor is readable; False where the port is being closed."""
+"""Waits until a descriptor is readable; returns False while the port is being closed."""
 
 
 class WireError(Exception):
-    """A simulated instrument cannot be offered; the text says where, why, and what to do."""
+    """Error of an instrument that cannot be offered; the text states place, reason and remedy."""
 
 
 class Line(Protocol):
@@ -27,11 +27,11 @@ class Line(Protocol):
         ...
 
     def recv(self, size: int, /) -> bytes:
-        """Return what has arrived; empty where the client has hung up."""
+        """Return the bytes that have arrived; empty if the client has hung up."""
         ...
 
     def sendall(self, data: bytes, /) -> None:
-        """Send all of it, at once; raises OSError where the client does not read."""
+        """Send all bytes at once; raises OSError if the client does not read."""
         ...
 
     def close(self) -> None:
@@ -40,24 +40,24 @@ class Line(Protocol):
 
 
 class Port(Protocol):
-    """A place that takes one client at a time."""
+    """Endpoint that accepts one client at a time."""
 
     @property
     def url(self) -> str:
-        """What a driver opens to get here."""
+        """Return the url for a driver."""
         ...
 
     def next_line(self, wait: Wait) -> Line | None:
-        """Wait for a client; None where the port is being closed."""
+        """Wait for a client; returns None if the port is being closed."""
         ...
 
     def close(self) -> None:
-        """Take the port away."""
+        """Remove the port."""
         ...
 
 
 class TcpPort:
-    """A listening socket; a second client waits until the first has left."""
+    """Listening socket; a second client waits until the first has left."""
 
     def __init__(self, host: str, port: int) -> None:
         try:
@@ -71,7 +71,7 @@ class TcpPort:
         self.url = f"socket://{shown}:{self._listener.getsockname()[1]}"
 
     def next_line(self, wait: Wait) -> Line | None:
-        """Wait for a client; None where the port is being closed."""
+        """Wait for a client; returns None if the port is being closed."""
         if not wait(self._listener.fileno()):
             return None
         client, _ = self._listener.accept()
@@ -80,12 +80,12 @@ class TcpPort:
         return client
 
     def close(self) -> None:
-        """Take the port away."""
+        """Remove the port."""
         self._listener.close()
 
 
 class _PtyLine:
-    """The near end of a pseudo-terminal, which outlives the conversation."""
+    """Near end of a pseudo-terminal, which outlives the conversation."""
 
     def __init__(self, near: int) -> None:
         self._near = near
@@ -100,11 +100,14 @@ class _PtyLine:
         os.write(self._near, data)
 
     def close(self) -> None:
-        """Keep it open for the next client."""
+        """Do nothing, so that the terminal stays open for the next client."""
 
 
 class PtyPort:
-    """A pseudo-terminal under a path; its far end is open here too, so that clients come and go."""
+    """Pseudo-terminal under a path.
+
+    Its far end is open here too, so that clients can come and go.
+    """
 
     def __init__(self, path: Path) -> None:
         self.url = str(path)
@@ -124,11 +127,11 @@ class PtyPort:
             ) from error
 
     def next_line(self, wait: Wait) -> Line | None:
-        """Wait for the first bytes; None where the port is being closed."""
+        """Wait for the first bytes; returns None if the port is being closed."""
         return _PtyLine(self._near) if wait(self._near) else None
 
     def close(self) -> None:
-        """Take the pseudo-terminal and its path away; a client then sees a hang-up."""
+        """Remove the pseudo-terminal and its path; a client then sees a hang-up."""
         if self._path.is_symlink() and self._near >= 0:
             self._path.unlink()
         self._close_terminal()
@@ -141,7 +144,10 @@ class PtyPort:
 
 
 def open_port(url: str) -> Port:
-    """Port for a driver's url: ``socket://host:port`` (port 0: any), else a path; or WireError."""
+    """Open a port for a driver's url: ``socket://host:port`` (port 0: any), else a path.
+
+    Or WireError.
+    """
     if "://" not in url:
         return PtyPort(Path(url))
     try:

@@ -1,4 +1,4 @@
-"""A simulated instrument on a port: one thread that splits bytes into lines and answers them."""
+"""Simulated instrument on a port: one thread that splits bytes into lines and answers them."""
 
 import os
 import select
@@ -14,12 +14,12 @@ BITS_PER_BYTE = 10
 LONGEST_LINE = 256
 IDLE_S = 0.05
 PIECE_S = 0.0005
-"""An answer is delivered in pieces of so long a time on the line, of one byte at the least."""
+"""Duration in s of the pieces in which an answer is delivered; each has at least one byte."""
 
 Garble = Callable[[bytes], bytes]
-"""Makes of an answer with its terminator what arrives of it."""
+"""Returns the garbled form of an answer with its terminator."""
 Afterwards = Callable[[], None]
-"""Does what an answer need not wait for."""
+"""Runs work that the answer need not wait for."""
 
 
 def _untouched(data: bytes) -> bytes:
@@ -31,7 +31,7 @@ def _nothing() -> None:
 
 
 class Wire:
-    """Serves one instrument until it is closed; a client that comes back is served again."""
+    """Serves one instrument until it is closed; also accepts a client that connects again."""
 
     def __init__(
         self,
@@ -55,11 +55,11 @@ class Wire:
 
     @property
     def url(self) -> str:
-        """What a driver opens to get here."""
+        """Return the url for a driver."""
         return self._port.url
 
     def close(self) -> None:
-        """Hang up, free the port, and wait for the thread; twice is once."""
+        """Hang up, free the port, and wait for the thread; repeated calls do nothing."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -92,7 +92,7 @@ class Wire:
             self._instrument.idle()
 
     def _converse(self, line: Line) -> None:
-        """Answer one client until it hangs up; a line that never ends is dropped."""
+        """Answer one client until it hangs up; drops a line that never ends."""
         pending = b""
         while self._wait(line.fileno()):
             chunk = line.recv(4096)
@@ -108,7 +108,7 @@ class Wire:
                 self._afterwards()
 
     def _deliver(self, line: Line, data: bytes) -> None:
-        """Send what the line has carried by now, piece by piece, to the end."""
+        """Send an answer piece by piece, as the line would carry it."""
         if not self._byte_s:
             line.sendall(data)
             return
