@@ -1,7 +1,7 @@
 """The model in use: the rig file, overridden by an accepted version of a model.
 
-A version is a file ``NNNN-<digest>.json`` that is never changed after it was written; it names the
-preceding version.
+A version is a file ``NNNN-<digest>.json`` that is never changed once it is written; it names the
+version before it.
 """
 
 import json
@@ -32,7 +32,7 @@ from pincette_supervisor.plugin.model_in_use import (
 
 
 class StoredModel(BaseModel):
-    """One version of the model."""
+    """One version."""
 
     model_config = FROZEN
 
@@ -43,25 +43,22 @@ class StoredModel(BaseModel):
     rig_file_digest: str
     """Digest of the rig file with which the values were found."""
     basis: dict[str, Any] = Field(default_factory=dict)
-    """Entries of that rig file on which the measurement depends."""
+    """Parts of that rig file on which the measurement depends."""
     made_at: str
     values: dict[str, Any]
-    """Values by quantity; missing quantities have the rig file's value."""
+    """Values by quantity; missing ones are the rig file's."""
     sources: dict[str, str]
     """Calibration that found each quantity."""
     uncertainties: dict[str, float | None]
-    """Standard uncertainty of each quantity; null where none can be stated."""
+    """By quantity, standard; null where there is none to state."""
     acceptances: dict[str, Acceptance] = Field(default_factory=dict)
     """Acceptance of each quantity."""
     previous: str
-    """Digest of the model that was in use before; empty: the rig file alone."""
+    """Digest of the model that was in use; empty: that of the rig file."""
 
     @property
     def calibration(self) -> Calibration:
-        """Return the calibration that is sent with a program.
-
-        Raises ConfigError for an unknown quantity.
-        """
+        """As it travels; raises ConfigError where a quantity is unknown."""
         try:
             return Calibration(values=self.values, sources=self.sources)
         except ValidationError as error:
@@ -75,7 +72,7 @@ class ModelFiles:
     folder: Path
 
     def numbers(self) -> list[int]:
-        """Return the numbers of the existing versions, oldest first."""
+        """Return versions that there are, the oldest first."""
         return sorted(self._paths())
 
     def _paths(self) -> dict[int, Path]:
@@ -124,7 +121,7 @@ class ModelFiles:
 
 
 def due_at(measured_at: str, valid_days: float | None) -> str | None:
-    """Return the time at which a value must be measured again; None if it does not expire."""
+    """Return when what was measured is to be measured again; None where it holds without an end."""
     if valid_days is None:
         return None
     try:
@@ -135,20 +132,20 @@ def due_at(measured_at: str, valid_days: float | None) -> str | None:
 
 
 def overdue(accepted: Acceptance, now: datetime) -> bool:
-    """Return True if the calibration must be repeated."""
+    """Return True once the calibration is due to be repeated."""
     return accepted.due_at is not None and datetime.fromisoformat(accepted.due_at) < now
 
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """Reason why a calibration should be repeated."""
+    """Why a calibration should be repeated."""
 
     code: Literal["overdue", "instrument_changed"]
     text: str
 
 
 def due(name: str, accepted: Acceptance, present: Mapping[str, str], now: datetime) -> list[Due]:
-    """Return the reasons why a calibration should be repeated; empty if it is still valid.
+    """Return why a calibration should be made again; nothing where it is still good.
 
     Parameters
     ----------
@@ -175,7 +172,7 @@ def warnings(
     present: Mapping[str, str],
     now: datetime,
 ) -> list[str]:
-    """Return warnings of calibrations that should be repeated, with the reasons.
+    """Return which calibrations should be made again, and why, in words.
 
     Parameters
     ----------
@@ -202,8 +199,7 @@ MEASURED_WITH: Mapping[str, tuple[str, ...]] = {
     "output": ("driver", "options"),
     "safety": ("safe_V",),
 }
-"""Rig file keys by table on which measurements depend: the instruments, the period, and the voltage
-at which the arm rests."""
+"""Keys by table: the instruments, the period, and the voltage at which the arm rests."""
 BESIDE_THE_ARM = {
     "seed",
     "substep_s",
@@ -220,11 +216,11 @@ BESIDE_THE_ARM = {
     "scripts",
     "script",
 }
-"""Keys of a simulation that describe neither its arm nor its instruments."""
+"""Keys of a simulation that are neither its arm nor its instruments."""
 
 
 def basis(rig: RigFile) -> dict[str, Any]:
-    """Return the rig file values on which measurements depend, by key, as JSON represents them."""
+    """Return values by key, as JSON has them."""
     tree = rig.model_dump(mode="json")
     found = {
         f"{table}.{key}": tree[table][key] for table, keys in MEASURED_WITH.items() for key in keys
@@ -246,36 +242,35 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[ModelChan
 
 
 def doubtful(found: list[ModelChange]) -> list[ModelChange]:
-    """Return the changes that affect the whole model."""
+    """Return changes that concern the whole model."""
     return [change for change in found if change.key not in (*CALIBRATED, *OF_SECOND)]
 
 
 def words(found: list[ModelChange], version: int) -> str:
-    """Describe changes since a version was chosen, in words."""
+    """Return changes since a version was chosen."""
     listed = ", ".join(f"{one.key} = {one.now!r}, was {one.before!r}" for one in found)
     return f"{listed}, when model {version} was chosen"
 
 
 KEPT_CHANGES = 100
-"""Largest number of instrument changes that are kept; older ones do not affect values in use."""
+"""Changes of instruments that are kept; older ones concern no value in use."""
 
 
 class RigModel:
-    """Model that is used with a rig; kept across restarts.
+    """Which model a rig is used with; kept beyond a restart.
 
-    A model that was measured with other instruments or another arm (``basis``) is not applied
-    without confirmation by a person: until then only the rig file is in use, and ``trouble`` gives
-    the reason. A value that a person has changed in the rig file since then is not replaced.
+    A model that was measured with other instruments or another arm (``basis``) is not laid over the
+    rig file without a person's word: until then nothing is in use but the rig file, and ``trouble``
+    says why. A value that a person has changed in the rig file since is not replaced.
     """
 
     def __init__(self, rig_file: RigFile, folder: Path, store: Store) -> None:
         self.file = rig_file
         self.trouble = ""
         self.changed: list[ModelChange] = []
-        """Changes that prevent the use of the model."""
+        """Changes because of which no model is in use."""
         self.set_aside: list[ModelChange] = []
-        """Values of the model that are not used, since a person has changed them in the rig
-        file."""
+        """Values of the model that the rig file replaces, since a person has changed them there."""
         self._basis = basis(rig_file)
         self.files = ModelFiles(folder / rig_file.rig.name)
         self._store = store
@@ -287,16 +282,16 @@ class RigModel:
 
     @property
     def rig(self) -> RigFile:
-        """Return the rig file with the model in use."""
+        """The rig file with the model in use."""
         return self.in_use.rig
 
     @property
     def digest(self) -> str:
-        """Return the digest of the rig file, on which all programs must agree."""
+        """Of the rig file, which all programs must agree on."""
         return self.in_use.rig_file_digest
 
     def _take_up(self) -> None:
-        """Use the model that was in use before a restart."""
+        """Go on with the model that was in use before a restart."""
         noted = self._store.get_note(self._note)
         if noted is None:
             return
@@ -356,7 +351,7 @@ class RigModel:
             self._choose(chosen)
 
     def warnings(self, now: datetime) -> list[str]:
-        """Return warnings of values in use that should be calibrated again; they block nothing."""
+        """Return what in use should be calibrated again, in words; nothing is refused for it."""
         used = self.in_use
         due = warnings(used.calibration.sources, used.acceptances, self._instruments.present, now)
         changed = [
@@ -367,7 +362,7 @@ class RigModel:
         return [*due, *changed]
 
     def due(self, calibration: str, now: datetime) -> list[Due]:
-        """Return the reasons why a calibration in use should be repeated; empty if it is valid."""
+        """Return why a calibration in use should be made again; nothing where it is still good."""
         used = self.in_use
         for quantity, accepted in used.acceptances.items():
             if used.calibration.sources.get(quantity) == calibration:
@@ -381,7 +376,7 @@ class RigModel:
         source: str,
         measured_at: str = "",
     ) -> ModelInUse:
-        """Add a new version, with values that replace those of the model in use, and use it.
+        """Lay values over the model in use as a new version, and use it.
 
         Parameters
         ----------
@@ -433,13 +428,13 @@ class RigModel:
 
 
 def _noted(text: str) -> tuple[int, dict[str, Any]]:
-    """Return the chosen version, and the rig file's values at that time."""
+    """Return the version that was chosen, and what the rig file had then."""
     noted = json.loads(text)
     return noted["version"], noted["basis"]
 
 
 class Instruments:
-    """Serial numbers of a rig file, present and earlier ones; kept across restarts."""
+    """The serial numbers of a rig file, and those that were in it before; kept beyond a restart."""
 
     def __init__(self, store: Store, rig: str, present: Mapping[str, str]) -> None:
         self.present = dict(present)
@@ -453,7 +448,7 @@ class Instruments:
             store.set_note(note, json.dumps(self._history))
 
     def at(self, when: str) -> dict[str, str]:
-        """Return the serial numbers at a time, by rig file table; unknown ones are left out."""
+        """Serial numbers at a time, by table of the rig file; what is not known is not there."""
         for since, had in reversed(self._history):
             if since <= when:
                 return had

@@ -1,6 +1,6 @@
 """Checks of a rig and of the supervisor, and the alarms that follow from them.
 
-Each check is computed from known values only. One thread monitors each rig, with or without a job.
+Each check is computed from known values alone. A thread watches each rig, with a job or without.
 """
 
 import shutil
@@ -23,51 +23,51 @@ from pincette_supervisor.rigs.rig_context import RigContext
 from pincette_supervisor.rigs.standing import is_playing
 
 SAMPLES = {"estimator": Estimate, "controller": Telemetry}
-"""Programs that send samples while a program is played."""
+"""Programs whose samples come while a program plays."""
 TOKENS = (*LOOP, "recorder", "rig")
-"""Programs whose liveliness token is monitored."""
+"""Programs whose liveliness token is watched."""
 CLOCK = "clock"
-"""Cause of the alarm of a step of the time of day; acknowledging it accepts the step."""
+"""Cause of the alarm of a step of the time of day; to acknowledge it is to agree to the step."""
 FRESH_S = 1.0
-"""Age beyond which an estimate says nothing about the sensor, in s."""
+"""An older estimate says nothing of the sensor any more."""
 MB = 1e6
 
 
 class LeaseRenewal(Protocol):
-    """Thread that renews the lease of a job's program."""
+    """The thread that renews the lease of a job's program."""
 
     @property
     def lease(self) -> Lease:
-        """Return the lease that is renewed."""
+        """The lease that it renews."""
         ...
 
     @property
     def age_s(self) -> float:
-        """Return the time since the last renewal, in s."""
+        """Time since the last renewal, in s."""
         ...
 
 
 class ActiveJob(Protocol):
-    """The job that has the rig, with what checks and alarms need of it."""
+    """The job that has the rig, as far as checks and alarms need it."""
 
     @property
     def id(self) -> str:
-        """Return the identifier of the job."""
+        """Identifier of the job."""
         ...
 
     @property
     def epoch(self) -> int | None:
-        """Return the epoch of the job's arming; None before it."""
+        """Epoch of its arming; None before it."""
         ...
 
     @property
     def renewal(self) -> LeaseRenewal | None:
-        """Return the renewal of the lease of its program; None if there is no lease."""
+        """Renews the lease of its program; None where there is no lease."""
         ...
 
 
 def of_supervisor(store: Store) -> list[Check]:
-    """Return the checks of the supervisor itself that apply to every rig."""
+    """Return what every rig needs of the supervisor itself."""
     words = store.trouble or "the journal can be written"
     value = "failed" if store.trouble else "written"
     return [
@@ -97,7 +97,7 @@ def of_rig(context: RigContext, active: ActiveJob | None) -> list[Check]:
 
 
 def words_of(checks: list[Check]) -> list[str]:
-    """Return the messages of needed checks that fail."""
+    """Return what is needed and missing."""
     return [check.words for check in checks if check.needed and not check.ok]
 
 
@@ -109,7 +109,7 @@ def _check(name: str, ok: bool, words: str, *, needed: bool = True, **known: obj
 
 
 def _answers(context: RigContext) -> Iterator[Check]:
-    """Yield a check that each program replies, and works with the same rig file."""
+    """Yield whether each program answers, and works with the same rig file."""
     health = context.health
     troubles = health.troubles()
     for program in PROGRAMS:
@@ -132,7 +132,7 @@ def _answers(context: RigContext) -> Iterator[Check]:
 
 
 def _ages(context: RigContext) -> Iterator[Check]:
-    """Yield checks of the age of the newest samples in real time; the sensor's always."""
+    """In real time, how old the newest samples are; the sensor's always, others' in a program."""
     if context.rig.lockstep:
         return
     limit_s = context.health.sensor_limit_s()
@@ -158,7 +158,7 @@ def _sensor(context: RigContext) -> str:
 
 
 def _latch(context: RigContext) -> Check:
-    """Return the check of the latch. A latched actuator is in order, and waits for a person."""
+    """Return a latched actuator is well, and waits for a person."""
     latched = context.health.latched()
     state = context.health.state
     words = "no latch to clear"
@@ -198,10 +198,7 @@ def _recorder(context: RigContext) -> Check:
 
 
 def _refused(context: RigContext) -> Check:
-    """Return the check that no program has recently rejected messages.
-
-    The supervisor itself counts as a program; the check covers the last minute.
-    """
+    """Whether a program, this supervisor included, has refused messages in the last minute."""
     found = [
         (program, one)
         for program in (*PROGRAMS, SIMULATION)
@@ -222,7 +219,7 @@ def _refused(context: RigContext) -> Check:
 
 
 def _memory(context: RigContext) -> Check:
-    """Return the check that the estimator has followed the whole memory of the arm."""
+    """Return whether the estimator has followed all that the arm remembers."""
     answer = context.health.status("estimator")
     unknown = context.health.findings("estimator", FaultCode.MEMORY_UNKNOWN)
     words = "the arm's memory is known" if answer is not None else "estimator does not answer"
@@ -237,14 +234,14 @@ def _memory(context: RigContext) -> Check:
 
 
 def _stroke(context: RigContext) -> Check:
-    """Return the check that the arm's stroke is that of its calibration."""
+    """Return the check that the stroke of the arm is that of its calibration."""
     found = context.health.findings("estimator", FaultCode.MODEL_MISMATCH)
     words = "no change of the arm's stroke was found"
     return _finding("estimator.stroke", found, words, "change_percent", "limit_percent", "%")
 
 
 def _forces(context: RigContext) -> Iterator[Check]:
-    """Return the check that both forces of two arms on a held part agree."""
+    """Of two arms, whether both forces on a held part agree."""
     if context.rig.second is not None:
         found = context.health.findings("estimator", FaultCode.FORCES_DISAGREE)
         words = "the forces of both arms agree"
@@ -254,7 +251,7 @@ def _forces(context: RigContext) -> Iterator[Check]:
 def _finding(
     name: str, found: Sequence[Fault], words: str, value: str, limit: str, unit: str
 ) -> Check:
-    """Return a check that fails with a fault, including two of the fault's values."""
+    """Return a check that fails by a finding, with two of the finding's values."""
     told = {one.name: one.value for one in found[0].values} if found else {}
     return _check(
         name,
@@ -287,7 +284,7 @@ def _model(context: RigContext) -> Iterator[Check]:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition that raises an alarm as long as it lasts."""
+    """A condition that raises an alarm for as long as it lasts."""
 
     cause: str
     words: str
@@ -326,10 +323,7 @@ def _sensor_conditions(context: RigContext) -> Iterator[Condition]:
 
 
 def free_space_MB(folder: Path) -> float | None:
-    """Return the free space in MB on the disk of a folder, which may not exist yet.
-
-    None: unknown.
-    """
+    """Room in MB on the disk of a folder, which may not be there yet; None where nobody knows."""
     for place in (folder, *folder.parents):
         if place.exists():
             try:
@@ -340,17 +334,16 @@ def free_space_MB(folder: Path) -> float | None:
 
 
 LOOK_S, ASK_S = 0.25, 2.0
-"""Interval of the checks, and of the status requests to the programs of a rig in real time, in
-s."""
+"""Between two looks, and between two questions to the programs of a rig in real time."""
 IDLE_S = 10.0
-"""Time without a job at rest after which the sensor is set to its slow rate, in s."""
+"""Time without a job at rest after which the sensor is asked to sample seldom."""
 JOIN_S = 2.0
 REFUSED, REFUSED_S = 5, 1.0
-"""Number of rejected commands within a time, in s, above which they are not caused by an arming."""
+"""Number of refused commands, and the time, beyond which they are no accident of an arming."""
 MISSED_SHARE, MISSED_S = 0.01, 10.0
-"""Share of the ticks that may be missed within a time, in s."""
+"""Share of the ticks that may be missed within a while."""
 FOREIGN = frozenset({FaultCode.OTHER_OWNER, FaultCode.SECOND_CONTROLLER})
-"""Reasons of rejection that mean that the command came from another controller."""
+"""Refusals that say that the command was another controller's."""
 AFTER_A_LOSS = (
     "the job's result is complete, its record is not, and record_detail states what is missing: "
     "see what else uses disk and processors, and repeat the job where the record is needed"
@@ -359,17 +352,17 @@ AFTER_A_LOSS = (
 
 @dataclass(slots=True)
 class GrowthDetector:
-    """Detects growth of a counter beyond a limit; a smaller value indicates a restart."""
+    """Detects growth of a counter beyond a limit; a smaller value is a restart."""
 
     limit: int
-    """Growth within ``window_s`` that is reported."""
+    """Growth within ``window_s`` at which it is reported."""
     window_s: float
     _last: int | None = None
     _since_s: float = 0.0
     _grown: int = 0
 
     def update(self, value: int, now_s: float) -> int:
-        """Add a value; return the growth once it has reached the limit, otherwise 0."""
+        """Take a value; returns the growth once it has reached the limit, else 0."""
         last, self._last = self._last, value
         if last is None or value < last:
             self._since_s, self._grown = now_s, 0
@@ -384,13 +377,13 @@ class GrowthDetector:
 
 
 class AlarmMonitor:
-    """Raises and clears alarms from known values; queries the programs only rarely."""
+    """Raises and clears alarms by what is known; asks the programs only rarely."""
 
     def __init__(self, context: RigContext, active: Callable[[], ActiveJob | None]) -> None:
         self._context, self._active = context, active
         self._conditions: dict[str, Condition] = {}
         self._known = False
-        """True once the alarms of an earlier supervisor have been looked up."""
+        """Whether what an earlier supervisor has left standing was looked up."""
         self._tripped = False
         self._asked_s = self._busy_s = float("-inf")
         missed = max(1, round(MISSED_SHARE * MISSED_S / context.rig.rig.period_s))
@@ -400,7 +393,7 @@ class AlarmMonitor:
         self._repeated = RepeatedAction(f"alarms-{context.rig.rig.name}", LOOK_S, self.poll)
 
     def start(self) -> None:
-        """Start polling in a thread."""
+        """Poll in a thread from here on."""
         self._repeated.start()
 
     def close(self) -> None:
@@ -408,7 +401,7 @@ class AlarmMonitor:
         self._repeated.close(JOIN_S)
 
     def poll(self) -> None:
-        """Compare the present conditions with the previous ones, once."""
+        """Compare what is with what was, once."""
         context = self._context
         if context.write_queue.flush() and context.store.trouble:
             context.store.probe()
@@ -443,10 +436,7 @@ class AlarmMonitor:
         self._conditions = found
 
     def _previous_conditions(self) -> dict[str, Condition]:
-        """Return the conditions of the last poll.
-
-        At the first poll, those of an earlier supervisor.
-        """
+        """Return what stood at the last look; at the first, what an earlier supervisor has left."""
         if self._known:
             return self._conditions
         try:
@@ -473,7 +463,7 @@ class AlarmMonitor:
         self._raise_transient(cause, words)
 
     def _ask(self) -> None:
-        """Request the counters of the programs."""
+        """Ask the programs for what they have counted."""
         context = self._context
         now_s = context.clock()
         if now_s - self._asked_s < ASK_S:
@@ -492,7 +482,7 @@ class AlarmMonitor:
             )
 
     def _let_idle(self, now_s: float) -> None:
-        """Set the sensor to its slow rate once the rig has had no job for some time."""
+        """Let the sensor sample seldom once the rig has had no job for a while."""
         actuator = self._context.health.status("actuator")
         at_rest = actuator is not None and actuator.mode in AT_REST
         if not at_rest or self._active() is not None or self._busy_s == float("-inf"):

@@ -91,7 +91,7 @@ class PageCheck(Model):
 
 
 class AuditEntry(Model):
-    """One request that asked for a change, or that was refused because of its caller."""
+    """One request for a change, or one that was refused because of its caller."""
 
     model_config = example(
         number=12,
@@ -114,7 +114,7 @@ class AuditEntry(Model):
     detail: str
     """Requested change and its outcome, in a word or two."""
     status: int
-    """HTTP status of the answer."""
+    """HTTP status of the response."""
     count: int
     """Number of equal requests that were refused within a short time."""
 
@@ -136,7 +136,7 @@ class AuditChain(Model):
 
     entries: int
     first: int | None
-    """Number of the oldest entry that is kept; null where there is none."""
+    """Number of the oldest entry that is kept; null if there is none."""
     newest: int | None
     link: str | None
     """SHA-256 of the newest entry. A copy of it that is kept elsewhere can later be searched for in

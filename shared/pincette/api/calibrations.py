@@ -86,7 +86,7 @@ class Residuals(Model):
     unit: str
     rms: float
     maximum: float
-    """Largest magnitude."""
+    """Largest magnitude of a residual."""
     count: int
 
 

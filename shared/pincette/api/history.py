@@ -38,7 +38,7 @@ class History(Model):
     """Smallest and largest values in each interval of time, as columns of equal length.
 
     Times are seconds since 1970, UTC. There is no point where there is no record; a column holds
-    null where the record has no value. ``…_error_…`` is the measured or estimated value less its
+    null where the record has no value. ``…_error_…`` is the measured or estimated value minus its
     reference.
     """
 

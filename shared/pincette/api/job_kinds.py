@@ -21,7 +21,7 @@ from pincette.core import plugins
 from pincette.core.units import unit_of
 
 LAST = 1000
-"""Place in lists of a kind that states none."""
+"""Place in lists for kinds that state none."""
 Widget = Literal["number", "choice", "check", "list", "pairs", "text", "recipe"]
 
 
@@ -64,7 +64,8 @@ class FieldSpec(Model):
     sent_as: str = ""
     """Name under which the field is sent; empty: its own name."""
     within: str = ""
-    """Member of the request that contains it, such as ``gains``; empty: the request itself."""
+    """Member of the request that contains the field, such as ``gains``; empty: the request itself.
+    """
     own_unit: str = ""
     """Unit of the field, if its name does not end with one."""
     meaning: str = ""
@@ -102,7 +103,7 @@ class ResultField(Model):
     main: bool = False
     """True if lists of jobs show the value."""
     arms: tuple[int, ...] = (1, 2)
-    """Numbers of driven arms of the rigs whose results show it."""
+    """Numbers of driven arms of the rigs whose results show the value."""
 
 
 def number(name: str, label: str, unit: str | None = None, **more: Any) -> ResultField:
@@ -131,7 +132,7 @@ class Variant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecipeRules:
-    """How a recipe completes a request."""
+    """Rules by which a recipe completes a request."""
 
     exclusive: tuple[tuple[str, str], ...] = ()
     """Pairs of members: a request that states one does not get the other from a recipe."""
@@ -148,7 +149,7 @@ class JobKind:
     label: str
     """Label on the page."""
     summary: str
-    """What the job does, in one sentence, for the command line and the page."""
+    """Description of the job in one sentence, for the command line and the page."""
     request: type[JobRequest]
     plan: type[JobPlan]
     result: type[JobResult]
@@ -161,39 +162,40 @@ class JobKind:
     brief: Mapping[str, str] = field(default_factory=dict[str, str])
     """Short labels of the values in a short result, by member, in order; empty: all."""
     variant_field: str = ""
-    """Member of the request that chooses a variant; empty where there are none."""
+    """Member of the request that chooses a variant; empty if there are none."""
     variants: Mapping[str, Variant] = field(default_factory=dict[str, Variant])
     begins_held: bool = False
     """True if the job begins with a part that is already held."""
     from_present: bool = False
-    """True if its plan begins at the present position of the arm, not at rest at the safe voltage.
+    """True if the plan begins at the present position of the arm, not at rest at the safe voltage.
     """
     predicted: bool = False
-    """True if its course is predicted before it starts and can be stored as a trajectory."""
+    """True if the course of the job is predicted before it starts and can be stored as a
+    trajectory."""
     jogs: bool = False
-    """True if the page offers steps of the arm and taught poses beside its form."""
+    """True if the page offers steps of the arm and taught poses beside the form."""
     proposes: bool = False
-    """True if its result proposes values for the model in use."""
+    """True if the result proposes values for the model in use."""
     waits: bool = False
     """True if the job may wait for a person."""
     relative: tuple[str, ...] = ()
     """Members that are relative to the present position; a trajectory cannot store them."""
     goal_phase: str = ""
-    """Phase in which the tolerances must be met; empty: its request has no tolerances."""
+    """Phase in which the tolerances must be met; empty: the request has no tolerances."""
     recipe: RecipeRules | None = None
-    """How a recipe completes its request; None: no recipe does."""
+    """Rules by which a recipe completes the request; None: no recipe does."""
     picture: str = ""
-    """File name of its plot in the record; default: its name with ``.png``."""
+    """File name of the job's plot in the record; default: the name of the kind with ``.png``."""
     place: int = LAST
     """Place in lists of kinds."""
     arms: tuple[int, ...] = (1,)
-    """Numbers of driven arms of the rigs for which it is offered."""
+    """Numbers of driven arms of the rigs for which the kind is offered."""
     only: Mapping[int, frozenset[str]] = field(default_factory=dict[int, frozenset[str]])
-    """Members of its request that only rigs with this number of driven arms accept."""
+    """Members of the request that only rigs with this number of driven arms accept."""
     pair_plan: type[JobPlan] | None = None
-    """Type of its plan on a rig with two driven arms; None: ``plan``."""
+    """Type of the plan on a rig with two driven arms; None: ``plan``."""
     pair_result: type[JobResult] | None = None
-    """Type of its result on a rig with two driven arms; None: ``result``."""
+    """Type of the result on a rig with two driven arms; None: ``result``."""
     on_stop: OnStop = "hold"
     """Action on the part when a job is stopped, if the request cannot state it, and when the
     supervisor ends."""
@@ -211,16 +213,16 @@ class JobKind:
 
     @property
     def plans(self) -> tuple[type[JobPlan], ...]:
-        """Return the models of its plans, for every number of driven arms."""
+        """Return the models of the kind's plans, for every number of driven arms."""
         return (self.plan,) if self.pair_plan is None else (self.plan, self.pair_plan)
 
     @property
     def results(self) -> tuple[type[JobResult], ...]:
-        """Return the models of its results, for every number of driven arms."""
+        """Return the models of the kind's results, for every number of driven arms."""
         return (self.result,) if self.pair_result is None else (self.result, self.pair_result)
 
     def foreign(self, arms: int) -> frozenset[str]:
-        """Return the members of its request that a rig with this number of arms refuses."""
+        """Return the members of the request that a rig with this number of arms refuses."""
         others = (names for number, names in self.only.items() if number != arms)
         return frozenset[str]().union(*others)
 
@@ -240,7 +242,7 @@ class JobKind:
 
     @property
     def plot(self) -> str:
-        """Return the file name of its plot in the record."""
+        """Return the file name of the job's plot in the record."""
         return self.picture or f"{self.name}.png"
 
     @property
@@ -252,7 +254,7 @@ class JobKind:
 
     @property
     def body(self) -> Any:
-        """Return its request as a type: a discriminated union if it has variants."""
+        """Return the kind's request as a type: a discriminated union if it has variants."""
         if not self.variant_field:
             return self.request
         requests = [variant.request for variant in self.variants.values()]
@@ -291,7 +293,7 @@ def registered(group: str, of: type[K]) -> Mapping[str, K]:
     Raises
     ------
     PluginError
-        Where one cannot be imported, or is registered under another name than its own.
+        One cannot be imported, or is registered under another name than its own.
     """
     found: list[K] = []
     for name in plugins.names(group):

@@ -13,7 +13,7 @@ ArtifactState = Literal["none", "being_written", "ready", "deleted"]
 
 
 class ActionRequest(Model):
-    """An action on a job."""
+    """Request for an action on a job."""
 
     model_config = example(type="stop")
 
@@ -21,7 +21,7 @@ class ActionRequest(Model):
 
 
 class StopRequest(Model):
-    """A request to create a job that shall be cancelled, whether or not its job exists yet."""
+    """Request to stop the job of another request, whether or not that job exists yet."""
 
     model_config = example(idempotency_key="cell 4, part 17")
 
@@ -47,7 +47,7 @@ class Action(Model):
     applied_at: str | None = None
     """Time at which the supervisor learned that the action took effect."""
     seq: int | None = None
-    """Sample at which it took effect; null before."""
+    """Sample at which the action took effect; null before."""
 
 
 class JobEdit(Model):
@@ -127,7 +127,7 @@ class Progress(Model):
     unit: str = ""
     """Unit of ``target`` and ``current``: mN or µm."""
     instruction: str = ""
-    """What a person must do before the action ``continue``; empty if the job does not wait."""
+    """Task of a person before the action ``continue``; empty if the job does not wait."""
     weight_mN: float | None = None
     """Weight that a person must hang on the arm before ``continue``."""
 

@@ -99,7 +99,7 @@ class Kind(Model):
     """JSON schema of the request, with ``unit`` for each member that has one; if there are
     variants, of their common members."""
     variant_field: str
-    """Member of the request that chooses a variant; empty where there are none."""
+    """Member of the request that chooses a variant; empty if there are none."""
     variants: list[KindVariant]
     form: list[FormField]
     """Fields of a form, in order of appearance."""
@@ -108,20 +108,21 @@ class Kind(Model):
     actions: list[ActionType]
     """Actions that can be requested of such a job; ``allowed_actions`` of the job states when."""
     plot: str
-    """File name of its plot in the record."""
+    """File name of the job's plot in the record."""
     begins_held: bool
     """True if the job begins with a part that is already held."""
     holds_part: bool
     """True if a stop or an abort may keep or release a part."""
     predicted: bool
-    """True if its course is predicted before it starts and can be stored as a trajectory."""
+    """True if the course of the job is predicted before it starts and can be stored as a
+    trajectory."""
     takes_recipe: bool
     jogs: bool
-    """True if a page offers steps of the arm and taught poses beside its form."""
+    """True if a page offers steps of the arm and taught poses beside the form."""
     proposes: bool
-    """True if its result proposes values for the model in use."""
+    """True if the result proposes values for the model in use."""
     arms: list[int]
-    """Numbers of driven arms of the rigs for which it is offered."""
+    """Numbers of driven arms of the rigs for which the kind is offered."""
     on_stop: OnStop
     """Action on the part when a job is stopped, if the request cannot state it."""
 

@@ -31,7 +31,7 @@ def _named_gains(value: object) -> object:
 
 
 class PairJobRequest(PolicyRequest, frozen=True):
-    """Members of every request for two arms. The rig file gives those that are left out."""
+    """Members of every request for two arms. The rig file supplies those that are left out."""
 
     load_s: Duration | None = None
     """Duration of the load."""
@@ -118,14 +118,14 @@ class PairResult(JobResult):
     """Largest estimate of either arm after the zero."""
     held_at_end: bool
     stroke_change_percent: float | None = None
-    """Change of the first arm's stroke since its calibration, from the way that began with
-    conditioning strokes; null where it was not compared since the estimator's start."""
+    """Change of the first arm's stroke since its calibration, measured on the way that began with
+    conditioning strokes; null if it has not been compared since the estimator's start."""
     stroke_limit_percent: float | None = None
     """Largest change of the first arm's stroke that noise and repetition explain; the force is
     corrected beyond it."""
     second_stroke_change_percent: float | None = None
-    """Change of the second arm's stroke since its calibration; null where it was not compared since
-    the estimator's start."""
+    """Change of the second arm's stroke since its calibration; null if it has not been compared
+    since the estimator's start."""
     second_stroke_limit_percent: float | None = None
     """Largest change of the second arm's stroke that noise and repetition explain."""
     model_mismatch: bool = False

@@ -26,7 +26,7 @@ class PlannedPhase(Model):
     force_mN: float | None
     voltage_V: float
     instruction: str = ""
-    """What a person must do in this phase."""
+    """Task of a person in this phase."""
 
 
 class Curves(Model):
@@ -139,7 +139,7 @@ class PlannedGoal(Model):
     phase: str
     """Phase over which the errors are compared with the tolerances."""
     lasts_s: float | None
-    """Planned duration of that phase; null where an action ends it."""
+    """Planned duration of that phase; null if an action ends it."""
     settling_s: float
     """Time, from the beginning of the phase, by which the errors must have settled."""
 

@@ -73,7 +73,7 @@ class PredictedPhase(Model):
 
 
 class Margin(Model):
-    """Smallest distance of a quantity to its limit, and where it occurs."""
+    """Smallest distance of a quantity to its limit, and the place where it occurs."""
 
     model_config = example(
         quantity="force",
@@ -158,7 +158,7 @@ class Prediction(Model):
     )
 
     outcome: str
-    """How the program would end, as an outcome code of results."""
+    """End of the program as predicted, as an outcome code of results."""
     succeeds: bool
     """True if the program would end as planned."""
     duration_s: float

@@ -138,7 +138,7 @@ class Problem(Model):
     status: int
     detail: str
     remedy: str
-    """What can be done about the problem."""
+    """Action that can resolve the problem."""
     instance: str
     """Identifier of this response, which is also in the supervisor's log."""
 

@@ -65,7 +65,7 @@ class JobRequest(BaseModel, frozen=True):
     def plays(self) -> str | None:
         """Return the job whose recorded motion is played again.
 
-        An empty text stands for the newest job. None: no motion is played again.
+        An empty text means the newest job; None means that no motion is played again.
         """
         return None
 

@@ -163,8 +163,8 @@ StepCause = Literal["slip", "sensor", "unknown"]
 class PositionStep(Model):
     """A step of the position of a pressed part that the voltage does not explain.
 
-    At constant voltage one arm and one sensor cannot tell a part that slips from a sensor that
-    jumps towards the part: the force is ``force_if_slip_mN`` or ``force_if_sensor_mN`` then.
+    At constant voltage one arm and one sensor cannot distinguish a part that slips from a sensor
+    that jumps towards the part: the force is ``force_if_slip_mN`` or ``force_if_sensor_mN`` then.
     """
 
     model_config = example(
@@ -199,7 +199,7 @@ class PositionStep(Model):
     force_if_sensor_mN: float | None
     """Force just after the step, if the sensor jumped; null if the part certainly slipped."""
     rang: bool | None = None
-    """Hint: whether the pressed arm rang after the step, as it does after a slip but not after a
+    """Hint: true if the pressed arm rang after the step, as it does after a slip but not after a
     sensor jump. False proves nothing, since friction may damp a slip. Null if the voltage moved at
     that time."""
 
@@ -252,7 +252,7 @@ class JobResult(Model):
     missed_ticks: int
     """Number of samples that were never taken or never arrived."""
     unanswered_ticks: int
-    """Number of ticks for which the actuator took no command."""
+    """Number of ticks for which the actuator accepted no command."""
     dropped_messages: int
     touch_x_um: float | None = None
     """Position at which the arm met something on its way through free space."""

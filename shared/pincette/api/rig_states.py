@@ -37,7 +37,7 @@ class RigStateEntry(NamedTuple):
     """True if the actuator allows the stage to move. While it is armed, the program decides and
     reports when it rests."""
     remedy: str = ""
-    """What a person can do about the state; empty if nothing needs to be done."""
+    """Action that a person can take in this state; empty if none is needed."""
 
 
 RIG_STATES: Mapping[RigState, RigStateEntry] = {

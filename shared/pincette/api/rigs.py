@@ -18,11 +18,11 @@ class InstrumentCounts(Model):
     model_config = example(late=3, lost=1, unexpected=0, reopened=0, retried=0)
 
     late: int
-    """Number of answers that arrived after their timeout and were dropped."""
+    """Number of replies that arrived after their timeout and were dropped."""
     lost: int
-    """Number of answers that never arrived."""
+    """Number of replies that never arrived."""
     unexpected: int
-    """Number of answers without a request, such as those that a line repeats."""
+    """Number of replies without a request, such as those that a line repeats."""
     reopened: int
     """Number of times that a lost or silent port was reopened."""
     retried: int
@@ -43,8 +43,8 @@ class ExchangeTimes(Model):
     """Time for which a device server holds replies back before it forwards them whole; 0 if none
     was found."""
     line_baud: int = 0
-    """Estimated rate of the serial line behind a device server where it is slower than the rig file
-    states; 0 where it is not."""
+    """Estimated rate of the serial line behind a device server if it is slower than the rig file
+    states; 0 if it is not."""
 
 
 class Program(Model):
@@ -220,7 +220,7 @@ class QueueRequest(Model):
 
 
 class SafeToMove(Model):
-    """Whether the stage that carries the gripper may be moved."""
+    """Permission to move the stage that carries the gripper."""
 
     model_config = example(value=False, state="moving", reasons=["the arm moves: approach"])
 

@@ -71,7 +71,7 @@ class TrajectoryList(Model):
 
 
 class TrajectoryStart(Model):
-    """How a job made of a trajectory begins and ends."""
+    """Options for the beginning and the end of a job made of a trajectory."""
 
     model_config = example(autostart=True, labels={"part": "bead 12"})
 

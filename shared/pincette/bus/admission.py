@@ -126,7 +126,7 @@ class Admission:
         if not first:
             raise ConnectionError("ended")
         if not _tls_begins(first):
-            # The selector would tell of these bytes again and again: the guard looks now and then.
+            # The selector would report these bytes again and again: the guard checks at intervals.
             self._forget(one.outer)
             return Stage.HELLO
         one.until_s = monotonic() + PROOF_S
@@ -156,7 +156,7 @@ class Admission:
             raise ConnectionError(os.strerror(trouble))
         try:
             inner.getpeername()
-        except OSError:  # still on its way
+        except OSError:  # not connected yet
             return Stage.CONNECT
         if not isinstance(one.outer, ssl.SSLSocket):
             raise BusError("no handshake")

@@ -1,9 +1,9 @@
 """Deliveries of a session in threads of their own, so that a slow consumer stalls no link.
 
 By default Zenoh keeps 256 samples for a callback, and then its network thread waits for the
-callback. A process has two of these threads for all its sessions. So two callbacks that hang made
-every session of the process deaf, also one that was opened to stop the rig. Here the oldest sample
-gives way instead: numbers of samples show what is missing, and the newest counts.
+callback. A process has two of these threads for all its sessions. Two hanging callbacks thus
+blocked every session of the process, also one that was opened to stop the rig. Here the oldest
+sample is dropped instead: numbers of samples show what is missing, and the newest counts.
 """
 
 import logging
@@ -31,7 +31,7 @@ def deliver_each(source: Iterable[T], sink: Callable[[T], object], name: str) ->
         for one in source:
             try:
                 sink(one)
-            except Exception:  # the next one may be in order
+            except Exception:  # the next one may be valid
                 log.exception("%s: a delivery failed", name)
 
     threading.Thread(target=run, name=f"bus {name}").start()

@@ -155,7 +155,7 @@ def _joined(
 def _folder(rig: "RigFile | StopFile") -> "Folder | None":
     if rig.bus.pki is None:
         return None
-    # What reads certificates is loaded where there are any: it is a tenth of a program's start.
+    # Loaded only if there are certificates: the import is a tenth of a program's start.
     from pincette.security.folder import Folder
 
     return Folder(Path(rig.bus.pki))

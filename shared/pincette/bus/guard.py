@@ -110,7 +110,7 @@ class Guard:
             for key, events in found:
                 if key.fileobj is self._woken:
                     return
-                # What an earlier event of the same round has ended is no longer watched.
+                # Connections that an earlier event of this round has ended are not registered.
                 if key is found[0][0] or self._selector.get_map().get(key.fd) is key:
                     key.data(key.fileobj, events)
             if monotonic() > look_s:

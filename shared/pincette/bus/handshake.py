@@ -80,7 +80,7 @@ def _shaken(place: str, host: str, line: socket.socket, credentials: Credentials
 
 def _ended(wrapped: ssl.SSLSocket) -> bool:
     """Return whether the other side ends the connection once it has seen our certificate."""
-    # With TLS 1.3 a client is done before the server has looked at it.
+    # With TLS 1.3 a client has finished before the server has checked its certificate.
     wrapped.settimeout(ALERT_S)
     try:
         return wrapped.recv(1) == b""

@@ -1,9 +1,9 @@
 """Ends connections that never become a link, while Zenoh itself listens at a program's ports.
 
 Zenoh accepts connections in one thread, and closes those that fail in the same thread. Two of its
-habits let clients that fail keep others out. It gives each accepted socket a linger time of 10 s
-(``SO_LINGER``), so that closing one whose other end does not answer blocks the thread for 10 s
-(zenoh issue 2350). And a connection that says nothing stays until ``accept_timeout``.
+properties let failing clients block others. It gives each accepted socket a linger time of 10 s
+(``SO_LINGER``), so that closing one whose other end does not respond blocks the thread for 10 s
+(zenoh issue 2350). And a silent connection stays until ``accept_timeout``.
 
 A `LinkSweeper` therefore looks at the sockets that the program has accepted and that are no link
 yet. It sets their linger time to zero, resets those that stay silent, and resets the oldest where
@@ -120,7 +120,7 @@ class LinkSweeper:
 
     def _run(self) -> None:
         while True:
-            # Zenoh may accept a connection before this thread sees that it waits, hence the limit.
+            # Zenoh may accept a connection before this thread sees it waiting, hence the limit.
             busy = bool(self._pending or self._queue.poll(IDLE_S))
             if self._closing.is_set():
                 return
@@ -169,7 +169,7 @@ class LinkSweeper:
     def _accepted(self, descriptor: int, now_s: float) -> _Pending | None:
         """Set the linger time of an accepted connection to zero; None for any other socket."""
         try:
-            # With the family and the type, Python does not ask for them; another one is harmless.
+            # Given family and type, Python does not query them; wrong ones are harmless.
             line = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, descriptor)
         except OSError:
             return None
@@ -189,7 +189,7 @@ class LinkSweeper:
     def _end_silent(self, now_s: float) -> None:
         for inode, one in list(self._pending.items()):
             if now_s - one.seen_s < SILENT_S:
-                return  # the rest is younger
+                return  # the others are younger
             if _is_silent(one):
                 self._reset(inode, f"nothing came within {SILENT_S:g} s")
 

@@ -13,7 +13,7 @@ class MemoryBus:
     """Deterministic single-threaded bus; messages are frozen, so they are passed on unchanged."""
 
     def __init__(self) -> None:
-        # By what is sent, since a topic takes longer to be found by.
+        # By the type of the message, since a lookup by topic takes longer.
         self._sinks: dict[type[Message], list[Sink]] = {}
         self._answerers: dict[Request, RequestHandler] = {}
         self._queue: deque[tuple[Topic, Message]] = deque()

@@ -1,9 +1,10 @@
 """The TCP sockets of this process, including those of Zenoh, and how long they may stall.
 
-Zenoh waits for ever for a partner that reads nothing: neither its lease nor its limit of a blocked
-message ends the link, and the threads that wait for it carry no other link either (zenoh issue
-1876). ``TCP_USER_TIMEOUT`` is no remedy: in Linux each segment of such a partner, as one with its
-keep-alive, begins that time again. So a thread watches whether the partner takes what is sent.
+Zenoh waits forever for a partner that reads nothing: neither its lease nor its limit of a blocked
+message ends the link, and the threads that wait for it serve no other link (zenoh issue 1876).
+``TCP_USER_TIMEOUT`` is no remedy: in Linux each segment of such a partner, for example one with its
+keep-alive, restarts that time. A thread therefore watches whether the partner accepts the sent
+data.
 """
 
 import fcntl
@@ -30,8 +31,9 @@ FAMILIES = (socket.AF_INET, socket.AF_INET6)
 def own_sockets() -> Generator[socket.socket]:
     """Yield every TCP socket of this process, each valid until the next one.
 
-    They are borrowed. A copy of a descriptor, once closed, would take from this process all locks
-    on that file: SQLite's on the journal, which another process that closes it would then remove.
+    They are borrowed. A copy of a descriptor, once closed, would release all locks of this process
+    on that file: for example SQLite's on the journal, which another process that closes it would
+    then remove.
     """
     for number in Path("/proc/self/fd").iterdir():
         try:
@@ -135,7 +137,7 @@ def _is_of(line: socket.socket, own_end: str, other_end: str) -> bool:
     try:
         own, other = line.getsockname(), line.getpeername()
         return (_named(own), _named(other)) == (_address(own_end), _address(other_end))
-    except OSError:  # it listens, or is not connected any more
+    except OSError:  # it listens, or is no longer connected
         return False
 
 
@@ -208,7 +210,7 @@ class StallWatch:
         """Check each connection once."""
         with self._lock:
             now_s = monotonic()
-            # Time in which this process did not run says nothing of a partner.
+            # Time in which this process did not run says nothing about a partner.
             passed_s = min(now_s - self._looked_s, 2.0 * self._lease_s / LOOKS)
             self._looked_s = now_s
             for descriptor, line in list(self._lines.items()):

@@ -28,7 +28,7 @@ class PrivatePort:
 
     @classmethod
     def chosen(cls) -> "PrivatePort":
-        """Return a random port; only when Zenoh listens at it can it prove to be taken."""
+        """Return a random port; whether it is taken shows only when Zenoh listens at it."""
         a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
         return cls(f"127.{a}.{b}.{c}", 20_000 + secrets.randbelow(12_000), secrets.token_bytes(32))
 
@@ -61,7 +61,7 @@ class PrivatePort:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sign(line)
         # From the listener's own address: only there does the kernel find the key to sign a reset
-        # with. Without it nothing answers the end of a connection that it has forgotten, and Zenoh
+        # with. Without it nothing replies to the end of a connection that it has dropped, and Zenoh
         # waits for its whole linger time, in the thread that accepts.
         line.bind((self.host, 0))
         line.connect_ex((self.host, self.port))

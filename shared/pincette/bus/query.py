@@ -1,10 +1,10 @@
 """Queries that reach the programs of a rig, whatever else replies on the same keys.
 
-Every query and request of this project goes through `Query`, because Zenoh's own defaults let other
-tools on the bus take it away. By default Zenoh asks only the best matching queryable, which is the
+Every query and request of this project uses `Query`, because Zenoh's defaults let other tools on
+the bus intercept it. By default Zenoh queries only the best matching queryable, which is the
 nearest one that declares itself complete, such as a last-value store on ``pincette/**``. It also
-keeps one reply for each key, and prefers a stored reply with a timestamp to a newer one without.
-A `Query` therefore asks all queryables and takes every reply as it arrives.
+keeps one reply for each key, and prefers a stored reply with a timestamp to a newer one without. A
+`Query` therefore queries all queryables and accepts every reply as it arrives.
 
 A query carries a random mark as its attachment. A program returns the mark with its reply, whereas
 a store replies from memory and cannot know it. Replies without the mark are ignored, however valid

@@ -62,7 +62,7 @@ class RefusedMessages:
 
 
 class RefusedNumbers:
-    """Reports samples that a program refused because of their numbers, where there are many."""
+    """Reports samples that a program refused because of their numbers, if there are many."""
 
     def __init__(self, refused: RefusedMessages, clock: Callable[[], float] = monotonic) -> None:
         """``refused``: object that receives the report."""

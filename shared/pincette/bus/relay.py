@@ -60,7 +60,7 @@ class Relay:
         """Begin to relay."""
         for side in (self._outer, self._inner):
             self._watch(side)
-        # What a TLS stream has read with its handshake is not told by the selector.
+        # The selector does not report bytes that a TLS stream has read with its handshake.
         for side in (self._outer, self._inner):
             self._ready(side, side.line, READ)
 
@@ -89,7 +89,7 @@ class Relay:
             self._read(side)
         except OSError as error:
             self.close(error.strerror or str(error))
-        # Often nothing waits, and both sides are watched as they were.
+        # Often nothing waits, and the registrations of both sides do not change.
         for one in (side, side.other):
             if one.waiting or one.watched != READ:
                 self._watch(one)
@@ -119,7 +119,7 @@ class Relay:
         while side.waiting and (sent := _sent(side.line, side.waiting)):
             del side.waiting[:sent]
         if was_behind and not side.behind:
-            # A TLS stream may hold what it has read already, which no event will tell.
+            # A TLS stream may hold bytes that it has already read, which no event reports.
             self._read(side.other)
 
     def _watch(self, side: Side) -> None:

@@ -143,7 +143,7 @@ class Joined:
 
 def open_session(config: SessionConfig, name: str) -> Joined:
     """Open a session; raises BusError or SecurityError with the remedy."""
-    # Its threads would write lines to standard output, and wait where nobody reads that.
+    # Its threads would write lines to standard output, and wait if no program reads them.
     zenoh.init_log_from_env_or("off")
     os.environ.setdefault(*THREADS)
     stalls = StallWatch(lease_s(config))

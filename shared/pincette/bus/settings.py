@@ -33,7 +33,7 @@ NEVER_WAIT = {
 }
 """Rule for a session in real time: a message for a link whose queue is full is dropped after 1 ms.
 
-Zenoh blocks by default for a query and whatever the sender asks for in a foreign message. The
+By default Zenoh blocks for a query, and treats a foreign message as its sender requests. The
 thread that sends then waits for the slowest link: the loop's own thread for a reply, and a router's
 receiving thread, which serves other links too. A reply has the quality of service of its query, so
 the rule applies to queries as they arrive.
@@ -70,9 +70,9 @@ def settings(config: SessionConfig, name: str) -> dict[str, Any]:
             "exit_on_failure": waits,
             "retry": {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 2},
         },
-        # Or routers stamp what passes by their wall clocks, and judge what another one stamped.
+        # Otherwise routers timestamp messages by their wall clocks, and check others' timestamps.
         "timestamping": {"enabled": False},
-        # A router tells `pincette doctor` which sessions have declared what; nobody can change it.
+        # `pincette doctor` reads from a router what sessions have declared; all may only read it.
         "adminspace": {
             "enabled": config.mode == "router",
             "permissions": {"read": True, "write": False},
@@ -128,7 +128,7 @@ def _sending(*, patient: bool) -> dict[str, Any]:
 
 def _tls(member: TlsIdentity, *, closes_on_expiry: bool) -> dict[str, Any]:
     """Return the settings of mutual TLS; the router closes a link when its certificate expires."""
-    # The services do not: a held part is not let go of because of a date.
+    # The services do not: an expired certificate must not release a held part.
     files = member.credentials
     return {
         "root_ca_certificate": str(files.authority),

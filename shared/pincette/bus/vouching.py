@@ -1,7 +1,7 @@
 """Both TLS sessions of a guard: with the client, and on its behalf with Zenoh."""
 
-# Zenoh's access lists go by the common name of a certificate. So the guard, which has seen the
-# real one, shows Zenoh another of the same name, signed by an authority of this process alone.
+# Zenoh's access lists use the common name of a certificate. So the guard, which has seen the
+# real one, presents another of the same name to Zenoh, signed by an authority of this process.
 
 import os
 import ssl
@@ -32,7 +32,7 @@ class Vouching:
 
         ``time`` is the clock by which the expiry of certificates is judged.
         """
-        # What makes certificates is loaded where there are any: it takes as long as a short stop.
+        # Loaded only if there are certificates: the import takes as long as a short stop.
         from pincette.security.certificates import new_authority
 
         self._authority = new_authority(datetime.now(UTC), DAYS)

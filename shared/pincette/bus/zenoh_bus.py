@@ -125,7 +125,7 @@ class ZenohBus:
         return of_other_wires(self._tokens(live_key_of_any_wire(rig), 0.3))
 
     def _tokens(self, place: str, timeout_s: float = 1.0) -> list[str]:
-        # Tokens are known to the routers, which answer; no queryable is asked.
+        # The routers know the tokens and reply; no queryable is queried.
         replies = self._asked(lambda one: one.liveliness().get(place, timeout=timeout_s))
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
@@ -337,7 +337,7 @@ class ZenohBus:
             return update_which(program, wire)
         if not query.finished:
             return f"no answer within {timeout_s:.3g} s; it may hang"
-        # A request that an access list refuses is one that nobody answers.
+        # A request that an access list denies gets no reply.
         allowed = f", and may {self._identity} ask it" if self._identity else ""
         return f"is it running{allowed}?{_foreign(query.ignored)}"
 
@@ -386,7 +386,7 @@ class _Publisher:
         self._newest: bytes | None = None
 
     def open(self, session: zenoh.Session) -> Any:
-        """Publish at a session, and answer there."""
+        """Publish at a session, and reply to queries there."""
         control, priority = zenoh.CongestionControl, zenoh.Priority
         self._publisher = session.declare_publisher(
             self._place,
@@ -404,7 +404,7 @@ class _Publisher:
         except zenoh.ZError:
             if publisher is self._publisher:
                 raise
-            self.send(payload)  # the session was opened anew meanwhile
+            self.send(payload)  # the session was opened again meanwhile
 
     def reply(self, query: zenoh.Query) -> None:
         """Reply with the newest payload.

@@ -6,8 +6,8 @@
 
 Units are in the names: µm, mN, V, s. A refusal raises ``ProblemError``, whose text names the value,
 its unit, the limit and the remedy, or one of the classes below it, by its code. ``NoAnswerError``
-means that no answer has come; its ``delivered`` says whether the request may have been taken all
-the same.
+means that no reply has come; its ``delivered`` states whether the request may have been accepted
+nevertheless.
 """
 
 from pincette.client.blocking import JobHandle, RigHandle, Supervisor

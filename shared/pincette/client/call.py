@@ -86,9 +86,9 @@ class Call(Generic[T]):
         Raises
         ------
         ProblemError
-            The supervisor refuses.
+            The supervisor refuses the request.
         ForeignAnswerError
-            The answer is not one of a supervisor of this version.
+            The reply is not one of a supervisor of this version.
         """
         if response.is_error:
             raise problem_of(response)

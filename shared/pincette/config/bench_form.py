@@ -169,7 +169,7 @@ def bench_file(values: dict[str, Value], options: dict[str, list[str]]) -> str:
     Raises
     ------
     ConfigError
-        Where gain and voltages make no range, or the file could not be read.
+        Gain and voltages make no range, or the file could not be read.
     """
     gain = float(values.pop("amplifier_gain"))
     low_V, high_V = float(values.pop("arm_min_V")), float(values.pop("arm_max_V"))

@@ -122,9 +122,9 @@ def ring_shares(rig: RigFile, assumed: OutputTiming | None = None) -> RingShares
     Parameters
     ----------
     assumed
-        When a voltage acts, where the model does not have it (``output_delay_s``), as the drivers
-        of a rig state it; None: the shares are 0 then. Steps in parts ring so little that the usual
-        delay serves.
+        Times at which a voltage acts, as the drivers of a rig state them, for a model without
+        ``output_delay_s``; None: the shares are then 0. Steps in parts ring so little that the
+        usual delay suffices.
     """
     model, part, period_s = rig.model, rig.part, rig.rig.period_s
     known = model.output_delay_s is not None or rig.shaping_s is not None
@@ -204,11 +204,12 @@ def planned_rig(
     Parameters
     ----------
     stands_um
-        Where its arm stands; None: where it rests. Where the sensor cannot measure, nobody knows.
+        Present position of the arm, in µm; None: at rest. It counts as unknown if the sensor cannot
+        measure it.
     condition_V
-        Lowest voltage of the strokes that a plan begins with; None: it begins without.
+        Lowest voltage of the strokes with which a plan begins, in V; None: it begins without any.
     rest_um
-        Reading of its arm at rest at 0 V; None: not known.
+        Reading of the arm at rest at 0 V, in µm; None: not known.
     """
     limits, model = rig.limits, rig.model
     return PlannedRig(
@@ -236,7 +237,7 @@ def planned_rig(
 
 
 def _readable(rig: RigFile, x_um: float | None) -> float | None:
-    """Return a position, or None where the sensor cannot measure it."""
+    """Return a position, or None if the sensor cannot measure it."""
     sensor = rig.sensor
     if x_um is None or not sensor.minimum_um <= x_um <= sensor.maximum_um:
         return None

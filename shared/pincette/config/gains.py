@@ -86,7 +86,7 @@ def _tuned(
         _tuning_rig(rig, len(path.force_r_mN), parameter_set),
         path,
         definition,
-        # That of an assessment, which would also look for advice on each that is refused.
+        # Only the radius: an assessment would also search for advice on each refused setting.
         lambda settings: _judged_radius(rig, settings, limit),
         radius_limit=limit,
         grid=None if grid is None else dict(grid),

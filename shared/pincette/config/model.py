@@ -108,7 +108,7 @@ class IdentifiedFreeResponse(Table):
     weights_um_per_V: tuple[float, ...] = Field(strict=False)
     """Weight w_i of each play."""
     creep_times_s: tuple[float, ...] = Field(default=(), strict=False)
-    """Creep times τ_j."""
+    """Creep times τ_j, in s."""
     creep_fractions: tuple[float, ...] = Field(default=(), strict=False)
     """Creep fractions κ_j, shares of the static displacement, one for each time."""
     fadings_per_V: tuple[float, ...] = Field(default=(), strict=False)
@@ -259,7 +259,7 @@ class RecordedFreeResponse(Table):
     ascending: tuple[float, ...] = Field(strict=False)
     """Shares of the height from bottom to top, at equal steps of the voltage."""
     descending: tuple[float, ...] = Field(strict=False)
-    """Shares of the height from top to bottom, at equal steps of the voltage."""
+    """Shares of the same height along the descending branch, at equal steps of the voltage."""
     residual_um: NotNegative
     """Residual (r.m.s.) on free motion that was not recorded; it enters the force uncertainty."""
 

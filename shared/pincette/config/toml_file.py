@@ -14,7 +14,7 @@ MOST_BYTES = 4 * 2**20
 """Largest allowed size of a rig file, in bytes; one with a measured free response is far smaller.
 """
 BASE = "base"
-"""Name of the value that names the base file. The values of that file apply where a rig file states
+"""Name of the value that names the base file. The values of that file apply if a rig file states
 none of its own."""
 
 

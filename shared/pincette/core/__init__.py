@@ -1,1 +1,1 @@
-"""What all programs share: services as data, topics, messages and their codec, plug-ins."""
+"""Shared parts of all programs: services as data, topics, messages and their codec, plug-ins."""

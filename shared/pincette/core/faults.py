@@ -26,7 +26,7 @@ __all__ = [
 
 
 class Outcome(StrEnum):
-    """How a program ends, according to the controller."""
+    """End of a program, according to the controller."""
 
     NONE = ""
     """No outcome yet."""
@@ -84,7 +84,7 @@ class ActionCode(StrEnum):
 
 
 class LeaseEnd(StrEnum):
-    """How a program is stopped when its lease ends; each is an action too."""
+    """Ways to stop a program when its lease ends; each is also an action."""
 
     STOP = "stop"
     LET_GO = "let_go"

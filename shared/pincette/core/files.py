@@ -42,7 +42,7 @@ def temporary_folder() -> Generator[Path]:
 
 
 class EncodingError(ValueError):
-    """A text is not UTF-8; names the encoding, the place and the remedy."""
+    """A text is not UTF-8; the message names the encoding, the place and the remedy."""
 
 
 def decoded(content: bytes) -> str:
@@ -81,8 +81,8 @@ def replacing(path: Path, mode: int = 0o666) -> Generator[Path]:
     """Yield a draft in the same folder; it replaces the file when the block ends without an error.
 
     A reader sees the old content or the new content, also after a power cut. After an error the
-    file is as it was. The draft exists when the block begins, with ``mode`` less what the umask
-    of the process forbids. Raises OSError.
+    file is unchanged. The draft exists when the block begins, with ``mode`` minus the bits that the
+    umask of the process forbids. Raises OSError.
     """
     draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}{DRAFT}")
     os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode))

@@ -1,4 +1,4 @@
-"""How often the sensor samples while nothing plays: rarely, as only people read the samples."""
+"""Sampling while nothing plays: at a low rate, since only people read the samples."""
 
 SAMPLE_S = 0.1
 """Time between two samples of an idle rig, in s, if it is longer than a control period."""

@@ -1,4 +1,4 @@
-"""Opens ports to listen at, and says in one line why one cannot be opened, with the remedy."""
+"""Opens ports to listen at, and states in one line why one cannot be opened, with the remedy."""
 
 import errno
 import pwd
@@ -58,7 +58,7 @@ def why_not(host: str, port: int, error: OSError) -> str:
 def listener_uid(host: str, port: int) -> int | None:
     """Return the account (user id) of the program that listens at a port of this machine.
 
-    None where nothing listens there, where the host is a name, or where the system does not say.
+    None if nothing listens there, if the host is a name, or if the system does not state it.
     """
     tables = {socket.AF_INET: "/proc/net/tcp", socket.AF_INET6: "/proc/net/tcp6"}
     wanted: set[str] = set()
@@ -68,7 +68,7 @@ def listener_uid(host: str, port: int) -> int | None:
         except OSError:
             continue
         wanted |= {_as_listed(address), _as_listed(bytes(len(address)))}
-        if family == socket.AF_INET:  # listeners at :: take connections over IPv4, too
+        if family == socket.AF_INET:  # listeners at :: also accept connections over IPv4
             wanted |= {_as_listed(bytes(10) + b"\xff\xff" + address), _as_listed(bytes(16))}
     for table in tables.values():
         try:
@@ -90,7 +90,7 @@ def _as_listed(address: bytes) -> str:
 
 
 def account_name(uid: int) -> str:
-    """Return the name of an account, or its number where the system knows no name."""
+    """Return the name of an account, or its number if the system knows no name."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

@@ -50,13 +50,13 @@ def read_table(path: str, names: Sequence[str]) -> list[dict[str, float]]:
     Parameters
     ----------
     names
-        Names of the columns in their order, each with its unit at its end. Where the file has
-        these very names among others, other columns are passed over.
+        Names of the columns in their order, each with its unit at its end. If the file has exactly
+        these names among others, the other columns are skipped.
 
     Raises
     ------
     FileError
-        Where the file cannot be read, or can be read in two ways.
+        The file cannot be read, or can be read in two ways.
     """
     try:
         with Path(path).open("rb") as file:
@@ -139,7 +139,7 @@ def _fields(lines: Sequence[tuple[int, str]]) -> list[Row]:
 
 
 def _by_comma(line: str) -> bool:
-    """Whether a line's commas separate, not only stand within numbers between white space."""
+    """Return whether a line's commas separate fields, and not only digits."""
     return "," in line and not (
         len(line.split()) > 1 and all(numerals.NUMBER.fullmatch(item) for item in line.split())
     )
@@ -172,7 +172,7 @@ def _places(at: int, header: Sequence[str], names: Sequence[str]) -> list[int]:
 
 
 def _stated_unit(title: str) -> str:
-    """Return the unit that a column's title states; empty where it is one word without a unit."""
+    """Return the unit that a column's title states; empty if it is one word without a unit."""
     found = UNIT_IN_NAME.search(title)
     if found:
         return found.group(1)
@@ -191,7 +191,7 @@ def _decimal_commas(rows: Sequence[Row]) -> bool:
     Raises
     ------
     FileError
-        Where points and commas are both used as decimal signs.
+        Points and commas are both used as decimal signs.
     """
     fields = [(at, field) for at, row in rows for field in row]
     comma = [at for at, field in fields if "," in field]

@@ -13,9 +13,9 @@ WHOLE = re.compile(r"[+\-−]?[0-9]+")
 THOUSANDS = re.compile(r"[+\-−]?(?!0+,)[0-9]{1,3},[0-9]{3}")
 """A comma that may be a decimal sign or a thousands separator."""
 GROUPED = re.compile(r"[+\-−]?[0-9]{1,3}(?:\.[0-9]{3})*")
-"""Text that may stand before a decimal comma, including thousands separated by points."""
+"""Text that may precede a decimal comma, including thousands separated by points."""
 DECIMALS = re.compile(r"[0-9]+(?:[eE][+\-−]?[0-9]+)?")
-"""Text that may stand after a decimal comma."""
+"""Text that may follow a decimal comma."""
 GROUP = re.compile(r"0[0-9]{2}")
 """Three digits that begin with 0, as the groups of 1 000 do."""
 LIST_HINT = "separate the numbers by '; ', such as '5; 10; 2.5'"
@@ -29,7 +29,7 @@ def number(text: str) -> float:
     Raises
     ------
     ValueError
-        Where it states none, or can be read in two ways; the text says why and what to write.
+        The text states none, or can be read in two ways; the message gives reason and remedy.
     """
     stripped = text.strip()
     if THOUSANDS.fullmatch(stripped):
@@ -56,13 +56,13 @@ def whole(text: str) -> int:
 def items(text: str) -> list[str]:
     """Return the texts of the numbers in a list.
 
-    Numbers are separated by ``;``, by a comma with white space after it, or by white space. Commas
-    alone separate only where no two neighbours could be one number with a decimal comma.
+    Numbers are separated by ``;``, by a comma followed by white space, or by white space. Commas
+    alone separate only if no two neighbours could be one number with a decimal comma.
 
     Raises
     ------
     ValueError
-        Where the list can be read in two ways.
+        The list can be read in two ways.
     """
     stripped = text.strip()
     if ";" in stripped:
@@ -106,13 +106,13 @@ def _item(text: str) -> float:
 def records(text: str, count: int) -> list[list[str]]:
     """Return the texts of several records, each of ``count`` numbers with ``:`` between them.
 
-    Commas separate records where every piece between two commas is a record; otherwise they are
+    Commas separate records if every piece between two commas is a record; otherwise they are
     decimal signs, and ``;`` or white space separates.
 
     Raises
     ------
     ValueError
-        Where a piece has another count of numbers; the text is that piece.
+        A piece has another count of numbers; the message is that piece.
     """
     stripped = text.strip()
     pieces = [piece.strip() for piece in stripped.split(",")]

@@ -40,7 +40,7 @@ class PluginError(Exception):
 
 @cache
 def _all_entries(_path: tuple[str, ...]) -> EntryPoints:
-    # This reads the metadata of every installed distribution, which takes 10 ms and more. The class
+    # This reads the metadata of every installed distribution, which takes 10 ms or more. The class
     # that Python 3.11 returns has the same ``select``.
     return cast(EntryPoints, entry_points())
 

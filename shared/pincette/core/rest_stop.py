@@ -1,6 +1,6 @@
 """An emergency stop over REST with the standard library alone, so that it begins at once.
 
-An answer counts only if it is a supervisor's own, and if its certificate is trusted.
+A reply counts only if it is a supervisor's own, and if its certificate is trusted.
 """
 
 import json
@@ -18,7 +18,7 @@ from pincette.core.listening import account_name, listener_uid
 
 API = "/api/v1"
 MOST_BYTES = 1_000_000
-"""Size limit of an answer, in bytes."""
+"""Size limit of a reply, in bytes."""
 UNCONFIRMED = "urn:pincette:problem:estop-unconfirmed"
 ESTOP_CAUSE = "estop"
 """Cause of a trip by an emergency stop, as ``Cause.ESTOP`` is written over REST."""
@@ -46,7 +46,7 @@ class RestStop:
     proven: bool = False
     """True if a certificate proved the identity of the supervisor. Plain HTTP proves nothing."""
     foreign_account: str = ""
-    """Account of the program that answered, if it belongs to another user of this machine."""
+    """Account of the program that replied, if it belongs to another user of this machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +63,9 @@ def stop_over_rest(
 ) -> RestStop:
     """Stop one rig of a supervisor, or all of them.
 
-    The address may be any that a person copies: see ``root_of``. Where the supervisor's certificate
-    is not believed the stop is sent without the headers, and nothing counts as confirmed. Plain
-    HTTP does not prove who answers, so the key, which a stop does not need, is not sent over it.
+    The address may be any that a person copies: see ``root_of``. If the supervisor's certificate is
+    not trusted, the stop is sent without the headers, and nothing counts as confirmed. Plain HTTP
+    does not prove who replies, so the key, which a stop does not need, is not sent over it.
 
     Raises
     ------

@@ -34,10 +34,10 @@ def prepare_streams() -> None:
 
 
 def flushed(status: int, failed: int) -> int:
-    """Return the exit status once all output is written, or ``failed`` where it cannot be.
+    """Return the exit status once all output is written, or ``failed`` if it cannot be.
 
-    Output that cannot be written is dropped. Else Python would try again at its end, and replace
-    the status by its own.
+    Output that cannot be written is dropped. Otherwise Python would try again at its end, and
+    replace the status by its own.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -58,7 +58,7 @@ def drop(stream: TextIO) -> None:
 
 
 class LossyWriter(io.TextIOBase):
-    """Text stream for programs that have to go on whether or not their output can be written.
+    """Text stream for programs that must continue even if their output cannot be written.
 
     ``write`` neither waits nor raises. A thread writes to the stream behind. Texts that cannot be
     written (full disk, ended reader, lost terminal, closed stream) are counted and dropped, and so
@@ -79,7 +79,7 @@ class LossyWriter(io.TextIOBase):
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Encoding of the stream behind."""
+        """Return the encoding of the stream behind."""
         return self._encoding
 
     def isatty(self) -> bool:
@@ -91,7 +91,7 @@ class LossyWriter(io.TextIOBase):
         return True
 
     def write(self, text: str, /) -> int:
-        """Enqueue a text, or drop and count it where the queue is full."""
+        """Enqueue a text, or drop and count it if the queue is full."""
         try:
             self._pending.put_nowait(text)
         except Full:
@@ -99,7 +99,7 @@ class LossyWriter(io.TextIOBase):
         return len(text)
 
     def drain(self, timeout_s: float) -> bool:
-        """Wait until no text waits to be written; return False where that takes too long."""
+        """Wait until no text waits to be written; return False if that takes too long."""
         until_s = monotonic() + timeout_s
         while self._pending.unfinished_tasks:
             if monotonic() > until_s:

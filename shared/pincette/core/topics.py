@@ -1,8 +1,8 @@
 """Declaration of every key on the bus: message, producer, and when and how it is sent.
 
-A message is dropped where a link stalls, so that no program waits for a link. In lockstep it is
-delayed instead, since there every service answers every tick. The newest message of every topic can
-be queried on the topic's own key.
+A message is dropped if a link stalls, so that no program waits for a link. In lockstep it is
+delayed instead, since every service then processes every tick. The newest message of every topic
+can be queried on the topic's own key.
 
 A key has one producer, so that a query for its newest message has one reply. A topic that every
 service of the loop publishes has a key for each of them.
@@ -214,7 +214,7 @@ def topic_keys(rig: str) -> tuple[str, ...]:
 
 
 def request_key(rig: str, request: Request) -> str:
-    """Return the key expression under which a program answers a request."""
+    """Return the key expression under which a program serves a request."""
     return f"{ROOT}/{rig}/call/{request.service}/{request.name}"
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def config_folder() -> Path | None:
-    """Return the folder of the account's settings, or None where the account has no home."""
+    """Return the folder of the account's settings, or None if the account has no home."""
     if given := os.environ.get("XDG_CONFIG_HOME"):
         return Path(given)
     try:

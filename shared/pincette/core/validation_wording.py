@@ -55,7 +55,7 @@ KINDS: Mapping[str, str] = {
     "path": "a path",
     "url": "an address, as https://example.org/path",
 }
-"""What is expected if a value has the wrong type, by the first word of the code."""
+"""Expected type of a value that has the wrong one, by the first word of the code."""
 BRANCHES = ("float", "int", "str", "bool")
 """Types that pydantic names among the fields if a value may be one of several."""
 
@@ -83,7 +83,7 @@ def refusal(error: Mapping[str, Any], unit: str = "") -> str:
     if known is not None:
         try:
             return known.format(**context, unit=f" {unit}" if unit else "")
-        except (KeyError, ValueError):  # without the numbers, or with such as are no numbers
+        except (KeyError, ValueError):  # a number is missing or is not a number
             pass
     kind = next((name for name in KINDS if code.startswith(f"{name}_")), "")
     return f"must be {KINDS[kind]}" if kind else "cannot be used here"

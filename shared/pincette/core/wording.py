@@ -133,7 +133,7 @@ UNKNOWN_FORCE: Mapping[FaultCode, str] = {
         "limit {limit_mN:.1f} mN"
     ),
 }
-"""Texts in place of those of ``TEXTS`` where the fault carries no value of the force."""
+"""Texts in place of those of ``TEXTS`` if the fault carries no value of the force."""
 IN_A_ROW = frozenset(
     {
         FaultCode.FORCE_BEYOND_LIMIT,

@@ -34,13 +34,13 @@ def arm(
     Parameters
     ----------
     zero_confirmed
-        A person has said that nothing touches the arm, so that no earlier zero is held against a
-        new one.
+        True if a person has confirmed that nothing touches the arm, so that earlier zeros do not
+        count against a new one.
 
     Raises
     ------
     BusError, RefusalError
-        Where a service does not answer, or refuses.
+        A service does not reply, or refuses.
     """
     if owner is None:
         owner = status(bus, "controller").instance
@@ -58,6 +58,6 @@ def arm(
             program.takes_force_over,
         )
         bus.call(ARM[service], request)
-        # Before the first sample, so that no program plays without the lease it shall have.
+        # Before the first sample, so that no program plays without its lease.
         if service == "controller" and lease is not None:
             bus.call(LEASE, lease)

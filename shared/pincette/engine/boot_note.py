@@ -1,4 +1,4 @@
-"""How the previous program ended, noted in a file of the program's own.
+"""Note of how the previous program ended, in a file of the program's own.
 
 The supervisor may have been absent, or have died at the same time. The program itself therefore
 notes that it runs, before it serves, and that it has ended cleanly, after it has come to rest.
@@ -32,7 +32,7 @@ class Before(NamedTuple):
 
     ended: Predecessor = Predecessor.NONE
     instance: int | None = None
-    """Number of that program's start, if it was noted."""
+    """Number of the start of that program, if it was noted."""
 
 
 FIRST = Before()
@@ -82,7 +82,7 @@ class BootNote:
             ) from error
 
     def end(self, ending: Predecessor, instance: int) -> None:
-        """Note how the program ended once it is at rest, and which start of it that was."""
+        """Note how the program ended, once it is at rest, and the number of its start."""
         if ending is not Predecessor.DIED:
             self._write(ending, instance)
 

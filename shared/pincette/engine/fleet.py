@@ -24,12 +24,12 @@ from pincette.engine.start_progress import StartProgress, demand_s
 
 STOP_S = 5.0
 LOOK_S = 1.0
-"""Time between two checks of the progress of starting programs."""
+"""Time between two checks of the progress of starting programs, in s."""
 ROUTER_S = 2.0
 NEEDED_FIRST = ("router", "upstream", "rig")
 """Programs that must run before the others start."""
 Say = Callable[[str, str], None]
-"""Called with a program's name and one line about it."""
+"""Function that is called with a program's name and one line about it."""
 LOG_STAMP = re.compile(r"^\d{4}-\d\d-\d\d [\d:,]+ \w+ ")
 
 
@@ -50,7 +50,7 @@ class Child:
     line: str = ""
 
     log_begin: int = 0
-    """Length of the log file when the program was started."""
+    """Length of the log file when the program was started, in bytes."""
 
     def tail(self) -> str:
         """Return the last lines that the program has logged since its start."""
@@ -171,7 +171,7 @@ class Fleet:
         for member in started:
             looked_s = monotonic()
             while not member.ready.wait(0.05):
-                # One that others wait for may have ended.
+                # A program that others wait for may have ended.
                 ended = [one for one in started if one.process.poll() is not None]
                 if ended:
                     raise FleetError(
@@ -184,7 +184,7 @@ class Fleet:
                 if monotonic() - looked_s < LOOK_S:
                     continue
                 looked_s = monotonic()
-                # A program may wait for one that is slow: all of them make progress, or none.
+                # A program may wait for a slow one: either all of them make progress, or none.
                 still = [one for one in started if not one.ready.is_set()]
                 whys = {one.name: progress[one.name].why_given_up() for one in still}
                 if all(whys.values()) or any("ready" in why for why in whys.values()):
@@ -241,7 +241,7 @@ class Fleet:
             log_files.rotate_if_full(member.log)
 
     def ended(self) -> list[Child]:
-        """Return the programs that have ended by themselves."""
+        """Return the programs that have ended on their own."""
         return [member for member in self.members.values() if member.process.poll() is not None]
 
     def signal(self, name: str, number: signal.Signals) -> None:
@@ -249,7 +249,7 @@ class Fleet:
         os.kill(self.members[name].process.pid, number)
 
     def down(self) -> None:
-        """End every program: the supervisor, then the loop, its recorder, and what they need."""
+        """End every program: the supervisor, then the loop, the recorder, and the others."""
         first = ["supervisor"], list(self._rig.programs), ["recorder"]
         others = [name for name in self.members if not any(name in stage for stage in first)]
         for stage in (*first, others):

@@ -42,7 +42,7 @@ from pincette.instruments.protocols import (
 )
 
 Device = PositionSensor | VoltageOutput | tuple[PositionSensor | VoltageOutput, ...] | None
-"""Device of a service; a tuple of one for each arm on a rig of two arms."""
+"""Device of a service; on a rig of two arms a tuple with one for each arm."""
 
 
 def of_arms(devices: Sequence[PositionSensor | VoltageOutput]) -> Device:
@@ -56,8 +56,8 @@ MOST_SAMPLES = 3000
 """Largest number of samples of an acquisition in one tick; if the loop was late, the rest follows
 in later ticks."""
 LEAST_READING_S = 0.005
-"""Shortest limit of a reading's duration, in s: a machine that stands still so long does not make a
-reading old."""
+"""Shortest limit of a reading's duration, in s: a standstill of the machine of this length does not
+make a reading too old."""
 WAITED_SHARE = 0.8
 """Share of that limit for which the service waits for a sensor."""
 NO_PARTS = (
@@ -74,7 +74,7 @@ REOPEN_PERIODS = 1.5
 """Time, in control periods, within which a lost line to an output may be opened again without a
 fault. A command is at most one period old when it is written, and the default age limit is 2.5."""
 SAME_V = 0.01
-"""Two voltages that differ by less than this, in V, differ by rounding only."""
+"""Difference of two voltages, in V, below which they differ only by rounding."""
 PASSING = ("silent", "late", "garbled")
 """Failures of an exchange that may succeed when it is repeated."""
 
@@ -83,8 +83,8 @@ PASSING = ("silent", "late", "garbled")
 class ReadingWatch:
     """Refuses readings that took too long.
 
-    The instrument may have measured at the begin of the exchange. A position that is older than a
-    control period would let the arm press on for that time.
+    The instrument may have measured at the beginning of the exchange. A position that is older than
+    a control period would let the arm continue to press for that time.
     """
 
     oldest_s: float
@@ -129,7 +129,7 @@ class Instrument:
         self._recorder = ExchangeRecorder()
         self._device: Any = device
         self._watched = device if isinstance(device, WatchedOutput) else None
-        """Whether the output has a watchdog, checked once, since the check takes long."""
+        """True if the output has a watchdog; checked once, since the check takes long."""
         self._period_s = period_s
         self._kicked_at_s = 0.0
         self._confirmed_V: float | None = None
@@ -208,10 +208,10 @@ class Instrument:
     def _done_again(self, act: Callable[[], None], *expected_V: float | None) -> float | None:
         """Call the driver, and once more if the line was lost and the output keeps its voltage.
 
-        A device server that ends its client's connection, or that is restarted, leaves the output
-        as it is. So the voltage is read back over the new connection, and only one of the expected
-        voltages counts: an output that has lost its supply or was tripped has another one. Returns
-        the time at which the call began; None where it was repeated.
+        A device server that ends its client's connection, or that is restarted, does not change the
+        output. The voltage is therefore read back over the new connection, and only one of the
+        expected voltages counts: an output that has lost its supply or was tripped has another one.
+        Returns the time at which the call began; None if it was repeated.
         """
         began_s = self._now_s()
         try:
@@ -235,7 +235,7 @@ class Instrument:
         return began_s
 
     def recover(self) -> float:
-        """For a reset: clear the trip of a watched output, and return its voltage."""
+        """Clear the trip of a watched output for a reset, and return its voltage."""
         try:
             if self._watched is not None:
                 self._watched.clear_trip()
@@ -247,7 +247,7 @@ class Instrument:
     def read_back(self) -> float:
         """Return the output's voltage; raises RefusedError if the output does not state it.
 
-        One wrong answer does not count: reading moves nothing, so it is tried again.
+        One wrong reply does not count: reading moves nothing, so it is repeated.
         """
         try:
             return float(self._read_back())
@@ -258,7 +258,7 @@ class Instrument:
     def measure(self) -> None:
         """Read the output's voltage a few times to measure exchanges, which moves nothing.
 
-        A failed question is left out: the output has just been read back.
+        A failed query is left out: the output has just been read back.
         """
         if self._watch is None:
             return
@@ -319,15 +319,15 @@ class Instrument:
 
 
 def published(outputs: tuple[Any, ...]) -> tuple[Message, ...]:
-    """Return the outputs without the first one, where that was meant for the instrument."""
+    """Return the outputs without the first one, if that was meant for the instrument."""
     return outputs[1:] if outputs and isinstance(outputs[0], ORDERS) else outputs
 
 
 def driver_error(error: Exception) -> InstrumentError:
     """Return a driver's exception as an instrument's error.
 
-    An exception of any other class, such as the ValueError of a driver from outside, counts as an
-    answer that the driver could not read.
+    An exception of any other class, such as the ValueError of an external driver, counts as a reply
+    that the driver could not read.
     """
     if isinstance(error, InstrumentError):
         return error
@@ -421,10 +421,10 @@ def reading_timeout_s(rig: RigFile, at_most_s: float = inf) -> float:
 def _retried(open_: Callable[[], D], times: int) -> D:
     """Open an instrument in at most ``times`` attempts.
 
-    Where all programs of a rig start at once, the first answer may be late; a line that is being
+    If all programs of a rig start at once, the first reply may be late; a line that is being
     plugged in makes noise.
     """
-    # A sensor with a short timeout in a tick needs more of them to answer its first exchange.
+    # A sensor with a short timeout in a tick may need several attempts for its first exchange.
     for _ in range(times - 1):
         try:
             return open_()

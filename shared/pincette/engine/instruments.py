@@ -49,7 +49,7 @@ class Instruments:
         """True if an output needs heartbeats."""
 
     def read(self) -> Reading:
-        """Read the sensor of each arm; the first reading is as old as all readings took."""
+        """Read the sensor of each arm; the first reading is then as old as the duration of all."""
         if not self._several:
             return Reading((self._arms[0].read(),))
         watch = self._watch
@@ -83,7 +83,7 @@ class Instruments:
         return None
 
     def recover(self) -> PutOut:
-        """For a reset: clear the trip of each output, and return the voltages of all."""
+        """Clear the trip of each output for a reset, and return the voltages of all."""
         return self._read_V([one.recover for one in self._arms])
 
     def read_back(self) -> PutOut:

@@ -1,9 +1,10 @@
 """The inputs of one service: which samples are accepted, and which of them a step uses.
 
 A sample of a trigger waits for its partners, the samples of other topics that are joined to it by
-epoch and number. In lockstep nothing is lost, so every sample is taken and every step waits for all
-partners. In real time a bus may lose, repeat or reorder samples; then numbers are checked, only the
-newest sample of a stream counts, and a step is made without a partner that does not come in time.
+epoch and number. In lockstep nothing is lost, so every sample is accepted and every step waits for
+all partners. In real time a bus may lose, repeat or reorder samples; then numbers are checked, only
+the newest sample of a stream counts, and a step is made without a partner that does not come in
+time.
 """
 
 from collections import deque
@@ -47,7 +48,7 @@ class Joiner:
         ----------
         recorded
             True for samples of a record: they are in order, so that no number is checked, and a
-            partner that is missing will not come, so that no step waits for one.
+            missing partner will not come, so that no step waits for one.
         """
         self._period_s = period_s
         self._lockstep = lockstep
@@ -58,12 +59,12 @@ class Joiner:
         self._wait_s = 0.0 if recorded else JOIN_WAIT_PERIODS * period_s
         self._idle_periods = idle_periods(period_s)
         self.refused = 0
-        """Number of samples that were not taken because of their number."""
+        """Number of samples that were refused because of their number."""
         self.missed = 0
-        """Number of samples that were taken and then displaced by a newer one."""
+        """Number of samples that were accepted and then displaced by a newer one."""
         self.pending: deque[tuple[Sample | None, float]] = deque()
-        """Triggers that wait for their partners, each with the time at which it came; None stands
-        for a tick of the grid, with the time of that tick."""
+        """Triggers that wait for their partners, each with the time at which it came; None means a
+        tick of the grid, with the time of that tick."""
         self.newest: Sample | None = None
         """The sample that triggered the newest step."""
         self._epoch = 0
@@ -79,7 +80,7 @@ class Joiner:
         """Role of each topic, and its place in a row."""
         self._waiting: dict[type[Message], Waiting] = {}
         self._partners: list[tuple[Waiting, int, int]] = []
-        """For each topic that is joined: its samples, its offset, and its place in a row."""
+        """Samples, offset, and place in a row of each topic that is joined."""
         for place, item in enumerate(joinable, start=first):
             kind = item.topic.message
             self._inputs[kind] = item.role, place
@@ -88,7 +89,7 @@ class Joiner:
                 self._partners.append((waiting, item.offset, place))
 
     def take(self, sample: Any, now: float, epoch: int) -> Role | None:
-        """Take a sample, and return the role of its topic; None where its number is refused.
+        """Accept a sample, and return the role of its topic; None if its number is refused.
 
         Parameters
         ----------
@@ -110,16 +111,16 @@ class Joiner:
                 place = next((place for place in waiting if place[0] != epoch), None)
                 del waiting[next(iter(waiting)) if place is None else place]
         elif self._lockstep and sample.seq >= 0 and not sample.final:
-            # Arming began tick 0; the applied voltage of seq -1 is where it starts from.
+            # Arming began tick 0, which starts from the applied voltage of seq -1.
             self.pending.append((None, (sample.seq + 1) * self._period_s))
         return role
 
     def admits(self, sample: Sample, now: float) -> bool:
         """Return whether a sample may be the next one of its topic, and note its number.
 
-        A sample that is not newer than one that was taken is refused. Nor can there be more samples
-        of an epoch than periods since it began: a larger number was not made by the sensor's grid,
-        and would shut out all right ones.
+        A sample that is not newer than an accepted one is refused. Nor can there be more samples of
+        an epoch than periods since it began: a larger number does not come from the sensor's grid,
+        and would cause all correct ones to be refused.
 
         Commands with older numbers are admitted: the actuator checks their owner and age too.
         Samples of other epochs are not judged. Epoch 0 is the idle loop before the first arming,
@@ -139,11 +140,11 @@ class Joiner:
         return True
 
     def _displaces(self, sample: Sample) -> bool:
-        """Make room for a sample; return whether it is to wait.
+        """Make room for a sample; return whether the sample is to wait.
 
         Only the newest sample of a stream counts; a backlog is never played. Samples of another
-        epoch or owner are a stream of their own, and a repeated sample is older: neither displaces
-        the sample that counts.
+        epoch or owner form their own stream, and a repeated sample is older: neither displaces the
+        sample that counts.
         """
         stream = stream_of(sample)
         for pending in self.pending:
@@ -177,7 +178,7 @@ class Joiner:
             key = epoch, seq + offset
             if key in waiting:
                 row[place] = waiting[key]
-            # The same sum as in ``wait_s``, to the last bit: or a program would wait for no time,
+            # The same sum as in ``wait_s``, to the last bit: otherwise a program would wait for 0 s
             # again and again.
             elif self._needs_partners or now < since_s + self._patience_s(sample):
                 return None
@@ -236,7 +237,7 @@ class Joiner:
         self.pending.append((None, at_s))
 
     def blank(self) -> Row:
-        """Return the inputs of a step that no sample has led to."""
+        """Return the inputs of a step that no sample has caused."""
         return [*self._blank]
 
     def copy(self) -> "Joiner":

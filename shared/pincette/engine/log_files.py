@@ -14,21 +14,21 @@ from typing import TextIO
 from pincette.core import files
 
 FULL_BYTES = 4_000_000
-"""Length at which a file is rotated."""
+"""Length at which a file is rotated, in bytes."""
 KEPT = 4
 """Number of older files that are kept, as NAME.log.1 (the newest) to NAME.log.4."""
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of log files, which other accounts cannot enter."""
+    """Create the folder of log files, which other accounts cannot enter."""
     files.make_folder(folder, 0o700)
     folder.chmod(0o700)
 
 
 def open_to_append(log: Path) -> TextIO:
-    """Open a log file, which only this account may read; what it holds is kept.
+    """Open a log file, which only this account may read; its content is kept.
 
-    Its folder is made again where it was removed. Raises OSError.
+    Its folder is created again if it was removed. Raises OSError.
     """
     make_folder(log.parent)
     rotate_if_full(log)

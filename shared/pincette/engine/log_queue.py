@@ -1,8 +1,9 @@
 """Log lines on their way to standard error: no thread that logs waits for a disk or a pipe.
 
-A program's standard error may be a file on a disk that has stopped answering, or a pipe that nobody
-reads. A write to it then lasts until the disk or the reader is back. So one thread writes, and the
-others leave their lines in a bounded queue; lines that find no room are dropped and counted.
+A program's standard error may be a file on a disk that no longer responds, or a pipe that no
+program reads. A write to it then lasts until the disk or the reader is back. One thread therefore
+writes, and the others put their lines into a bounded queue; lines for which there is no space are
+dropped and counted.
 """
 
 import copy
@@ -15,7 +16,7 @@ from time import monotonic, sleep
 CAPACITY = 2000
 """Number of lines that may wait to be written: some minutes of a busy program."""
 END_S = 1.0
-"""Longest time for which the end of a program waits for its last lines to be written."""
+"""Longest time for which the end of a program waits for its last lines to be written, in s."""
 LOOK_S = 0.005
 DROPPED = "%d log lines were dropped: standard error could not be written"
 
@@ -43,7 +44,7 @@ class LogQueue(QueueHandler):
         return record
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Enqueue a record; if there is no room it is dropped and counted."""
+        """Enqueue a record; if there is no space, it is dropped and counted."""
         try:
             self._waiting.put_nowait(record)
         except Full:

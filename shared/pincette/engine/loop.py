@@ -1,9 +1,9 @@
 """The loop of a program: its services, their messages, and the thread of their steps.
 
 The thread that brings a message makes the step itself, one thread at a time; the program's own
-thread makes the steps that a timer asks for. To hand a message over from one thread to another
-takes longer than most steps. This is the pattern of leader and followers: D. C. Schmidt, M. Stal,
-H. Rohnert and F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
+thread makes the steps that a timer requires. Passing a message from one thread to another takes
+longer than most steps. This is the pattern of leader and followers: D. C. Schmidt, M. Stal, H.
+Rohnert and F. Buschmann, Pattern-Oriented Software Architecture, volume 2, Wiley 2000.
 
 The service nearest to the output steps first: the actuator notes a sample at its arrival, before
 anything is computed with it, and a command is put out before the next sample is read. So a tick
@@ -44,7 +44,7 @@ SHUTDOWN_S = 3.0
 MAX_BATCH = 1000
 """Largest number of items that are handled before the clock is read again."""
 SAME_S = 2e-5
-"""Two times that differ by less belong to one timer that was read twice."""
+"""Difference in s below which two times belong to one timer that was read twice."""
 
 
 class Loop:
@@ -70,7 +70,7 @@ class Loop:
         Parameters
         ----------
         urgent
-            Topics that another program waits for: they are published at once (None: all are), the
+            Topics for which another program waits: they are published at once (None: all are), the
             others when no step is ready.
         inline
             Handle messages in the thread that brings them, which calls ``step`` repeatedly: for
@@ -78,7 +78,7 @@ class Loop:
         delay_s
             Longest random delay before a message is published, for tests.
         refused
-            Counts what the bus refuses; the status of each service includes it.
+            Counter of the messages that the bus refuses; the status of each service includes it.
         """
         self.runners: Sequence[Runner] = sorted(
             runners, key=lambda runner: _priority(runner.service.name), reverse=True
@@ -113,7 +113,7 @@ class Loop:
         self._watches = self._look_s < inf
 
         self._bus = bus
-        # Inline is lockstep, where only the number of a sample tells the time.
+        # Inline means lockstep, where only the number of a sample gives the time.
         self._now: Callable[[], float] = (lambda: 0.0) if inline else monotonic
         self._urgent = None if urgent is None else frozenset(one.message for one in urgent)
         self._later: list[Message] = []
@@ -206,7 +206,7 @@ class Loop:
         return now
 
     def _wake_by(self, wakes_s: float) -> None:
-        """Wake the program's own thread if it would wake after that time."""
+        """Wake the program's own thread if it would wake later than that time."""
         if wakes_s < self._wakes_s - SAME_S:
             self._wakes_s = wakes_s
             self._nudges.put(None)
@@ -224,7 +224,7 @@ class Loop:
     def run(self) -> None:
         """Run until stopped; the instruments come to rest even if a service has failed.
 
-        Raises what a step has raised in any thread.
+        An exception of a step in any thread is raised here.
         """
         self.begin(self._now())
         try:
@@ -250,7 +250,7 @@ class Loop:
     def run_once(self) -> float:
         """Handle all items, and make every step that is ready or due by a timer.
 
-        Returns for how many seconds nothing is to be done unless something comes.
+        Return the time, in s, after which the next action is due if no item comes.
         """
         now = self.drain()
         clocked = self._clocked
@@ -274,7 +274,7 @@ class Loop:
             for runner in clocked:
                 if timing := runner.timing(now):
                     self._publish(timing)
-                    break  # of the others in the next turns, or a tick would wait for all
+                    break  # the others follow in the next turns, or a tick would wait for all
             self._collector.collect_if_due()
         if self._unfinished:
             return 0.0
@@ -293,7 +293,7 @@ class Loop:
 
     def _make_ready_steps(self, now: float) -> float:
         """Make every step that is ready, at most one tick; return the time after them."""
-        # In lockstep a next tick is always ready, and requests must be answered between two.
+        # In lockstep a next tick is always ready; requests must be handled between two ticks.
         self._unfinished = stepped = False
         watches, fired = self._watches, True
         while fired:
@@ -316,7 +316,7 @@ class Loop:
                 if watches:
                     now = self._report_busy(runner, began_s, began_cpu_s)
                 stepped = fired = True
-                break  # from the output on again
+                break  # start again from the output
         return now
 
     def _report_busy(self, runner: Runner, began_s: float, began_cpu_s: float) -> float:

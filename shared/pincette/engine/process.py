@@ -136,7 +136,7 @@ def _on_stop(stop: Callable[[], None], options: Options) -> None:
     FAILED.end_program(stop)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop())
-    for number in (signal.SIGHUP, signal.SIGTTOU):  # a lost terminal lets no held part go
+    for number in (signal.SIGHUP, signal.SIGTTOU):  # a lost terminal must not release a held part
         signal.signal(number, signal.SIG_IGN)
     if options.exit_with_parent:
         threading.Thread(target=_wait_for_parent, args=(stop,), daemon=True).start()
@@ -180,7 +180,7 @@ def _run_of_loop(name: str, rig: RigFile, stop: threading.Event, options: Option
             f"[rig] composed = {list(rig.rig.composed)}: the programs of the loop of rig "
             f"{rig.rig.name!r} are {', '.join(rig.programs)}, not {name}"
         )
-    if not rig.lockstep:  # which keeps no clock, and would take the whole machine
+    if not rig.lockstep:  # lockstep keeps no clock, and would use the whole machine
         raise_priority(rig.realtime.of(*member_services(name)))
     participants = loop_programs(rig)
     with ExitStack() as stack:

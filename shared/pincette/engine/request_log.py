@@ -84,10 +84,10 @@ def _made(hint: Any, start_value: Any, value: Any) -> Any:
         (inner, *_), items = get_args(hint), cast("list[Any]", value)
         starts = start_value if len(start_value or ()) == len(items) else (None,) * len(items)
         return tuple([_made(inner, start, item) for start, item in zip(starts, items, strict=True)])
-    for kind in (hint, *get_args(hint)):  # a record where a start has none
+    for kind in (hint, *get_args(hint)):  # a record whose initial value is None
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             return msgspec.convert(value, kind)
-    if isinstance(hint, type) and issubclass(hint, tuple):  # with names
+    if isinstance(hint, type) and issubclass(hint, tuple):  # a NamedTuple
         return cast(Any, hint)(*value)
     return value
 
@@ -129,7 +129,7 @@ class RequestRecorder:
 
     def _entry(self, state: Any, sample: Sample | None, **request: Any) -> RequestLog:
         if sample is not None and sample.epoch != state.epoch:
-            sample = None  # of the epoch before
+            sample = None  # it belongs to the previous epoch
         return RequestLog(
             epoch=state.epoch,
             seq=-1 if sample is None else sample.seq,

@@ -48,7 +48,7 @@ class Revival:
         name, now_s = member.name, self._clock()
         try:
             self._fleet.revive(name)
-        except OSError as error:  # no room for its log, no memory, no process to be had
+        except OSError as error:  # no space for its log, no memory, or no process available
             self._due_s[name] = now_s + LONGEST_S
             say(
                 member,

@@ -31,11 +31,11 @@ class RouterWatch:
     Parameters
     ----------
     ask
-        Asks the router and returns with its answer; may never return.
+        Function that queries the router and returns with its reply; it may never return.
     limit_s
-        Longest time without an answer, in s.
+        Longest time without a reply, in s.
     end
-        Called with the time without an answer, in s.
+        Function that is called with the time without a reply, in s.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ class Runner:
     """Takes samples, requests and the time; steps its service, and writes to its instrument.
 
     Messages lead to steps by ``fire``, and the timer by ``tick``. Once the outputs of a step have
-    been published, ``settle`` does everything that nobody waits for.
+    been published, ``settle`` does the work for which no program waits.
     """
 
     def __init__(
@@ -63,14 +63,14 @@ class Runner:
         Parameters
         ----------
         check_timing
-            Refuse to arm where the instruments do not fit into the period.
+            True refuses to arm if the instruments do not fit into the period.
         line_counts
             Counts of the lines to ``device``.
         clock
-            Measures how long reading ``device`` takes.
+            Clock that measures the duration of reading ``device``.
         recorded
-            True where the samples come from a record: then no number is checked, no step waits for
-            a partner, and no statistics are kept.
+            True for samples of a record: no number is checked, no step waits for a partner, and no
+            statistics are kept.
         """
         self.service = service
         self.instance, self._before = instance, before
@@ -323,7 +323,7 @@ class Runner:
         return reply, outputs
 
     def _handle(self, request: Message, now: float) -> tuple[Message | str, Outputs]:
-        # In lockstep it is the time of the last tick, whatever the clock on the wall says.
+        # In lockstep it is the time of the last tick, whatever the wall clock states.
         if self.lockstep:
             now = 0.0 if isinstance(request, Arm) else self._now
         if isinstance(request, StatusRequest):
@@ -349,7 +349,7 @@ class Runner:
             if isinstance(fault, Fault):
                 if self.lockstep:
                     return fault_text(fault), noted
-                # The request has been obeyed; what its voltage became is for the service to judge.
+                # The request has been carried out; the service judges the resulting voltage.
                 row = self.joiner.blank()
                 row[0] = fault
                 return reply, (*published(outputs), *self._step(row, now), *noted)

@@ -17,7 +17,7 @@ SPEED_FACTOR = 3.0
 """Ratio of the fastest part of the motion to the approach; the paper's widest sinusoid needs it."""
 LARGEST_RESIDUAL = 0.005
 """Largest residual of a model, as a share of the range: arms without a past leave 0.2 %. If relays
-of wide loops stand by chance when the arm is switched on, it is 1 to 3 %."""
+of wide loops happen to be set when the arm is switched on, it is 1 to 3 %."""
 BELOW_REST = 0.1
 """Distance of the motion beyond the rest position, as a share of its height above it."""
 
@@ -30,7 +30,7 @@ def teach(rig: RigFile, *, to_limits: bool = False) -> Identification:
     Raises
     ------
     ValueError
-        Where the motion does not end, or the model leaves more of it than ``LARGEST_RESIDUAL``.
+        The motion does not end, or the model's residual is above ``LARGEST_RESIDUAL``.
     """
     voltage_V, x_um = free_motion(rig, to_limits=to_limits)
     # A simulated arm of the Bouc-Wen class would be identified by its own equation.

@@ -82,6 +82,6 @@ class RepeatedAction:
 
 
 def log_failure(done: Future[Any]) -> None:
-    """Log the error of a future whose result nobody reads; to be used as its callback."""
+    """Log the error of a future whose result is not read; to be used as its callback."""
     if not done.cancelled() and (error := done.exception()) is not None:
         log.error("work in another thread failed: %s", error, exc_info=error)

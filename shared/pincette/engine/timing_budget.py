@@ -88,8 +88,8 @@ class Budget:
     def fits(self) -> bool:
         """Return whether the loop keeps the period.
 
-        As the drivers state it, a sample, its command and the output's response must end within the
-        period. Measured exchanges are longer by what the machine takes.
+        According to the drivers' statements, a sample, its command and the output's response must
+        end within the period. Measured exchanges also contain the time of the machine.
         """
         as_stated = replace(self, sensors_measured_s=(), outputs_measured_s=())
         return as_stated.total_s <= self.period_s and self.loop_s <= self.period_s
@@ -193,7 +193,7 @@ def _lets_go_s(arm: RigFile) -> float:
     try:
         own_s = stated(plugins.VOLTAGE_OUTPUTS, arm.output).lets_go_s
     except (plugins.PluginError, ConfigError):
-        own_s = None  # the driver may be installed on another machine alone
+        own_s = None  # the driver may be installed only on another machine
     if own_s is not None:
         return max(0.0, own_s)
     return inf if arm.output.on_silence == "holds" else 0.0

@@ -1,14 +1,14 @@
 """Recommendations for a measured machine: period, law, composition, age limit, priority; pure.
 
-The actuator trips where no newer command comes for the age limit A, counted from the arrival of the
-sample that the last one was based on. So between two samples a machine may stand still for as long
-as A leaves beside the period T and the way t of a sample to its command:
+The actuator trips if no newer command comes within the age limit A, counted from the arrival of the
+sample on which the last command was based. Between two samples a machine may therefore stall for
+the time that A leaves beside the period T and the time t from a sample to its command:
 
     A = T + 2 L + t,    t = 3 h + c
 
 with the latest wake-up L, p99.9 of a hop over the bus h and the time c of the steps. L counts
-twice, since a short measurement does not meet the latest of a day. A is rounded up to T/2, and not
-below 2.5 T, the default.
+twice, since a short measurement does not contain the latest of a day. A is rounded up to T/2, and
+not below 2.5 T, the default.
 """
 
 from collections.abc import Sequence

@@ -5,8 +5,8 @@ Durations are counted in whole ns. Bucket b begins at
     n(b) = b                               for b < 64
     n(b) = (32 + b mod 32) · 2^(⌊b/32⌋-1)  else
 
-so that each power of two is divided into 32 buckets of equal width. A bucket is told by its end,
-so a quantile is never told too short, and at most 1/32 of it, or 1 ns, too long. This is the
+so that each power of two is divided into 32 buckets of equal width. A bucket is reported as its
+end, so that a quantile is never too short, and at most 1/32 of it, or 1 ns, too long. This is the
 division of HdrHistogram (G. Tene) with five significant bits.
 """
 
@@ -19,7 +19,7 @@ BITS = 5
 STEPS = 1 << BITS
 """Number of buckets for a power of two."""
 LINEAR = 2 * STEPS
-"""Number of ns below which each bucket holds one."""
+"""Duration in ns below which each bucket covers 1 ns."""
 LONGEST_BITS = 63
 """Number of bits of the longest duration in ns: 292 years."""
 BUCKETS = (LONGEST_BITS - BITS - 1) * STEPS + LINEAR

@@ -31,7 +31,7 @@ class Measured:
 def objections(measured: Measured, hop: Distribution | None = None) -> tuple[str, ...]:
     """Return why a period T is not supported; none if it is.
 
-    It is where of at least 100 wake-ups on a grid of T
+    It is supported if of at least 100 wake-ups on a grid of T
 
         p99.9 of the lateness ≤ 0.1 T   and   the latest ≤ 0.5 T,
 

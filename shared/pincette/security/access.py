@@ -1,8 +1,8 @@
 """Access lists of the router and of each service, enforced on their links by certificate names."""
 
 # The router's list protects what passes the router; a service that others reach directly has a list
-# of its own. What no rule allows is denied, also to a certificate that the list does not name:
-# under the opposite, a put on a wildcard would pass each rule that denies.
+# of its own. Everything that no rule allows is denied, also to a certificate that the list does not
+# name: with the opposite default, a put on a wildcard would pass every rule that denies.
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Certificates of a private authority: P-256, SHA-256, X.509 version 3 after RFC 5280."""
 
 # A program that serves may be connected to at the hosts that its certificate names; a person's
-# certificate names none, so that it is not taken for a program's.
+# certificate names none, so that it is not mistaken for a program's.
 
 import ipaddress
 from collections.abc import Sequence

@@ -63,7 +63,7 @@ class Folder:
     def replace(self, identity: Identity, now: datetime, days: float) -> Credentials:
         """Revoke a program's certificate, and create a new one; raises SecurityError."""
         serial = self.facts(identity).serial
-        read_revoked(self.path)  # or it has another one, and the old one is not withdrawn
+        read_revoked(self.path)  # else there would be a new one, and the old one not revoked
         credentials = self.renew(identity, now, days)
         note_revoked(self.path, serial, identity.name)
         return credentials

@@ -93,7 +93,7 @@ class RevocationList:
         try:
             self._serials = before | read_revoked(self.folder)
         except SecurityError as error:
-            if str(error) != self._trouble:  # it is read again at each look
+            if str(error) != self._trouble:  # the file is read again at each check
                 log.error("certificates revoked from here on are not known: %s", error)
             self._trouble = str(error)
         else:

@@ -56,7 +56,7 @@ class Rights:
 
 def rights(identity: Identity) -> Rights:
     """Return the rights of an identity; a program of several services has the rights of all."""
-    # A router publishes nothing of its own, and services of the loop take their inputs directly.
+    # A router publishes nothing itself, and services of the loop receive their inputs directly.
     role, rig = identity.role, identity.rig or ANY
     if role in ROUTERS:
         return Rights()

@@ -1,1 +1,1 @@
-"""The rigs of a supervisor: how they are found, opened and shown over REST."""
+"""The rigs that a supervisor serves: how they are found, opened and shown over REST."""

@@ -1,4 +1,4 @@
-"""Common parts of plans of two arms: contact values, law and its assessment, curves."""
+"""Common parts of plans of two arms: values of the contact, law and its assessment, curves."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -54,10 +54,7 @@ assessed = lru_cache(maxsize=16)(assess_two_arms)
 
 
 def contacts_um(rig: RigFile) -> Pair:
-    """Return the tip positions of both arms at first touch, in µm.
-
-    Raises FaultyRequestError on a rig with one arm.
-    """
+    """Return tips at first touch of both arms; raises FaultyRequestError on a rig of one arm."""
     if rig.second is None:
         raise FaultyRequestError("/kind", "this rig has one driven arm, and the job is for two")
     return rig.part.contact_um, rig.second.contact_um
@@ -66,10 +63,7 @@ def contacts_um(rig: RigFile) -> Pair:
 def pair_request(
     values: dict[str, Any], rig: RigFile, force_mN: float, *, centred: bool
 ) -> PairRequest:
-    """Return the parameters with which the part is met.
-
-    Raises ValueError for an impossible number.
-    """
+    """Return how the part is met; raises ValueError for an impossible number."""
     first, second = rig.arms
     return PairRequest(
         **{name: values[name] for name in CONTACT_FIELDS},
@@ -89,10 +83,9 @@ def pair_request(
 def pair_hasty(
     values: dict[str, Any], rig: RigFile, force_mN: float, pointer: str
 ) -> tuple[Broken, ...]:
-    """Return violations of a touch that is too fast, and of forces below the noise.
+    """Return the violations of a touch that is too fast, and of forces that noise would cover.
 
-    The speed of the seek is the sum of the speeds of both arms; that of an approach is the speed of
-    one arm.
+    The speed of the seek is that of the sum of both arms; an approach is that of one arm.
     """
     part, arms = rig.part, rig.arms
     compliances = [arm.model.compliance_um_per_mN for arm in arms]
@@ -115,7 +108,7 @@ def pair_hasty(
 
 
 def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
-    """Return the positions to which both arms return from a force; see ``PlannedArm.home_um``."""
+    """Return the positions to which both arms go back from a force; see ``PlannedArm.home_um``."""
     first, second = (
         PlannedArm(
             X_START_UM,
@@ -139,7 +132,7 @@ def homes_um(rig: RigFile, request: PairRequest, highest_mN: float) -> Pair:
 
 
 def most_mN(rig: RigFile) -> float:
-    """Return the highest force permitted for either arm, in mN."""
+    """Return the force that no arm may have."""
     return min(arm.limits.force_max_mN for arm in rig.arms)
 
 
@@ -153,10 +146,10 @@ def pair_job(
     held: HeldPair | None = None,
     broken: Iterable[Broken] = (),
 ) -> Planned:
-    """Add the law to a program; limits that either arm's course exceeds are violations.
+    """Add the law to a program; limits that the course of either arm breaks are violations.
 
-    Arms that are free when the program begins make conditioning strokes first, if the rig file's
-    grip requires them.
+    Arms that are free as the program begins make conditioning strokes first, where the rig file's
+    grip asks for them.
 
     Parameters
     ----------
@@ -240,7 +233,7 @@ def pair_job(
 
 
 def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Present) -> list[str]:
-    """Return warnings of what is assumed or unknown about the past and the stroke of both arms."""
+    """Return what is assumed or not known of the past and the stroke of both arms."""
     found = [
         words
         for arm, depth_V in zip(rig.arms, depths_V, strict=True)
@@ -252,10 +245,10 @@ def _past_warnings(depths_V: Sequence[float | None], rig: RigFile, present: Pres
 def pair_range(
     course: PairCourse, rigs: tuple[PlannedRig, PlannedRig], rig: RigFile
 ) -> PlannedRange:
-    """Return the voltage ranges of both arms, for a part anywhere within its tolerances.
+    """Return the voltages of both arms, for a part anywhere within its tolerances.
 
-    There is none for arms that already hold a part, since the force by which their voltages differ
-    from those of free arms is unknown.
+    Arms that hold a part already have none: nobody knows by which force their voltages differ from
+    those of free arms.
     """
     part, force_mN = rig.part, max(course.arms[0].force_r_mN)
     deeper_um = force_mN / part.stiffness_mN_per_um * part.stiffness_tolerance
@@ -268,10 +261,7 @@ def pair_range(
 
 
 def chosen_law(request: JobRequest, rig: RigFile) -> tuple[LawSpec, TwoArmLoop]:
-    """Return the law of both arms with its gains.
-
-    Raises FaultyRequestError for an impossible gain.
-    """
+    """The law of both arms with its gains; raises FaultyRequestError for a gain that is none."""
     asked: Gains | str | None = getattr(request, "gains", None)
     if isinstance(asked, str):
         raise FaultyRequestError(

@@ -1,4 +1,4 @@
-"""Sessions of pages, and the audit log, over REST."""
+"""Sessions of pages, and the audit log."""
 
 from typing import Annotated
 
@@ -42,10 +42,7 @@ router = APIRouter(tags=["access"], route_class=StrictRoute)
 
 @router.get("/session")
 async def session(caller: AnyCaller, access: AccessState) -> Session:
-    """Return the caller and its permissions.
-
-    Accessible without a key, so that a page can ask for one.
-    """
+    """Who asks, and what they may do; told to everybody, so that a page can ask for a key."""
     return _view(caller, keys=access.authenticator.keys_wanted)
 
 
@@ -61,7 +58,7 @@ async def sign_in(
 ) -> Session:
     """Sign a page in with the key of ``Authorization``, or with a user's name and password.
 
-    From then on, a cookie replaces the key.
+    A cookie stands for it from here on.
 
     Scripts cannot read the cookie, and no page of elsewhere can have it sent.
     """
@@ -100,10 +97,10 @@ async def page_check(
     supervisor: SupervisorId,
     note: Note,
 ) -> PageCheck:
-    """Report whether a stop and a request of this page would be accepted, and if not, why.
+    """Report whether a stop and an order of this page would be accepted, and if not why.
 
-    The checks are those of the emergency stop. Nothing moves, and no key is needed. A page behind a
-    reverse proxy detects here that the proxy drops ``Host`` or forwards to another place.
+    The same checks as for the emergency stop decide. Nothing moves, and no key is needed. A page
+    behind a reverse proxy learns here that the proxy drops ``Host`` or leads elsewhere.
     """
     note(DRY_RUN)
     if rig not in rigs.unusable:  # which are stopped, too
@@ -145,10 +142,7 @@ def audit(
         int | None, Query(ge=1, le=LARGEST, description="entries below this number")
     ] = None,
 ) -> AuditList:
-    """Return requests that could change something, and those rejected for their sender.
-
-    Newest first.
-    """
+    """What was to change something, and what was refused for whose it was; the newest first."""
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     rows = repository.newest(limit + 1, before)
@@ -176,7 +170,7 @@ def audit_chain(
         str | None, Query(pattern="^[0-9a-f]{64}$", description="a newest link noted before")
     ] = None,
 ) -> AuditChain:
-    """Return whether each entry of the audit log follows from the one before it."""
+    """Whether each entry of the audit log follows from the one before it."""
     repository = AuditRepository(store)
     access.audit_buffer.flush(repository, everything=True)
     chain = repository.chain(link or "")

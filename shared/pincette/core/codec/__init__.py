@@ -1,8 +1,8 @@
 """Messages to MessagePack maps with named fields, and back, with every field checked.
 
 Encoder and decoders are msgspec's, built once for each message from its fields' types. A field that
-is missing, unknown, there twice, of the wrong type, not finite or beyond its bound refuses the
-whole message.
+is missing, unknown, duplicated, of the wrong type, not finite or beyond its bound causes the whole
+message to be refused.
 """
 
 from collections.abc import Callable, Mapping

@@ -40,8 +40,9 @@ class FieldsError(CodecError):
 def read_slowly(kind: type, payload: bytes) -> None:
     """Find what is wrong with a payload; raises CodecError. Returns if the message is sound.
 
-    The plain reader reserves memory as a list's header asks, before the items come, and lists may
-    nest; so the length of a list is bounded before it is read, and most messages have none.
+    The plain reader reserves memory as a list's header states, before the items arrive, and lists
+    may nest. The length of a list is therefore bounded before it is read; most messages have no
+    list.
     """
     name, node = kind.__name__, _node(kind)
     try:
@@ -87,7 +88,7 @@ def _own_fields(kind: type) -> list[tuple[str, inspect.Type]]:
 
 def unit_stated(node: inspect.Metadata) -> str:
     """Return the unit that a field's type states, or an empty text."""
-    # msgspec does not say of what type its items are.
+    # msgspec does not state the type of its items.
     told = node.extra  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     return cast("dict[str, str]", told)["unit"] if told else ""
 

@@ -1,4 +1,4 @@
-"""Requests to programs, and their answers."""
+"""Requests to programs, and their replies."""
 
 from pincette.control.planning.program import Program
 from pincette.control.quantities import (
@@ -54,7 +54,7 @@ class Action(FrozenRecord, frozen=True):
     ``pause``    at the next safe point the references rest, and the segment's time stops.
     ``resume``   continue where the pause began, or cancel a pause that has not begun.
     ``release``  continue with the unload and the segments after it.
-    ``continue`` leave a segment that waits for a person.
+    ``continue`` end a segment that waits for a person.
     ``keep``     end with the part held, at the voltage that is applied.
     """
 
@@ -155,7 +155,7 @@ class Record(FrozenRecord, frozen=True):
 class Finish(FrozenRecord, frozen=True):
     """Close the record of an epoch, whose last sample is ``last_seq``; None if it is not known.
 
-    The recorder then takes messages until no more arrive.
+    The recorder then accepts messages until no more arrive.
     """
 
     job: Text
@@ -206,8 +206,8 @@ class ExchangeTimes(FrozenRecord, frozen=True):
     """Time for which a device server holds replies back before it forwards them whole; 0 if none
     was found."""
     line_baud: Whole = 0
-    """Estimated rate of the serial line behind a device server where it is slower than the rig file
-    states; 0 where it is not."""
+    """Estimated rate of the serial line behind a device server if it is slower than the rig file
+    states; 0 if it is not."""
 
 
 class Status(FrozenRecord, frozen=True):
@@ -232,7 +232,7 @@ class Status(FrozenRecord, frozen=True):
     findings: Items[Fault] = ()
     """Other findings about the program, the most serious first."""
     predecessor: Predecessor | None = None
-    """How the previous actuator program has ended."""
+    """End of the previous actuator program."""
     replaces: Whole | None = None
     """Instance of the previous program, if it is known."""
     instrument: InstrumentCounts | None = None

@@ -142,7 +142,7 @@ class Applied(FrozenRecord, frozen=True):
 
         Returns
         -------
-        The voltage, in V; None while it is not confirmed, or for an arm that is not there.
+        The voltage, in V; None while it is not confirmed, or for an arm that does not exist.
         """
         return None if self.unconfirmed or arm >= len(self.arms) else self.arms[arm].voltage_V
 

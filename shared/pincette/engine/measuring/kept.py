@@ -41,7 +41,9 @@ def keep(data: Path, found: Findings, measured_at: str) -> None:
         "hop": asdict(found.hop),
         "refused": found.refused,
     }
-    with suppress(OSError):  # it was told already, and nothing depends on it
+    with suppress(
+        OSError
+    ):  # the result has been reported already, and nothing depends on this copy
         make_folder(data, 0o700)
         replace_file(data / FILE, f"{json.dumps(tree, indent=1)}\n".encode(), 0o600)
 

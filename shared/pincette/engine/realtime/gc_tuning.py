@@ -18,7 +18,7 @@ COLLECT_EVERY = 2000
 
 def freeze_gc() -> None:
     """Exclude all present objects from collections, and switch between threads sooner."""
-    # For a program that answers: an emergency stop does not stand in line behind a picture.
+    # For a program that serves requests: an emergency stop must not wait for a picture.
     gc.collect()
     gc.freeze()
     return_free_memory()
@@ -27,7 +27,7 @@ def freeze_gc() -> None:
 
 def return_free_memory() -> None:
     """Return to the system the memory that only the start needed: 2 to 5 MB of a program."""
-    with suppress(AttributeError):  # of a C library other than glibc
+    with suppress(AttributeError):  # a C library other than glibc
         ctypes.CDLL(None).malloc_trim(0)
 
 

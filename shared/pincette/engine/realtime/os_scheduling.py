@@ -47,7 +47,7 @@ def ask(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
 
 def trial(scheduling: Scheduling, system: Linux) -> tuple[Refusal, ...]:
     """Request the settings in a separate thread, without the priority; return the refusals."""
-    # Memory is the process's, not a thread's, and so is judged by its limit.
+    # Memory belongs to the process, not to a thread, and so is judged by its limit.
     with ThreadPoolExecutor(1) as pool:
         tried = replace(scheduling, priority=0, lock_memory=False)
         found = pool.submit(ask, tried, system).result()
@@ -77,7 +77,7 @@ def _priority(priority: int, system: Linux) -> Refusal | None:
     nice = _refused(lambda: system.be_nice(FIRST)) is None
     instead = f"niceness {FIRST} instead" if nice else "so a busy machine delays its ticks"
     limit = system.priority_limit()
-    # With a limit that is high enough it is the session's group that has no share.
+    # With a sufficient limit, it is the session's group that has no share.
     held_by = f"rtprio limit {limit}" if limit < priority else "no share for this control group"
     remedy = (
         f"`rtprio {priority}` in limits.d, LimitRTPRIO={priority} in systemd, "
@@ -163,7 +163,7 @@ def raise_priority(scheduling: Scheduling = _ANY, system: Linux | None = None) -
     Raises ConfigError if a required setting is refused.
     """
     # A fair scheduler lets a thread that wakes up wait for the slices of others, a few ms each; a
-    # tick has a dozen such waits one after another. So a fixed priority is asked for first.
+    # tick has a dozen such waits one after another. So a fixed priority is requested first.
     if system is None and sys.platform != "linux":
         if scheduling.required:
             raise ConfigError(f"[realtime] required = {_named(scheduling)}: it needs Linux")

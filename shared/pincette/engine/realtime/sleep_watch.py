@@ -29,7 +29,7 @@ class SleepWatch:
         before_s = self._clock(CLOCK_MONOTONIC)
         with_sleep_s = self._clock(CLOCK_BOOTTIME)
         if self._clock(CLOCK_MONOTONIC) - before_s > APART_S:
-            return 0.0  # put off between the readings: the next look compares them
+            return 0.0  # preempted between the readings: the next call compares them
         ahead_s, known_s = with_sleep_s - before_s, self._ahead_s
         if known_s is None:
             self._ahead_s = ahead_s

@@ -48,7 +48,7 @@ class Linux:
 
     def limit_cpu_latency(self, latency_s: float) -> None:
         """Prevent deep idling of processors, which delays wake-ups, until the process ends."""
-        number = os.open(CPU_LATENCY, os.O_WRONLY | os.O_CLOEXEC)  # not to be closed
+        number = os.open(CPU_LATENCY, os.O_WRONLY | os.O_CLOEXEC)  # must stay open
         os.write(number, struct.pack("=i", round(1e6 * latency_s)))
 
     def lock_memory(self) -> None:

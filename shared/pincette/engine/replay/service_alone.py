@@ -26,7 +26,7 @@ CAUSES: Mapping[FaultCode, ErrorCode] = {
 
 @dataclass(slots=True)
 class Tape:
-    """Output that accepts any voltage, and fails where the record says that the instrument did."""
+    """Output that accepts any voltage, and fails where the instrument failed in the record."""
 
     fault: Fault | None = None
     found_V: float = 0.0
@@ -68,7 +68,7 @@ class _StoppedError(Exception):
 def replay(service: AnyService, rig: RigFile, messages: Sequence[Message]) -> Findings:
     """Repeat what a service did in the epoch of ``messages``; the rig is uncalibrated."""
     # The clock of an actuator in real time is not recorded: only its answers to commands are
-    # repeated, not what time alone, or a request, led to.
+    # repeated, not the effects of time alone or of a request.
     findings = Findings(service.name)
     try:
         _play(service, rig, messages, findings)

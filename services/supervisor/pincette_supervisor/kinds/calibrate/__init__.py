@@ -1,4 +1,4 @@
-"""``calibrate``: identify quantities of the rig; each calibration is registered separately."""
+"""``calibrate``: find quantities of the rig; each calibration is registered on its own."""
 
 from typing import Annotated, Literal
 
@@ -19,10 +19,9 @@ class CalibrationRequest(ZeroingRequest, frozen=True):
     kind: Literal["calibrate"] = "calibrate"
     calibration: str
     arm: Literal[1, 2] = 1
-    """Number of the arm to calibrate on a rig with two driven arms; the other arm rests."""
+    """Arm that is calibrated, on a rig of two driven arms; the other rests."""
     tries: Annotated[int, Field(ge=1, le=10), WHOLE] = TRIES
-    """Largest number of attempts if stalls trip the job; the request acknowledges these trips in
-    advance."""
+    """Number of attempts in all if a stall trips it; that trip is acknowledged beforehand."""
 
 
 KIND = JobKind(

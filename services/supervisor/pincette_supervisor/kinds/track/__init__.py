@@ -1,4 +1,4 @@
-"""``track``: grip a part and let position and force follow a path."""
+"""``track``: grip the part and let position and force follow a path."""
 
 from typing import Annotated, Literal
 
@@ -22,12 +22,12 @@ MEMBERS = {
     "step": ("levels_mN", "dwell_s"),
     "waypoints": ("points",),
 }
-"""Request members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
+"""Members of each shape; ``x_pp_um`` may replace ``force_pp_mN``."""
 PATH = frozenset(("shape", "x_pp_um", *(name for names in MEMBERS.values() for name in names)))
 
 
 class TrackPoint(Model):
-    """Force at a time since the begin of the path."""
+    """A force at a time since the begin of the path."""
 
     model_config = example(t_s=1.0, force_mN=12.0)
 
@@ -36,7 +36,7 @@ class TrackPoint(Model):
 
 
 class PlacePoint(Model):
-    """Place at a time since the begin of the paths."""
+    """A place at a time since the begin of the paths."""
 
     model_config = example(t_s=1.0, place_um=2.0)
 
@@ -45,37 +45,37 @@ class PlacePoint(Model):
 
 
 class ForcePath(Model):
-    """A force path: a swing, levels or points; the shape determines its members."""
+    """A path of force: a swing, levels or points; the shape says which members it takes."""
 
     model_config = example(shape="sinusoid", mean_mN=15.0, pp_mN=10.0, frequency_hz=0.3, cycles=3)
 
     shape: Shape = "sinusoid"
     mean_mN: Positive | None = None
-    """Mean of a swing (default: the force of the rig file's track)."""
+    """Mean of a swing; left out, the force of the rig file's track."""
     pp_mN: Positive | None = None
-    """Height of a swing, peak to peak."""
+    """Its height, peak to peak."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
-    """Number of cycles at full amplitude; one more before and one after blend in and out."""
+    """At full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     dwell_s: Duration | None = None
-    """Duration of each level."""
+    """Time to stay at each level."""
     points: list[TrackPoint] | None = Field(
         default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
     )
-    """Points of the path; the first one is at 0 s."""
+    """The first at 0 s."""
 
 
 class PlacePath(Model):
-    """A path of the place q = (x_1 - x_2)/2: a swing, levels or points."""
+    """A path of the place q = (x_1 - x_2)/2, likewise."""
 
     model_config = example(shape="sinusoid", pp_um=8.45, frequency_hz=0.5, cycles=5)
 
     shape: Shape = "sinusoid"
     mean_um: float | None = None
-    """Mean of a swing (default: the place where the part is expected)."""
+    """Mean of a swing; left out, the place where the part is expected."""
     pp_um: Positive | None = None
-    """Height of a swing, peak to peak."""
+    """Its height, peak to peak."""
     frequency_hz: Positive | None = None
     cycles: Cycles | None = None
     levels_um: list[float] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
@@ -86,7 +86,7 @@ class PlacePath(Model):
 
 
 class TrackJobRequest(ContactJobRequest, frozen=True):
-    """Grip a part and let position and force follow a path. Defaults come from the rig file.
+    """Grip a part and let position and force follow a path; what is left out is as in the rig file.
 
     A sinusoid and a triangle have a mean, a height, a frequency and cycles; steps have levels and
     a dwell; waypoints have points. With one arm, one path gives position and force: the members of
@@ -100,32 +100,31 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
 
     kind: Literal["track"]
     shape: Shape | None = None
-    """Shape of the path."""
+    """Of the path."""
     force_mean_mN: Positive | None = None
     """Mean force of a swing."""
     force_pp_mN: Positive | None = None
-    """Height of a swing of the force, peak to peak."""
+    """Peak to peak."""
     x_pp_um: Positive | None = None
-    """Height of a swing of the position, peak to peak, instead of ``force_pp_mN``, which is then
-    K_e of the rig file's part times it."""
+    """Instead of ``force_pp_mN``, which is then K_e of the rig file's part times it."""
     frequency_hz: Positive | None = None
-    """Frequency of a swing."""
+    """Its frequency."""
     cycles: Cycles | None = None
-    """Number of cycles at full amplitude; one more before and one after blend in and out."""
+    """At full amplitude; one more before and one after blend in and out."""
     levels_mN: list[NotNegative] | None = Field(default=None, min_length=1, max_length=LEVELS_MAX)
     """Forces of a step path."""
     dwell_s: Duration | None = None
-    """Duration of each level."""
+    """Time to stay at each level."""
     points: list[TrackPoint] | None = Field(
         default=None, min_length=2, max_length=POINTS_MAX, fail_fast=True
     )
-    """Points of the path; the first one is at 0 s."""
+    """The first at 0 s."""
     rate_um_per_s: Speed | None = None
-    """Highest speed of x_r along the path, which steps reach."""
+    """Highest speed of x_r along the path; steps use it up."""
     acceleration_um_per_s2: Positive | None = None
-    """Highest acceleration of x_r along the path, which steps and corners reach."""
+    """Highest acceleration of x_r along the path; steps and corners use it up."""
     learn: bool | None = None
-    """Sinusoid or triangle only: correct each cycle by the errors of the cycles before it."""
+    """Correct each cycle by what the cycles before it missed; of a sinusoid or a triangle."""
     force: ForcePath | None = None
     """Two arms only: path of the force."""
     place: PlacePath | None = None
@@ -133,8 +132,7 @@ class TrackJobRequest(ContactJobRequest, frozen=True):
     force_mN: Positive | None = None
     """Two arms only: force to hold without a path of the force."""
     centre: bool = False
-    """Two arms only: find the part from both sides first. A place is still counted from the
-    tips."""
+    """Two arms only: find the part from both sides first. A place still counts from the tips."""
 
     @model_validator(mode="after")
     def _one_force(self) -> "TrackJobRequest":
@@ -158,15 +156,15 @@ class CycleErrors(Model):
     model_config = example(position_um=0.094, force_mN=0.21, true_force_mN=0.24)
 
     position_um: float | None
-    """R.m.s. of x minus x_r; null if a sample is missing."""
+    """x less x_r; null where a sample is missing."""
     force_mN: float | None
-    """R.m.s. of the estimate minus F_r."""
+    """The estimate less F_r."""
     true_force_mN: float | None
-    """R.m.s. of the true force minus F_r; known only to a simulated rig."""
+    """The true force less F_r; known to a simulated rig alone."""
 
 
 class Learned(Model):
-    """Corrections that a job has learned over its cycles, including earlier ones."""
+    """Corrections that a job has learned across its cycles, including those known before."""
 
     model_config = example(
         program="5f0c1e2a9b7d4c3e",
@@ -182,27 +180,24 @@ class Learned(Model):
     program: str
     """Name under which they are stored; see ``/rigs/{rig}/learning``."""
     cycles: int
-    """Number of cycles from which the corrections were learned."""
+    """Number of cycles that were used."""
     largest_um: float
     """Largest correction of x_r."""
     over: bool
-    """True if learning has ended: after twelve cycles, or because the remaining errors do not
-    repeat."""
+    """Whether no more is learned: after twelve cycles, or since nothing of an error comes back."""
     errors_um: list[float]
-    """R.m.s. of x minus x_r of each cycle from which the corrections were learned."""
+    """R.m.s. of x less x_r of each cycle that was learned from."""
     kept: bool = True
-    """True if the errors of cycles that were not used for learning are smaller than those of the
-    first cycle without corrections, by more than chance. Otherwise the next job begins without
-    corrections."""
+    """True where cycles that the corrections were not learned from were better than the first one
+    without corrections, by more than chance. Otherwise the next job begins without corrections."""
     before_um: float | None = None
-    """R.m.s. of x minus x_r of the first cycle without corrections."""
+    """R.m.s. of x less x_r of the first cycle without corrections."""
     after_um: float | None = None
-    """R.m.s. of x minus x_r over the cycles by which the corrections were evaluated; null without
-    such a cycle."""
+    """R.m.s. of x less x_r over the cycles that judged the corrections; null where none did."""
 
 
 class TrackResult(ClosedLoopResult):
-    """Results of a tracked path, over its part at full amplitude: whole cycles where it swings."""
+    """Figures of a tracked path, over its part at full amplitude: whole cycles where it swings."""
 
     model_config = example(
         outcome="tracked",
@@ -219,23 +214,23 @@ class TrackResult(ClosedLoopResult):
 
     shape: Shape
     x_pp_um: float | None
-    """Height of x_r, peak to peak."""
+    """Of x_r, peak to peak."""
     force_pp_mN: float | None
-    """Height of F_r, peak to peak."""
+    """Of F_r, peak to peak."""
     tracked_samples: int
     """Number of samples at full amplitude."""
     position_um: Tracking | None
-    """Errors x minus x_r."""
+    """x less x_r."""
     force_mN: Tracking | None
-    """Errors of the estimate, minus F_r."""
+    """The estimate less F_r."""
     true_force_mN: Tracking | None
-    """Errors of the true force, minus F_r; known only to a simulated rig, null on a real one."""
+    """The true force less F_r; known to a simulated rig alone, null on a real one."""
     cycles: list[CycleErrors] = Field(default_factory=list[CycleErrors])
-    """Errors of the cycles at full amplitude, in order; empty for paths without cycles."""
+    """Errors over the cycles at full amplitude, in order; none between knots."""
     learned: Learned | None = None
-    """Learned corrections; null if the job did not learn."""
+    """Null where nothing was to be learned."""
     error_sources: ErrorSources | None = None
-    """Causes of the errors at full amplitude; null if the path was not tracked."""
+    """Where the errors at full amplitude come from; null where the path was not tracked."""
 
 
 SWINGS = {"shape": ("sinusoid", "triangle")}
