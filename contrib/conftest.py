@@ -1,4 +1,4 @@
-"""Plug-ins of the tests of contrib, and a rig with time to cancel a grip for those that ask."""
+"""Plug-ins for the tests of contrib, and a rig on which a grip takes time to be cancelled."""
 
 from collections.abc import Generator
 

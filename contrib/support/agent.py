@@ -1,4 +1,4 @@
-"""The stock client of the Model Context Protocol, over stdio, and what a rig's tools answer."""
+"""Stock client of the Model Context Protocol over stdio, and the answers of a rig's tools."""
 
 import asyncio
 import os
@@ -14,20 +14,23 @@ from tests.support.adapters import FORCE_MN, WAIT_S
 
 @asynccontextmanager
 async def agent(url: str, *options: str, key: str = "") -> AsyncGenerator[Client]:
-    """The stock client, with a server of ours for the supervisor at ``url``."""
+    """Provide the stock client, with a server of this project for the supervisor at ``url``."""
     async with asyncio.timeout(WAIT_S), Client(server_of(url, *options, key=key)) as client:
         yield client
 
 
 def server_of(url: str, *options: str, key: str = "") -> StdioServerParameters:
-    """A server of ours; by itself the SDK would keep the folder of settings from it."""
+    """Return the parameters of the server.
+
+    By default the SDK would hide the settings folder from it.
+    """
     words = ["-m", "pincette_mcp", "--url", url, *options]
     environment = {**os.environ, "PINCETTE_KEY": key}
     return StdioServerParameters(command=sys.executable, args=words, env=environment)
 
 
 async def said(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:
-    """What a tool answers."""
+    """Return the answer of a tool."""
     answer = await client.call_tool(tool, arguments)
     assert not answer.is_error, answer.content
     assert answer.structured_content is not None
@@ -35,14 +38,14 @@ async def said(client: Client, tool: str, **arguments: Any) -> dict[str, Any]:
 
 
 async def refused(client: Client, tool: str, **arguments: Any) -> str:
-    """The words of a tool that refuses."""
+    """Return the error text of a tool that fails."""
     answer = await client.call_tool(tool, arguments)
     assert answer.is_error, answer.structured_content
     return getattr(answer.content[0], "text", "")
 
 
 async def planned(client: Client, **arguments: Any) -> str:
-    """The token of a plan that can be run."""
+    """Return the token of a feasible plan."""
     plan = await said(client, "plan_grip", force_mN=FORCE_MN, **arguments)
     assert (plan["feasible"], plan["violations"]) == (True, [])
     return plan["token"]

@@ -1,4 +1,4 @@
-"""The blocks of the pages about packages of contrib that contrib/tests/test_documents.py types."""
+"""Code blocks of pages about contrib packages, for contrib/tests/test_documents.py to type."""
 
 from tests.support.document_register import DEMO
 from tests.support.documents import Sitting, Typed

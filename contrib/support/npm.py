@@ -1,4 +1,4 @@
-"""Stock clients in JavaScript, out of npm's registry, each in a folder of its own."""
+"""Stock clients in JavaScript from npm's registry, each in its own folder."""
 
 import json
 import os
@@ -17,13 +17,13 @@ NODE_WOT = (
     "wot-thing-description-types@1.1.0-12-March-2025",
 )
 DRIVE = Path(__file__).parent / "node_wot/drive.js"
-"""Drives a rig by its Thing Description."""
+"""Script that drives a rig by its Thing Description."""
 HOLD = DRIVE.with_name("hold.js")
-"""The same in one process after another."""
+"""Script that does the same in successive processes."""
 
 
 def npm_folder(folder: Path, script: Path, *packages: str) -> Path:
-    """A folder with some packages and a script; skips where npm cannot install them."""
+    """Return a folder with some packages and a script; skips if npm cannot install them."""
     npm = shutil.which("npm")
     if npm is None or shutil.which("node") is None:
         pytest.skip(f"node and npm are missing: {script.name} is not run")
@@ -36,7 +36,7 @@ def npm_folder(folder: Path, script: Path, *packages: str) -> Path:
 
 
 def node(folder: Path, script: str, *words: str, **more: str) -> dict[str, Any]:
-    """What a script prints last, which is JSON."""
+    """Return the JSON that a script prints last."""
     done = subprocess.run(
         ["node", script, *words],
         cwd=folder,

@@ -1,6 +1,6 @@
-"""What every adapter must do with a force: climb from one to another, be stopped, and try again.
+"""Requirements for forces in every adapter: change between forces, stop, and try again.
 
-A driver asks for forces by the stock client of an adapter, or by REST or the command line alone.
+A driver requests forces by the stock client of an adapter, or only by REST or the command line.
 """
 
 import threading
@@ -20,20 +20,20 @@ from tests.support.running import Json, RunningRig
 FORCE_MN = 10.0
 STAIRCASE_MN = (5.0, 10.0, 15.0, 10.0, 5.0)
 MOST = 1.02
-"""Peak of a step, as a share of the higher one of its two forces."""
+"""Largest allowed peak of a step, as a share of the higher one of its two forces."""
 MEAN_OF, NOISE_MN = 25, 0.1
-"""Samples of which a mean of estimated forces is taken, and twice the r.m.s. of what noise of the
-sensor leaves in the peak of such means: found with 25 seeds of the simulation."""
+"""Number of estimated forces in a mean, and twice the r.m.s. of the sensor noise in the peak of
+such means, in mN: found with 25 seeds of the simulation."""
 SETTLED = 50
-"""Samples of a hold in which a force could overshoot; later ones are noise alone."""
+"""Number of samples of a hold in which a force could overshoot; later ones contain only noise."""
 NEAR_MN = 0.5
-"""How near a force held is to the one asked for: 2 % and the stated uncertainty."""
+"""Largest difference between held and requested force in mN: 2 % and the stated uncertainty."""
 SLOW: Tree = {"grip": {"approach_um_per_s": 4.0, "seek_um_per_s": 2.0, "load_s": 1.0}}
-"""An approach and a load that are still under way when a stop comes."""
+"""Settings of an approach and a load that are still running when a stop comes."""
 STOPS = ("approach", "contact", "load", "settle", "hold", "unload")
 """Phases of a grip in which it is stopped; its force settles as the hold begins."""
 KEPT = ("load", "settle")
-"""Those after which the part is still held, and the force asked for was not confirmed."""
+"""Phases after which the part is still held, without confirmation of the requested force."""
 
 
 class NotReachedError(Exception):
@@ -41,19 +41,19 @@ class NotReachedError(Exception):
 
 
 class Driver(Protocol):
-    """Asks for forces; raises NotReachedError where the adapter tells of an error."""
+    """Client that requests forces; raises NotReachedError if the adapter reports an error."""
 
     def reach(self, force_mN: float) -> float:
-        """Ask for a force; returns the force held as the adapter states it."""
+        """Request a force; return the held force as the adapter reports it, in mN."""
         ...
 
     def release(self) -> None:
-        """Ask for the release."""
+        """Request the release."""
         ...
 
 
 def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
-    """Go up and down the staircase without letting the part go; raises AssertionError."""
+    """Go through the staircase of forces without releasing the part; raises AssertionError."""
     jobs: list[str] = []
     for force_mN in STAIRCASE_MN:
         assert abs(driver.reach(force_mN) - force_mN) < NEAR_MN
@@ -82,7 +82,7 @@ def climb(rig: RunningRig, driver: Driver, folder: Path) -> None:
 
 
 class Pressed(NamedTuple):
-    """A sample of a part that is pressed."""
+    """Sample of a pressed part."""
 
     phase: str
     force_mN: float
@@ -91,7 +91,7 @@ class Pressed(NamedTuple):
 
 
 def pressed(rig: RunningRig, job: str, folder: Path) -> list[Pressed]:
-    """Samples of the load and the hold of a job, out of its record."""
+    """Return the samples of the load and the hold of a job from its record."""
     import pyarrow.parquet
 
     parquet: Any = pyarrow.parquet  # the package carries no types
@@ -106,14 +106,14 @@ def pressed(rig: RunningRig, job: str, folder: Path) -> list[Pressed]:
 
 
 def estimated_means(samples: list[Pressed]) -> list[float]:
-    """Means of estimated forces from the begin of a load until its hold is settled."""
+    """Return means of estimated forces from the start of a load until its hold has settled."""
     loading = sum(one.phase == "load" for one in samples)
     forces_mN = [one.force_mN for one in samples[: loading + SETTLED]]
     return [fmean(forces_mN[at : at + MEAN_OF]) for at in range(len(forces_mN) - MEAN_OF + 1)]
 
 
 def stop_and_ask_again(rig: RunningRig, driver: Driver, phase: str) -> None:
-    """Stop a grip over REST in a phase, and ask for the same force again; raises AssertionError."""
+    """Stop a grip over REST in a phase, and request the same force again; raises AssertionError."""
     if phase in ("hold", "unload"):
         driver.reach(FORCE_MN)
     job: str | None = rig.view()["active_job"]
@@ -156,7 +156,7 @@ def stop(rig: RunningRig, job: str) -> None:
 
 @contextmanager
 def stopping(rig: RunningRig, phase: str) -> Generator[list[str]]:
-    """Stop the job that comes to a phase meanwhile; its name is added to the list."""
+    """Stop the job that reaches a phase within the block; its name is added to the list."""
     seen: list[str] = []
     wanted = "hold" if phase == "settle" else phase
 

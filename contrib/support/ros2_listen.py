@@ -1,6 +1,6 @@
-"""A node of ROS 2 over Zenoh, by the package pyzeros: run in an environment of its own.
+"""Node of ROS 2 over Zenoh, by the package pyzeros; run in its own environment.
 
-``ROUTER RIG``: listens to the topics of a rig until a line comes, then prints what it has heard.
+``ROUTER RIG``: listens to the topics of a rig until a line of input, then prints the messages.
 """
 # pyright: basic, reportMissingImports=false
 
@@ -21,7 +21,7 @@ TOPICS = {
 
 
 def seen_publishers(session: zenoh.Session) -> list[dict[str, object]]:
-    """Tokens of publishers, and whether this package would write the same."""
+    """Return tokens of publishers, and whether this package would write the same ones."""
     found = []
     for reply in session.liveliness().get("@ros2_lv/0/**"):
         assert reply.ok is not None

@@ -1,7 +1,7 @@
-"""ROS 2 itself, by its package rclpy: run in an environment of its own.
+"""Reader by ROS 2's own package rclpy, run in its own environment.
 
-Reads two lists of messages in hexadecimal digits, of forces and of joint states; prints what its
-middleware makes of them, and the hashes that a node of it has for both types.
+Reads two lists of messages in hexadecimal digits, of forces and of joint states; prints the
+messages decoded by its middleware, and the hashes that a node of it has for both types.
 """
 # pyright: basic, reportMissingImports=false
 

@@ -1,4 +1,4 @@
-"""A RunEngine whose documents are validated, and a rig as its device."""
+"""RunEngine whose documents are validated, with a rig as its device."""
 
 import asyncio
 from collections.abc import Generator
@@ -26,7 +26,7 @@ SCHEMAS = cast("Any", event_model).schema_validators
 
 
 def new_engine() -> Any:
-    """An engine that leaves Ctrl-C to the test."""
+    """Return an engine that leaves Ctrl-C to the test."""
     return RunEngine({}, context_managers=[])
 
 
@@ -38,7 +38,7 @@ def ended(engine: Any) -> None:
 
 
 def subscribed(engine: Any, seen: list[tuple[str, Any]]) -> int:
-    """Keep every document, validated as it comes."""
+    """Collect every document, validated on arrival."""
 
     def validate(name: str, document: Any) -> None:
         SCHEMAS[event_model.DocumentNames[name]].validate(document)
@@ -48,7 +48,7 @@ def subscribed(engine: Any, seen: list[tuple[str, Any]]) -> int:
 
 
 def connected(url: str, rig: str | None = None, timeout_s: float = 10.0, **shown: Any) -> Gripper:
-    """A device that has found its rig."""
+    """Provide a device that has found its rig."""
     with init_devices(timeout=timeout_s):
         gripper = Gripper(url, rig, **shown)
     return gripper  # noqa: RET504 - it is named and connected as the block ends
@@ -60,7 +60,7 @@ def closed(engine: Any, device: Gripper) -> None:
 
 
 def until_moving(rig: RunningRig) -> Generator[Any, Any, None]:
-    """A plan that waits for a motion on the way."""
+    """Return a plan that waits for a running motion."""
     deadline = monotonic() + 60.0
     while rig.view()["active_job"] is None or rig.view()["newest"]["phase"] != "approach":
         assert monotonic() < deadline, "nothing moves"
@@ -68,12 +68,12 @@ def until_moving(rig: RunningRig) -> Generator[Any, Any, None]:
 
 
 def of(documents: list[tuple[str, Any]], kind: str) -> list[Any]:
-    """Those of one kind."""
+    """Return the documents of one kind."""
     return [document for name, document in documents if name == kind]
 
 
 def failure(engine: Any, plan: Any) -> BaseException:
-    """What the device has raised in a plan, below the engine's own errors."""
+    """Return the error of the device in a plan, below the engine's own errors."""
     with pytest.raises(FailedStatus) as caught:
         engine(plan)
     error: BaseException = caught.value

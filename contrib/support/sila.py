@@ -1,4 +1,4 @@
-"""Stock clients of SiLA 2, as a laboratory has them."""
+"""Stock clients of SiLA 2, as used in laboratories."""
 
 from collections.abc import AsyncGenerator, Generator
 from contextlib import AbstractContextManager, asynccontextmanager, contextmanager
@@ -15,13 +15,13 @@ from tests.support.running import RunningRig
 
 
 def stock_client(rig: RunningRig, **details: Any) -> AbstractContextManager[Any]:
-    """The client of the package sila2, without code that was generated for this server."""
+    """Provide the client of the package sila2, without code generated for this server."""
     return stock_client_at(rig.rig, **details)
 
 
 @contextmanager
 def stock_client_at(rig: RigFile, **details: Any) -> Generator[Any]:
-    """The same, for a rig file."""
+    """Provide the client of the package sila2 for a rig file."""
     details = details or {"insecure": True}
     with SilaClient(rig.sila.host, rig.sila.port, **details) as client:
         yield client
@@ -29,27 +29,30 @@ def stock_client_at(rig: RigFile, **details: Any) -> Generator[Any]:
 
 @asynccontextmanager
 async def unitelabs(rig: RigFile) -> AsyncGenerator[Any]:
-    """The client of unitelabs, for a server without TLS."""
+    """Provide the client of unitelabs for a server without TLS."""
     config = ClientConfig(hostname=rig.sila.host, port=rig.sila.port, tls=False)
     async with Client(config) as client:
         yield client
 
 
 async def ended(execution: Any) -> Any:
-    """Responses of an observable command of that client, once it has ended; raises its error."""
+    """Return the responses of an observable command of that client after its end.
+
+    Raises its error.
+    """
     async for _ in await execution.subscribe_status():
         pass
     return await execution.get_responses()
 
 
 def responses(command: Any) -> Any:
-    """Responses of an observable command, once it has ended; raises its error."""
+    """Return the responses of an observable command after its end; raises its error."""
     until(lambda: command.done, f"{command.status} at {command.progress}")
     return command.get_responses()
 
 
 def refusal(command: Any) -> DefinedExecutionError:
-    """The defined execution error in which a command ends."""
+    """Return the defined execution error with which a command ends."""
     with pytest.raises(DefinedExecutionError) as caught:
         responses(command)
     return caught.value

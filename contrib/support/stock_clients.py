@@ -1,4 +1,4 @@
-"""Stock clients of adapters as programs of the documents, run on the host."""
+"""Stock clients of adapters, as programs in the documents, run on the host."""
 
 import re
 import subprocess
@@ -11,13 +11,13 @@ HELD = r"held with 1[45]\.\d\d mN"
 
 
 def block(page: str, first: str) -> Block:
-    """The program of a page that has some words."""
+    """Return the program of a page that contains some words."""
     (found,) = (one for one in typed_blocks(page) if first in one.text)
     return found
 
 
 def on_the_host(block: Block) -> str:
-    """What a program of a page says, run on the host with the stock client."""
+    """Return the output of a page's program, run on the host with the stock client."""
     done = subprocess.run(
         [sys.executable, "-c", block.text],
         cwd=ROOT,
@@ -32,7 +32,7 @@ def on_the_host(block: Block) -> str:
 
 
 def grip_by_sila() -> None:
-    """The stock client of SiLA grips and releases; raises AssertionError."""
+    """Grip and release by the stock client of SiLA; raises AssertionError."""
     said = on_the_host(block("docs/how-to/sila.md", "from sila2.client import"))
     assert re.search(HELD, said), said
     assert said.endswith("released\n")

@@ -1,4 +1,4 @@
-"""A flight of a rig is kept in a Tiled server, and read back: run in an environment with both.
+"""Drive that keeps a flight of a rig in a Tiled server; run in an environment with both packages.
 
 ``SUPERVISOR TILED KEY FORCE_MN`` prints what the server lists of it.
 """
@@ -24,7 +24,7 @@ with init_devices():
 
 @bpp.run_decorator(md={"sample": "bead"})
 def fly():
-    """What docs/how-to/bluesky.md has."""
+    """Run the example of docs/how-to/bluesky.md."""
     job = {"kind": "grip", "force_mN": float(FORCE_MN), "hold_s": 0.4}
     yield from bps.prepare(gripper, job, wait=True)
     yield from bps.declare_stream(gripper, name="samples", collect=True)
@@ -34,7 +34,7 @@ def fly():
 
 
 def main() -> None:
-    """Fly, then look it up as somebody else would."""
+    """Fly, then look the run up as another client."""
     RE.subscribe(TiledWriter(from_uri(TILED, api_key=KEY)))
     RE(fly())
     catalog = from_uri(TILED, api_key=KEY)

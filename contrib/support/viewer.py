@@ -1,4 +1,4 @@
-"""A viewer of the Foxglove protocol, as the viewers that laboratories have speak it."""
+"""Viewer of the Foxglove protocol, as implemented by viewers in laboratories."""
 
 import base64
 import json
@@ -21,7 +21,7 @@ WAIT_S = 30.0
 
 
 class Viewer:
-    """What is advertised to a viewer, and what it sees of what it has subscribed to."""
+    """Channels and services advertised to a viewer, and the messages of its subscriptions."""
 
     def __init__(self, line: ClientConnection) -> None:
         self._line = line
@@ -34,7 +34,7 @@ class Viewer:
         self._kinds: dict[int, tuple[str, Any]] = {}
 
     def until(self, there: Any, what: str) -> None:
-        """Read frames until something is the case."""
+        """Read frames until a condition holds."""
         deadline = monotonic() + WAIT_S
         while not there():
             assert monotonic() < deadline, what
@@ -44,7 +44,10 @@ class Viewer:
                 continue
 
     def subscribe(self, *topics: str) -> None:
-        """Ask for topics, whose messages are read by the schemas that the server has sent."""
+        """Subscribe to topics.
+
+        Their messages are decoded by the schemas that the server has sent.
+        """
         self.until(lambda: self.channels.keys() >= set(topics), "a topic is not advertised")
         asked: list[dict[str, int]] = []
         for number, topic in enumerate(topics):
@@ -92,7 +95,7 @@ class Viewer:
 
 @contextmanager
 def viewing(rig: RigFile) -> Generator[Viewer]:
-    """A viewer of a rig that is told what there is."""
+    """Provide a viewer of a rig that has received the advertisements."""
     address = f"ws://127.0.0.1:{rig.foxglove.port}"
     with connect(address, subprotocols=[SPOKEN], max_size=None) as line:
         one = Viewer(line)

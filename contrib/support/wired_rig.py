@@ -1,4 +1,4 @@
-"""What a simulated NI device is wired to in tests: a rig whose time is moved by hand."""
+"""Rig wired to a simulated NI device in tests; its time is moved by hand."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,7 +9,7 @@ WIRED = Terminals(um_per_V=10.0, position=POSITION, drives=(DRIVE,), output=OUTP
 
 
 class HandRig:
-    """Keeps what it is told; a position without a number is no reading."""
+    """Stores what it receives; a position that is no number is an invalid reading."""
 
     def __init__(self, measure: Callable[[], float | None] = lambda: 0.0) -> None:
         self.now_s = 0.0

@@ -1,4 +1,4 @@
-"""A rig as a device of bluesky: ``Gripper(url)``, an ophyd-async device over the client of REST."""
+"""Rig as a device of bluesky: ``Gripper(url)``, an ophyd-async device over the REST client."""
 
 from pincette_bluesky.gripper import Gripper
 

@@ -1,4 +1,4 @@
-"""The device: its value is the force of the grip in mN, 0 where nothing is held."""
+"""Device whose value is the force of the grip in mN, 0 if no part is held."""
 
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Generator, Mapping
@@ -48,11 +48,11 @@ from pincette_bluesky.ready import Ready
 from pincette_bluesky.samples import pages
 
 LABEL = "bluesky"
-"""Label of a job: the name of the device that has begun it."""
+"""Label of a job with the name of the device that started it."""
 
 
 class Gripper(Device):
-    """A rig of a supervisor; one plan at a time has it.
+    """Rig of a supervisor, used by one plan at a time.
 
     Parameters
     ----------
@@ -86,7 +86,10 @@ class Gripper(Device):
         super().__init__(name, _Connector())
 
     async def reach(self, timeout_s: float) -> None:
-        """Find the rig; raises NotConnectedError where nobody answers, or it is not named."""
+        """Find the rig.
+
+        Raises NotConnectedError if no supervisor answers, or the rig must be named.
+        """
         try:
             found = await self._supervisor.patient(timeout_s).rig(self._rig_name)
             self._arms = (await found.patient(timeout_s).state()).arms
@@ -95,7 +98,7 @@ class Gripper(Device):
         self._found = AsyncRigHandle(self._supervisor.transport, found.name)
 
     async def close(self) -> None:
-        """Close its connections."""
+        """Close the connections of the device."""
         self.ready.close()
         await self._supervisor.close()
 
@@ -112,30 +115,30 @@ class Gripper(Device):
 
     @property
     def hints(self) -> Hints:
-        """The force is what is plotted."""
+        """Return the hints for plots: the force."""
         return {"fields": [f"{self.name}-force_mN"]}
 
     async def describe(self) -> dict[str, DataKey]:
-        """What ``read`` gives, each with its unit; a figure that is not known is NaN."""
+        """Return the fields of ``read``, each with its unit; an unknown value is NaN."""
         return data_keys(self.name, self._source("newest"), (*numbers(self._arms), *TEXTS))
 
     async def read(self) -> dict[str, Reading[Any]]:
-        """The newest sample, whether a part is held, and which job has the rig."""
+        """Return the newest sample, whether a part is held, and the job that uses the rig."""
         state = await self._rig.state()
         return readings(self.name, newest(state), state.standing.state_age_s)
 
     async def describe_configuration(self) -> dict[str, DataKey]:
-        """What ``read_configuration`` gives."""
+        """Return the fields of ``read_configuration``."""
         return data_keys(self.name, self._source("configuration"), STANDING)
 
     async def read_configuration(self) -> dict[str, Reading[Any]]:
-        """Which rig, rig file and model a run has used."""
+        """Return the rig, rig file and model that a run uses."""
         return readings(self.name, standing(await self._rig.state()))
 
     async def locate(self) -> Location[float]:
-        """The force of the job that has the rig, and the force in mN; NaN where one is unknown.
+        """Return the setpoint of the active job and the force in mN; NaN if one is unknown.
 
-        A relative move from an unknown setpoint is refused, so that it cannot release a part.
+        A relative move from an unknown setpoint is rejected, so that it cannot release a part.
         """
         state = await self._rig.state()
         job = None if state.active_job is None else (await self._rig.job(state.active_job)).job
@@ -151,11 +154,11 @@ class Gripper(Device):
 
     @WatchableAsyncStatus.wrap
     async def set(self, value: float) -> AsyncIterator[WatcherUpdate[float]]:
-        """Grip with a force in mN and end once it is settled, or let go with 0.
+        """Grip with a force in mN and end once it has settled, or release with 0.
 
-        A part that this device holds is loaded or unloaded to the force without letting it go; one
-        that is held with it already is left as it is. Raises the client's errors:
-        with 0 also RigBusyError while a job is under way that holds no part yet.
+        A part that this device holds is loaded or unloaded to the force without being released; a
+        part that already has this force stays unchanged. Raises the client's errors: with 0 also
+        RigBusyError while a job runs that holds no part yet.
         """
         value = force_of(value)
         async with motion_of(self._motions) as motion:
@@ -196,7 +199,7 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def prepare(self, value: Mapping[str, Any]) -> None:
-        """Plan a job that ends by itself: its ``kind`` and its fields; nothing moves.
+        """Plan a job that ends on its own: its ``kind`` and its fields; nothing moves.
 
         Raises InfeasiblePlanError where it breaks a limit.
         """
@@ -210,7 +213,7 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def kickoff(self) -> None:
-        """Begin what was prepared; ends once it moves."""
+        """Start the prepared job; ends once it moves."""
         if self._prepared is None:
             raise RuntimeError(f"{self.name}: prepare a job before kickoff")
         fields = dict(self._prepared)
@@ -222,7 +225,7 @@ class Gripper(Device):
 
     @WatchableAsyncStatus.wrap
     async def complete(self) -> AsyncIterator[WatcherUpdate[float]]:
-        """Follow it to its end, and until its record is written."""
+        """Follow the job to its end, and until its record is written."""
         if self._flight is None:
             raise RuntimeError(f"{self.name}: kickoff a job before complete")
         job, self._flight = self._flight, None
@@ -242,11 +245,11 @@ class Gripper(Device):
             self._flown = job
 
     async def describe_collect(self) -> dict[str, DataKey]:
-        """The samples that ``collect`` gives, each value with its unit."""
+        """Return the fields of ``collect_pages``, each with its unit."""
         return data_keys(self.name, self._source("samples"), columns(self._arms))
 
     async def collect_pages(self) -> AsyncGenerator[PartialEventPage]:
-        """The samples of the record of the job that has completed."""
+        """Yield the samples of the completed job's record."""
         if self._flown is not None:
             job, self._flown = self._flown, None
             async for page in pages(job, self.name, self._arms):
@@ -254,18 +257,18 @@ class Gripper(Device):
 
     @AsyncStatus.wrap
     async def stage(self) -> None:
-        """Nothing: a plan that stages the device has it unstaged at its end."""
+        """Do nothing; a plan that stages the device also unstages it at its end."""
 
     @AsyncStatus.wrap
     async def unstage(self) -> None:
-        """Stop a flight, which the engine does not stop by itself where a plan is aborted."""
+        """Stop a flight, which the engine does not stop itself if a plan is aborted."""
         await self.stop()
 
     async def stop(self, success: bool = True) -> None:
-        """Stop a motion that this device has begun; a part that rests in its hold stays held.
+        """Stop a motion that this device has started; a part that rests in its hold stays held.
 
-        The engine calls it at each pause and at the end of each plan. ``success``: the status of
-        the motion then ends without an error.
+        The engine calls it at each pause and at the end of each plan. With ``success`` the status
+        of the motion then ends without an error.
         """
         for motion in list(self._motions):
             await motion.stop(self._rig, as_planned=success)
@@ -285,7 +288,7 @@ class Gripper(Device):
 
 
 class _Connector(DeviceConnector):
-    """Finds the rig; in mock mode nothing is asked."""
+    """Finds the rig; in mock mode it sends no requests."""
 
     async def connect_real(self, device: Device, timeout: float, force_reconnect: bool) -> None:  # noqa: ARG002
         assert isinstance(device, Gripper)

@@ -1,4 +1,4 @@
-"""A motion that a status follows, and how it is stopped."""
+"""Motion that a status follows, with its stop."""
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -15,15 +15,15 @@ STOPPED_IN_S = 30.0
 
 @dataclass(eq=False, slots=True)
 class Motion:
-    """What a status follows."""
+    """Motion that a status follows."""
 
     key: str = field(default_factory=lambda: uuid4().hex)
-    """Of the request, by which it is stopped while it has no job."""
+    """Key of the request, by which the motion is stopped while it has no job."""
     job: AsyncJobHandle | None = None
     stopped_as_planned: bool = False
 
     async def stop(self, rig: AsyncRigHandle, *, as_planned: bool) -> None:
-        """Bring it to rest; ``as_planned``: its status then ends without an error."""
+        """Stop the motion; with ``as_planned`` its status then ends without an error."""
         self.stopped_as_planned = as_planned
         if self.job is None:  # no job has come of it yet, and none shall
             await rig.stop(self.key)
@@ -46,7 +46,7 @@ def force_of(value: object) -> float:
 
 @asynccontextmanager
 async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
-    """A motion that is listed until its end."""
+    """Provide a motion that is listed until its end."""
     motion = Motion()
     motions.append(motion)
     try:
@@ -59,9 +59,9 @@ async def motion_of(motions: list[Motion]) -> AsyncGenerator[Motion]:
 
 
 async def rest(job: AsyncJobHandle) -> None:
-    """Bring a job to rest; one that holds its part until it is released is left there.
+    """Stop a job; one that holds its part until it is released continues to hold.
 
-    A hold with an end is stopped: otherwise it would release the part by itself.
+    A hold with an end is stopped: otherwise it would release the part on its own.
     """
     known = await job.refresh()
     in_hold = known.progress is not None and known.progress.phase == "hold"

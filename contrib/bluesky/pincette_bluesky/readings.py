@@ -1,4 +1,4 @@
-"""What is read of a rig, and of what kind and unit each of it is."""
+"""Readings of a rig, with kind and unit of each."""
 
 import math
 import time
@@ -14,10 +14,10 @@ from pincette.client.following import LETTING_GO
 from pincette.core.units import unit_of
 
 NUMBERS = ("force_mN", "force_uncertainty_mN", "x_um", "voltage_V")
-"""Of the newest sample; NaN where nothing is known."""
+"""Numbers of the newest sample; NaN if unknown."""
 TEXTS = ("part", "job")
 STANDING = ("rig", "rig_digest", "model_digest", "period_s")
-"""What is read once of a run."""
+"""Configuration fields that are read once for a run."""
 COLUMNS = (
     "seq",
     "t_s",
@@ -30,27 +30,28 @@ COLUMNS = (
     "voltage_V",
     "sliding_um",
 )
-"""Of a record, which has more."""
+"""Columns that are collected from a record; a record contains more."""
 OF_SECOND = ("second_x_um", "second_force_mN", "second_voltage_V")
-"""Of a rig of two arms, both in the newest sample and in a record. All else is of the first."""
+"""Fields of the second arm, in the newest sample and in a record. Other fields are those of the
+first arm."""
 OF_PART = ("place_um", "place_r_um")
-"""Of a record: of the part that two arms hold."""
+"""Columns of a record for a part that two arms hold."""
 SAID = (*TEXTS, "phase", "rig", "rig_digest", "model_digest")
 COUNTED = ("seq",)
 
 
 def numbers(arms: int) -> tuple[str, ...]:
-    """What is read of a rig with that many driven arms."""
+    """Return the numeric fields of a rig with this number of driven arms."""
     return NUMBERS if arms == 1 else (*NUMBERS, *OF_SECOND)
 
 
 def columns(arms: int) -> tuple[str, ...]:
-    """What is collected of a record of such a rig."""
+    """Return the columns collected from a record of a rig with this number of driven arms."""
     return COLUMNS if arms == 1 else (*COLUMNS, *OF_SECOND, *OF_PART)
 
 
 def data_keys(name: str, source: str, fields: Iterable[str]) -> dict[str, DataKey]:
-    """What fields of a device are; the unit is that of the name."""
+    """Return the data keys of a device's fields; the unit is that of the name."""
     return {f"{name}-{field}": _data_key(source, field) for field in fields}
 
 
@@ -63,7 +64,7 @@ def readings(
 
 
 def newest(rig: Rig) -> dict[str, Any]:
-    """The newest sample of a rig, whether a part is held, and which job has it."""
+    """Return the newest sample of a rig, whether a part is held, and the job that uses the rig."""
     now = rig.newest
     values = {field: None if now is None else getattr(now, field) for field in numbers(rig.arms)}
     known = {field: math.nan if value is None else value for field, value in values.items()}
@@ -71,7 +72,7 @@ def newest(rig: Rig) -> dict[str, Any]:
 
 
 def setpoint_mN(rig: Rig, job: Job | None) -> float:
-    """Return the force that a rig was asked for: 0 where nothing is held, NaN if it is unknown.
+    """Return the requested force in mN: 0 if no part is held, NaN if it is unknown.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def setpoint_mN(rig: Rig, job: Job | None) -> float:
 
 
 def standing(rig: Rig) -> dict[str, Any]:
-    """Which rig, rig file and model there are."""
+    """Return rig, rig file and model."""
     found = (rig.name, rig.digest, rig.model.digest, rig.period_s)
     return dict(zip(STANDING, found, strict=True))
 

@@ -1,4 +1,4 @@
-"""Whether a rig takes commands, as a signal that suspenders of a RunEngine watch."""
+"""Readiness of a rig, as a signal for the suspenders of a RunEngine."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
@@ -12,10 +12,10 @@ LOOK_S = 0.2
 
 
 class Ready:
-    """Signal that is true while the rig takes commands; false without news of it for 1 s.
+    """Signal that is true while the rig accepts commands; false after 1 s without news from it.
 
-    Suspenders call ``subscribe`` and ``clear_sub`` as signals of ophyd have them, which those of
-    ophyd-async do not. A thread reads the rig while something is subscribed.
+    Suspenders call ``subscribe`` and ``clear_sub``, which signals of ophyd have and those of
+    ophyd-async do not. A thread reads the rig while there is a subscription.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ class Ready:
             Thread(target=self._watch, args=(self._ended,), daemon=True).start()
 
     def clear_sub(self, function: Callable[..., Any]) -> None:
-        """Call a function no more."""
+        """End the subscription of a function."""
         self._functions.remove(function)
         if not self._functions:
             self._ended.set()
 
     def close(self) -> None:
-        """Call no function any more."""
+        """End all subscriptions."""
         self._functions.clear()
         self._ended.set()
 

@@ -1,4 +1,4 @@
-"""The samples of a record as pages of events."""
+"""Samples of a record as pages of events."""
 
 import asyncio
 import math
@@ -14,14 +14,14 @@ from pincette.core.files import temporary_folder
 from pincette_bluesky.readings import SAID, columns
 
 ROWS = 1000
-"""Of a page, at most."""
+"""Largest number of events in a page."""
 RECORD = "samples.parquet"
 
 
 async def pages(job: AsyncJobHandle, name: str, arms: int) -> AsyncGenerator[PartialEventPage]:
     """Yield the samples of a job; their times are counted from sample 0.
 
-    Records of earlier versions do not state its time; the start of the job takes its place.
+    Records of earlier versions do not contain its time; the start of the job is used instead.
     """
     with temporary_folder() as folder:
         path = await job.download(RECORD, folder)

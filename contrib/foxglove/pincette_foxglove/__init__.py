@@ -1,1 +1,1 @@
-"""A rig's samples in Foxglove, as they are in a record; never part of the loop."""
+"""Samples of a rig in Foxglove, with the schemas of a record; never part of the loop."""

@@ -1,7 +1,7 @@
-"""The port that viewers open: it asks which page connects, as the server behind it does not.
+"""Port for viewers that checks which page connects, which the server behind it does not do.
 
-A browser names the page in the header Origin of every WebSocket, and a page cannot change it
-(RFC 6455, 10.2). A program of its own names none, and is let in.
+A browser names the page in the header Origin of every WebSocket, and a page cannot change it (RFC
+6455, 10.2). Other programs send no such header, and are accepted.
 """
 
 import asyncio
@@ -16,17 +16,17 @@ from pincette.core.listening import why_not
 
 log = logging.getLogger("pincette.foxglove")
 HEAD_S = 5.0
-"""In which a connection has said what it wants, TLS included."""
+"""Time limit for the request of a new connection, TLS included, in s."""
 HEAD_BYTES = 16_384
 MOST = 256
-"""Connections at a time; what is beyond is closed."""
+"""Largest number of simultaneous connections; further ones are closed."""
 BACKLOG = 1024
 CHUNK = 65_536
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 class Door:
-    """Takes connections in a thread of its own, and leads those that may on to the server."""
+    """Accepts connections in its own thread, and forwards permitted ones to the server."""
 
     def __init__(
         self,
@@ -35,10 +35,10 @@ class Door:
         origins: Collection[str],
         proof: ssl.SSLContext | None = None,
     ) -> None:
-        """Listen at ``place``; raises OSError where it is taken.
+        """Listen at ``place``; raises OSError if it is in use.
 
-        ``origins``: of pages that may connect, beside those that this machine serves itself.
-        ``proof``: of TLS, which ends here.
+        ``origins`` are pages that may connect, in addition to those that this machine serves
+        itself. ``proof`` is that of TLS, which ends here.
         """
         self._behind, self._origins, self._proof = behind, frozenset(origins), proof
         self._open, self._told = 0, set[str]()
@@ -101,7 +101,7 @@ class Door:
         await asyncio.gather(_carry(reader, back), _carry(there, writer))
 
     def foreign(self, head: bytes) -> str | None:
-        """The page that a request comes from and that may not connect; None where it may."""
+        """Return the origin of a request if it may not connect; None if it may."""
         for line in head.decode("latin-1").split("\r\n")[1:]:
             name, _, origin = line.partition(":")
             origin = origin.strip()
@@ -126,7 +126,7 @@ def _is_of_this_machine(origin: str) -> bool:
 
 
 def refusal(origin: str) -> bytes:
-    """What a page is answered; a browser shows its own words only, who asks by hand sees these."""
+    """Return the reply to a rejected page; a browser shows its own text instead."""
     text = f"a page of {origin[:100]!r} may not connect: name it in [foxglove] origins\n".encode()
     lines = (
         "HTTP/1.1 403 Forbidden",
@@ -138,7 +138,7 @@ def refusal(origin: str) -> bytes:
 
 
 async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-    """Copy until either end is over; who is slow to read slows down who writes."""
+    """Copy until either end is closed; a slow reader slows the writer down."""
     try:
         while data := await source.read(CHUNK):
             sink.write(data)

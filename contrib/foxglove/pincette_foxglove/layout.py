@@ -1,4 +1,4 @@
-"""The layout that contrib/foxglove/pincette.json has: for a rig that runs, and for its records."""
+"""Layout in contrib/foxglove/pincette.json, for a running rig and for its records."""
 
 import json
 import sys
@@ -27,16 +27,16 @@ PLOTS = {
     "voltage, V": ("applied.arms[0].voltage_V",),
     "sliding function, µm": ("telemetry.sliding_um", "telemetry.band_um"),
 }
-"""Title of each plot, and the paths that it shows: topic and field, units in their names."""
+"""Title of each plot, with the paths that it shows: topic and field, units in their names."""
 ONLY_IF = {"applied.arms[0].voltage_V": "unconfirmed==false"}
-"""Paths that are shown while a condition holds: a voltage that the output has not confirmed may not
-be put out."""
+"""Paths that are shown only under a condition: a voltage that the output has not confirmed may not
+be applied."""
 STATES = ("telemetry.phase", "applied.state", "job.state")
 RED = "#c8102e"
 
 
 def layout() -> Layout:
-    """Plots one below another, phases and states, and the emergency stop."""
+    """Return the layout: plots one below another, phases and states, and the emergency stop."""
     rows = [SplitItem(proportion=3.0, content=_plot(title)) for title in PLOTS]
     states = StateTransitionsPanel(
         title="phase and states",
@@ -65,13 +65,13 @@ def _plot(title: str) -> PlotPanel:
 
 
 def shown_path(path: str) -> str:
-    """Return a path as viewers take it, with the condition of its messages."""
+    """Return a path in the syntax of viewers, with the condition of its messages."""
     topic, _, field = path.partition(".")
     return f"{topic}{{{ONLY_IF[path]}}}.{field}" if path in ONLY_IF else path
 
 
 def text() -> str:
-    """The file."""
+    """Return the text of the file."""
     tree = json.loads(layout().to_json())
     return json.dumps(tree, indent=2, ensure_ascii=False, sort_keys=True) + "\n"
 

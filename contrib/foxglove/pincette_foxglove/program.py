@@ -1,4 +1,4 @@
-"""The Foxglove WebSocket server of one rig: its topics, and an emergency stop over REST."""
+"""Foxglove WebSocket server of one rig: its topics, and an emergency stop over REST."""
 
 import json
 import logging
@@ -24,12 +24,12 @@ from pincette_foxglove.door import Door
 
 log = logging.getLogger("pincette.foxglove")
 KEY = "PINCETTE_KEY"
-"""Variable with the key by which this program reaches a supervisor; `observe` is enough."""
+"""Variable with the key by which this program uses a supervisor; role `observe` is enough."""
 BACKLOG = 1024
-"""Messages that wait for a slow viewer; the oldest are dropped."""
+"""Number of messages that wait for a slow viewer; the oldest are dropped."""
 ESTOP = "estop"
 REFUSED = "refused"
-"""Identifier of the status that messages of the bus are refused."""
+"""Identifier of the status about rejected messages of the bus."""
 SHOW_EVERY_S = 2.0
 ANSWER = {
     "type": "object",
@@ -84,9 +84,9 @@ def run(context: Started) -> None:
 
 
 def show_refused(server: WebSocketServer, finding: Fault | None) -> None:
-    """Show viewers that messages of the bus are refused, and take it back when none is any more.
+    """Show viewers that messages of the bus are rejected, and clear this once there are none.
 
-    A status reaches the viewers that are connected, so it is sent again for those that come later.
+    A status reaches only viewers that are connected, so it is repeated for later ones.
     """
     if finding is None:
         server.remove_status([REFUSED])
@@ -95,7 +95,7 @@ def show_refused(server: WebSocketServer, finding: Fault | None) -> None:
 
 
 def channel(rig: str, topic: Topic, viewers: Context) -> Channel:
-    """The channel of a topic, with the name and the schema that it has in a record."""
+    """Return the channel of a topic, with the name and the schema that it has in a record."""
     known = SCHEMAS[topic.name]
     return Channel(
         topic.name,
@@ -107,7 +107,7 @@ def channel(rig: str, topic: Topic, viewers: Context) -> Channel:
 
 
 def certificate(name: str | None) -> ssl.SSLContext | None:
-    """What the server proves itself with; the private key lies beside the certificate."""
+    """Return the server's certificate; the private key is in the same folder."""
     if name is None:
         return None
     proof = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
@@ -116,7 +116,7 @@ def certificate(name: str | None) -> ssl.SSLContext | None:
 
 
 def estop_service(context: Started) -> Service:
-    """The one thing that a viewer may ask for; the supervisor does it, as for everybody."""
+    """Return the only service for viewers; the supervisor executes it, as for all clients."""
     settings, pki = context.rig.foxglove, context.rig.bus.pki
     url = settings.supervisor or context.rig.supervisor.url
     authority = None if pki is None else Path(pki) / "authority.crt"
@@ -141,7 +141,7 @@ def estop_service(context: Started) -> Service:
 
 
 def described(name: str, tree: dict[str, Any]) -> MessageSchema:
-    """A schema of a service, in JSON."""
+    """Return the schema of a service, as JSON."""
     data = json.dumps(tree).encode()
     return MessageSchema(
         encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)
@@ -149,5 +149,5 @@ def described(name: str, tree: dict[str, Any]) -> MessageSchema:
 
 
 def answer(stopped: bool, detail: str) -> bytes:
-    """What the viewer shows."""
+    """Return the reply that the viewer shows."""
     return json.dumps({"stopped": stopped, "detail": detail}).encode()

@@ -1,4 +1,4 @@
-"""A rig as a node of MADSci, in an environment without pincette itself."""
+"""Rig as a node of MADSci, in an environment without pincette itself."""
 # pyright: basic, reportMissingImports=false
 
 from collections.abc import Callable, Generator, Iterable
@@ -35,50 +35,50 @@ LABEL = "madsci"
 
 
 class GripperConfig(RestNodeConfig):
-    """Where the supervisor is; each is an environment variable, such as NODE_SUPERVISOR_URL."""
+    """Address of the supervisor; each field is an environment variable, as NODE_SUPERVISOR_URL."""
 
     supervisor_url: str = "http://127.0.0.1:8000"
     supervisor_key: str | None = None
     supervisor_authority: Path | None = None
-    """Certificate that is believed where the supervisor speaks TLS: its ``authority.crt``."""
+    """Trusted certificate of a supervisor that uses TLS: its ``authority.crt``."""
     rig: str | None = None
     status_update_interval: float = 0.5
-    """In s; MADSci refuses actions by the status that it has read last."""
+    """Interval in s; MADSci rejects actions by the status that it has read last."""
     state_update_interval: float = 0.5
     enable_rate_limiting: bool = False
-    """As shipped, MADSci would refuse a safety stop after 100 requests of a minute."""
+    """Off, since MADSci would otherwise reject a safety stop after 100 requests in a minute."""
 
 
 class GripperStatus(NodeStatus):
-    """Status of the node, whose description says why the rig is not ready."""
+    """Status of the node, whose description states why the rig is not ready."""
 
     _reasons: tuple[str, ...] = ()
 
     @computed_field
     @property
     def description(self) -> str:
-        """Why the node is not ready; MADSci's own text leaves out that it is stopped."""
+        """Return why the node is not ready; MADSci's own text omits that it is stopped."""
         own = super().description
         if not (self.stopped or self.disconnected):
             return own
         return "; ".join([*(() if own == "Node is ready" else (own,)), *self._reasons])
 
     def update(self, rig: RigStatus) -> None:
-        """Set what follows from the state of the rig."""
+        """Set the fields that follow from the state of the rig."""
         self._reasons = tuple(rig.reasons)
         self.disconnected = rig.state == "unknown"
         self.stopped = not (rig.ready or self.disconnected)
 
 
 class Gripper(RestNode):
-    """Grips and lets go; a refusal fails the action, and the node takes the next one."""
+    """Node that grips and releases; a rejected request fails its action only."""
 
     node_status: GripperStatus = GripperStatus(initializing=True)
     config: GripperConfig = GripperConfig()
     config_model = GripperConfig
 
     def startup_handler(self) -> None:
-        """Prepare the client; the supervisor may come later."""
+        """Prepare the client; the supervisor may start later."""
         config = self.config
         self._supervisor = Supervisor(
             config.supervisor_url,
@@ -87,7 +87,7 @@ class Gripper(RestNode):
             authority=config.supervisor_authority,
         )
         self._actions: dict[str, JobHandle | None] = {}
-        """Jobs of the actions under way by their keys; None before there is a job."""
+        """Jobs of the running actions by their keys; None before an action has a job."""
 
     def status_handler(self) -> None:
         """Update whether the node is ready; MADSci calls this repeatedly."""
@@ -110,12 +110,12 @@ class Gripper(RestNode):
         }
 
     def get_status(self) -> NodeStatus:
-        """Return the status of the node as it is now, not as it was read last."""
+        """Return the present status of the node, not the last one that was read."""
         self._update_status()
         return self.node_status
 
     def get_state(self) -> dict[str, Any]:
-        """Return the state of the rig as it is now, not as it was read last."""
+        """Return the present state of the rig, not the last one that was read."""
         self._update_state()
         return self.node_state
 
@@ -193,7 +193,7 @@ class Gripper(RestNode):
         return self._supervisor.rig(self.config.rig)
 
     def _rig_status(self) -> RigStatus:
-        """Return the state of the rig; unknown if nobody answers within 1 s."""
+        """Return the state of the rig; unknown if no reply comes within 1 s."""
         try:
             return self._supervisor.patient(0.0).within(NEWS_S).rig(self.config.rig).status()
         except ClientError as error:
@@ -217,16 +217,16 @@ def last(moments: Iterable[Progress]) -> Progress | None:
 
 
 def failed(error: ClientError) -> ActionResult:
-    """Return the result of an action that did not come to its end, with the codes of the error.
+    """Return the result of an action that failed, with the codes of the error.
 
-    An action that was stopped is cancelled. To raise the error would put the node out of use.
+    An action that was stopped is cancelled. An exception would make the node unusable.
     """
     kind = ActionCancelled if error.cancelled else ActionFailed
     return kind(errors=[error_of(error)], json_result=error.codes)
 
 
 def done(command: Callable[[], str | None]) -> AdminCommandResponse:
-    """What comes of an admin command, which must not raise either; a text says why it failed."""
+    """Return the result of an admin command, which must not raise either; a text is its error."""
     try:
         trouble = command()
     except ClientError as error:
@@ -236,5 +236,5 @@ def done(command: Callable[[], str | None]) -> AdminCommandResponse:
 
 
 def error_of(error: ClientError) -> Error:
-    """Return an error as MADSci has it."""
+    """Return an error in the form of MADSci."""
     return Error(message=str(error), error_type=error.code)

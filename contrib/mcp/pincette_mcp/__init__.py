@@ -1,1 +1,1 @@
-"""A rig as tools of an agent by the Model Context Protocol, over stdio or HTTP."""
+"""Rig as tools of an agent by the Model Context Protocol, over stdio or HTTP."""

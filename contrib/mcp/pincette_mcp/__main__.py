@@ -19,7 +19,7 @@ KEY_BYTES = 32
 
 
 class NoKeyError(Exception):
-    """A server over HTTP without a key."""
+    """Error of a server over HTTP without a key."""
 
 
 def main() -> None:
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def http_key() -> tuple[str, str]:
-    """Return the key that callers over HTTP send, and where it is; raises NoKeyError."""
+    """Return the key that callers over HTTP send, and its place; raises NoKeyError."""
     if stated := os.environ.get(STATED):
         return stated, f"${STATED}"
     path = account_file(KEY, secrets.token_urlsafe(KEY_BYTES).encode())

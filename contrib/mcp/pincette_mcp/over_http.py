@@ -1,4 +1,4 @@
-"""The tools over streamable HTTP: on this machine alone, for programs that have the key."""
+"""Tools over streamable HTTP: only on this machine, for programs that have the key."""
 
 import hmac
 from collections.abc import Mapping
@@ -10,19 +10,19 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 HOST = "127.0.0.1"
 LEAVES_S = 3
-"""Time for which the end of the server waits for requests that are under way, in s."""
+"""Time for which the end of the server waits for running requests, in s."""
 REFUSED = {"error": "this server wants its key, in the header `Authorization: Bearer KEY`"}
 CHALLENGE: Mapping[str, str] = {"WWW-Authenticate": "Bearer"}
 
 
 class KeyCheck:
-    """Answers 401 to each request without the key."""
+    """Replies 401 to each request without the key."""
 
     def __init__(self, app: ASGIApp, key: str) -> None:
         self._app, self._wanted = app, f"Bearer {key}".encode()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
+        """Forward a request, or reject it."""
         headers: list[tuple[bytes, bytes]] = scope.get("headers", [])
         given = next((value for name, value in headers if name == b"authorization"), b"")
         if scope["type"] == "http" and not hmac.compare_digest(given, self._wanted):

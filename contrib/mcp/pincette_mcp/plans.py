@@ -1,8 +1,8 @@
-"""Tokens of feasible plans: what may be gripped, once, for a limited time.
+"""Tokens of feasible plans: permissions to grip, once, for a limited time.
 
 A token holds the plan and a signature. The secret of the signature is a file of the account, so
-that a token is also good for the server that takes the place of an ended one. Where the protocol
-has sessions, a token is good for its session alone.
+that a token is also valid for the server that replaces an ended one. If the protocol has sessions,
+a token is valid for its session only.
 """
 
 import hmac
@@ -23,11 +23,11 @@ SECRET_BYTES = 32
 SECRET = "pincette/mcp-tokens"
 """File of the secret, in the account's folder of settings."""
 KEY = "pincette/mcp-key"
-"""File of the key that callers over HTTP send, likewise."""
+"""File of the key that callers over HTTP send, in the account's folder of settings."""
 
 
 class NoPlanError(Exception):
-    """A token without a plan that may still be run."""
+    """Error of a token without a plan that may still be run."""
 
     def __init__(self, why: str) -> None:
         words = f"no-plan: this token {why}; call plan_grip, and grip with the token of its plan"
@@ -35,22 +35,22 @@ class NoPlanError(Exception):
 
 
 class Plan(NamedTuple):
-    """A feasible plan, as its token states it."""
+    """Feasible plan, as its token contains it."""
 
     id: str
     """Name of the plan: label and Idempotency-Key of its job."""
     rig: str
     force_mN: float
     hold_s: float | None
-    """None: until the release."""
+    """Hold time in s; None: until the release."""
     until_s: float
-    """Time of the system clock from which the token is too old, in s."""
+    """Time of the system clock at which the token expires, in s."""
     session: str
-    """Session of the protocol; empty where it has none."""
+    """Session of the protocol; empty if it has none."""
 
 
 class Tokens:
-    """Signs plans, and takes each of them once."""
+    """Signs plans, and accepts each of them once."""
 
     def __init__(self, secret: bytes, clock: Callable[[], float]) -> None:
         self._secret, self._clock = secret, clock
@@ -65,7 +65,7 @@ class Tokens:
         return f"{_text(text)}.{_text(self._signature(text))}"
 
     def take(self, token: str, session: str) -> Plan:
-        """Return what was planned; the token is then used. Raises NoPlanError."""
+        """Return the plan of a token, which is then used. Raises NoPlanError."""
         text, _, signature = token.partition(".")
         try:
             content, signed = urlsafe_b64decode(text), urlsafe_b64decode(signature)
@@ -88,16 +88,16 @@ class Tokens:
 
 
 def account_secret() -> bytes:
-    """Return the secret of the account; one for this process alone where it cannot be kept."""
+    """Return the secret of the account, or one for this process only if it cannot be stored."""
     made = secrets.token_bytes(SECRET_BYTES)
     kept = account_file(SECRET, made)
     return made if kept is None else kept.read_bytes()
 
 
 def account_file(name: str, made: bytes) -> Path | None:
-    """Return a file of the account's settings, made where it is missing; None where it cannot be.
+    """Return a file of the account's settings, created if missing; None if that is impossible.
 
-    A file of another length than ``made`` is none.
+    A file with another length than ``made`` counts as missing.
     """
     folder = config_folder()
     if folder is None:

@@ -1,4 +1,4 @@
-"""The tools: what looks and what stops is always there, what moves only where it is asked for."""
+"""Tools: reading and stopping are always available, moving only on request."""
 
 import time
 from collections.abc import AsyncGenerator, Callable, Generator
@@ -31,12 +31,12 @@ from pincette.client.status import NEWS_S, RigStatus, unknown_status
 from pincette_mcp.plans import NoPlanError, Plan, Tokens, account_secret
 
 LABEL = "mcp"
-"""Label of a job: the name of its plan."""
+"""Label of a job with the name of its plan."""
 OWN = (LABEL, None)
 SESSION = "mcp-session-id"
 """Header of a session, which the newest revision of the protocol does not have."""
 UNKNOWN = "unknown"
-"""Whether a part is held, where that cannot be read."""
+"""Text for a part whose state cannot be read."""
 LOOKS = ToolAnnotations(read_only_hint=True, open_world_hint=False)
 STOPS = ToolAnnotations(
     read_only_hint=False, destructive_hint=False, idempotent_hint=True, open_world_hint=False
@@ -55,20 +55,20 @@ Hold = Annotated[
 
 
 class Status(BaseModel):
-    """How the rig is."""
+    """State of the rig."""
 
     rig: str
     state: str
     """State of the actuator. Latched: a person must look. Unknown: no news from the rig for 1 s."""
     age_s: float | None
-    """Time since the actuator was last heard; null if it is not known."""
+    """Time since the last message of the actuator, in s; null if it is not known."""
     part: str
     ready: bool
-    """Whether the rig takes commands: it is not latched, and all of its programs work."""
+    """True if the rig accepts commands: it is not latched, and all of its programs work."""
     can_start: bool
-    """Whether a grip can start now."""
+    """True if a grip can start now."""
     reasons: list[str]
-    """Why no grip can start."""
+    """Reasons why no grip can start."""
     force_mN: float | None
     force_uncertainty_mN: float | None
     x_um: float | None
@@ -79,25 +79,25 @@ class Status(BaseModel):
 
 
 class GripPlan(BaseModel):
-    """What a grip would do, with every value that its token stands for."""
+    """Prediction of a grip, with every value that its token contains."""
 
     feasible: bool
     rig: str
     kind: str
-    """``grip``; or ``hold`` where a part that is held is loaded or unloaded to the force."""
+    """``grip``; or ``hold`` if a held part is loaded or unloaded to the force."""
     force_mN: float
     hold_s: float | None
-    """Null: until release."""
+    """Hold time in s; null: until release."""
     duration_s: float
     violations: list[str]
-    """Limits that it breaks, with value, unit and limit."""
+    """Limits that the grip would break, with value, unit and limit."""
     warnings: list[str]
     token: str | None
-    """For one grip within two minutes; null where it is not feasible."""
+    """Token for one grip within two minutes; null if it is not feasible."""
 
 
 class Gripped(BaseModel):
-    """A part that is held, or was for the time that was asked for."""
+    """Part that is held, or was held for the requested time."""
 
     job: str
     outcome: str
@@ -115,7 +115,7 @@ class Done(BaseModel):
 
 @contextmanager
 def told() -> Generator[None]:
-    """Tell the agent what the supervisor refuses, with its code, and how a job has ended."""
+    """Turn rejected requests and failed jobs into tool errors with their codes."""
     try:
         yield
     except JobEndedError as error:
@@ -128,13 +128,13 @@ def told() -> Generator[None]:
 
 
 class Tools:
-    """The tools of one rig."""
+    """Tools of one rig."""
 
     def __init__(self, supervisor: AsyncSupervisor, rig: str | None) -> None:
         self._supervisor, self._name = supervisor, rig
         self._tokens = Tokens(account_secret(), time.time)
         self._asked: set[str] = set()
-        """Names of the plans whose grip is under way."""
+        """Names of the plans whose grip is running."""
 
     async def status(self) -> Status:
         """Whether the rig is ready, what it holds, and its newest sample."""
@@ -270,7 +270,7 @@ class Tools:
         return Done(job=None, part=part, detail=f"latched: {causes}")
 
     async def _status(self) -> RigStatus:
-        """Return the state of the rig; unknown if nobody answers within 1 s.
+        """Return the state of the rig; unknown if no reply comes within 1 s.
 
         Raises NotPermittedError if the key may not read the rig.
         """
@@ -285,20 +285,20 @@ class Tools:
         return await AsyncRigHandle(self._supervisor.transport, self._name).status()
 
     async def _rig(self) -> AsyncRigHandle:
-        """Found when it is first asked for: the server starts without its supervisor."""
+        """Return the rig, found at the first request: the server starts without its supervisor."""
         if self._name is None:
             self._name = (await self._supervisor.rig()).name
         return AsyncRigHandle(self._supervisor.transport, self._name)
 
 
 def session_of(context: Context) -> str:
-    """Return the session of a request; empty over stdio, and where the protocol has none."""
+    """Return the session of a request; empty over stdio, and if the protocol has none."""
     request = context.request_context.request
     return "" if request is None else request.headers.get(SESSION, "")
 
 
 async def follow(moments: AsyncGenerator[Progress], context: Context) -> None:
-    """Tell the agent's program how far a motion is."""
+    """Report the progress of a motion to the agent's program."""
     async for now in moments:
         remaining_s = left_s(now)
         total_s = None if remaining_s is None else now.elapsed_s + remaining_s
@@ -318,7 +318,7 @@ def _gripped(
 
 
 def serve(supervisor: AsyncSupervisor, rig: str | None, *, moving: bool) -> MCPServer:
-    """A server of a rig's tools; those that move only with ``moving``."""
+    """Return a server of a rig's tools; those that move only with ``moving``."""
     tools = Tools(supervisor, rig)
     offered = [
         *(strict(tool, LOOKS) for tool in (tools.status, tools.plan_grip)),
@@ -335,7 +335,7 @@ def serve(supervisor: AsyncSupervisor, rig: str | None, *, moving: bool) -> MCPS
 
 
 class _AsSent(FuncMetadata):
-    """Arguments as they are sent; the SDK would read JSON out of a text."""
+    """Arguments as they were sent; the SDK would read JSON out of a text."""
 
     def pre_parse_json(self, data: dict[str, Any]) -> dict[str, Any]:
         """Return the arguments."""
@@ -343,7 +343,7 @@ class _AsSent(FuncMetadata):
 
 
 def strict(function: Callable[..., Any], annotations: ToolAnnotations) -> Tool:
-    """Return a tool that refuses unknown arguments, and texts in the place of numbers."""
+    """Return a tool that rejects unknown arguments, and texts instead of numbers."""
     tool = Tool.from_function(function, annotations=annotations)
     loose = tool.fn_metadata
 
@@ -361,7 +361,7 @@ def strict(function: Callable[..., Any], annotations: ToolAnnotations) -> Tool:
 
 
 async def _require_unused(rig: AsyncRigHandle, plan: Plan) -> None:
-    """Raise NoPlanError where a plan is of another rig, or has a job already."""
+    """Raise NoPlanError if a plan is of another rig, or already has a job."""
     if plan.rig != rig.name:
         raise NoPlanError(f"is for rig {plan.rig}, and this is {rig.name}")
     if jobs := await rig.jobs(1, label=f"{LABEL}={plan.id}"):

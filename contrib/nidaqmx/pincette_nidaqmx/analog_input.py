@@ -1,4 +1,4 @@
-"""A position as a voltage at an analog input of NI-DAQmx.
+"""Position as a voltage at an analog input of NI-DAQmx.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the module samples its channels at
 one instant (a multiplexed one is late by one conversion from the first to the second), and beyond
@@ -17,14 +17,14 @@ from pincette_nidaqmx.tasks import Daq, TaskGoneError
 
 BUFFER_S = 20.0
 MOST_SAMPLES = 100_000
-"""Per channel and call: 1.6 MB of the 4 MB that a gRPC message may have by default."""
+"""Samples per channel and call: 1.6 MB of the 4 MB that a gRPC message may have by default."""
 CODES = 65536
-"""Steps of the range; the coarsest of the converters in question has 16 bit."""
+"""Number of steps in the range; the coarsest of these converters has 16 bit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The position is ``offset_um`` + ``um_per_V`` · voltage, within a range of voltages."""
+    """Linear scale: the position is ``offset_um`` + ``um_per_V`` · voltage, within a range."""
 
     um_per_V: float
     offset_um: float
@@ -32,7 +32,7 @@ class Scale:
     most_V: float
 
     def position_um(self, voltage_V: float, where: str) -> float:
-        """Position of a voltage; raises InstrumentError at an end of the range."""
+        """Return the position of a voltage in µm; raises InstrumentError at an end of the range."""
         step_V = (self.most_V - self.least_V) / CODES
         high = voltage_V >= self.most_V - 1.5 * step_V
         if high or voltage_V <= self.least_V + 0.5 * step_V:
@@ -43,7 +43,7 @@ class Scale:
 
 
 class AnalogInput:
-    """The input of a position, and a second one that measures the drive."""
+    """Input of a position, and a second input that measures the drive."""
 
     def __init__(
         self, daq: Daq, scale: Scale, *, drive_channel: str, average: int, rate_hz: float
@@ -57,7 +57,7 @@ class AnalogInput:
         self._capture: Any = None
 
     def prepare(self) -> None:
-        """Take back what an earlier program left, and begin single readings."""
+        """Take back tasks of an earlier program, and begin single readings."""
         for purpose in ("single", "capture"):
             self._daq.take_back(purpose)
         self._begin_single()
@@ -141,7 +141,7 @@ class AnalogInput:
         return Block(tuple(x_um.tolist()), tuple(drive_V.tolist()))
 
     def end_capture(self) -> None:
-        """Go back to single readings; nothing where no capture was begun."""
+        """Return to single readings; does nothing without a capture."""
         if self._capture is None:
             return
         task, self._capture = self._capture, None
@@ -154,7 +154,7 @@ class AnalogInput:
                 raise
 
     def close(self) -> None:
-        """Give the tasks and the line back; twice is once."""
+        """Release tasks and line; repeated calls do nothing."""
         self._daq.close({"capture": self._capture, "single": self._single})
 
     def _begin_single(self) -> None:
@@ -165,7 +165,7 @@ class AnalogInput:
         self._single = self._daq.task("single", arrange)
 
     def _drop(self) -> None:
-        """Let the next reading begin with a new task."""
+        """Make the next reading begin with a new task."""
         task, self._single = self._single, None
         if task is not None:
             self._daq.clear("single", task)

@@ -1,4 +1,4 @@
-"""A voltage at an analog output of NI-DAQmx: single values, and waves from the device's buffer.
+"""Voltage at an analog output of NI-DAQmx: single values, and waveforms from the buffer.
 
 From the package nidaqmx 1.7.0 and its documentation. Assumed: the output holds its voltage while no
 task owns it, and a finite wave may begin before all its samples are written, where old ones may not
@@ -27,9 +27,10 @@ from pincette.instruments.protocols import InstrumentError
 from pincette_nidaqmx.tasks import Daq, TaskGoneError
 
 BEGIN_S, LOOK_S = 0.5, 0.25
-"""Of a wave, written before it begins and at each look; so there must be four looks a second."""
+"""Duration of a waveform in s that is written before its start, and at each ``look``. At least four
+calls a second are needed."""
 LEAST_SAMPLES = 2
-"""Of a buffered output."""
+"""Least number of samples of a buffered output."""
 
 Samples = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -37,9 +38,9 @@ _log = logging.getLogger(__name__)
 
 
 class AnalogOutput:
-    """One channel with three tasks: of single values, of waves, and of steps in parts.
+    """One channel with three tasks: for single values, for waveforms, and for steps in parts.
 
-    One of them has the channel at a time.
+    Only one of them has the channel at a time.
     """
 
     def __init__(self, daq: Daq, *, least_V: float, most_V: float, rate_hz: float) -> None:
@@ -50,21 +51,21 @@ class AnalogOutput:
         self._wave: Any = None
         self._parts: Any = None
         self._parts_of = 0, 0.0
-        """Number of parts and interval in s that the task of parts was made for."""
+        """Number of parts and interval in s for which the task of parts was made."""
         self._playing = False
         self._stepping = False
         """True while the task of parts has the channel."""
         self._stepped_s = 0.0
-        """Time of the monotonic clock at which all parts have been put out."""
+        """Time of the monotonic clock in s at which all parts have been put out."""
         self._held_V: float | None = None
-        """What is put out; None while a wave plays."""
+        """Present output voltage in V; None while a waveform plays."""
         self._wave_V: Sequence[float] = ()
         self._written = 0
-        """Samples of the wave that the device has."""
+        """Number of samples of the waveform that the device has received."""
         self._look_samples = LEAST_SAMPLES
 
     def prepare(self, read_channel: str, found_V: float) -> None:
-        """Take back what an earlier program left, and find the voltage that is put out."""
+        """Take back tasks of an earlier program, and find the present output voltage."""
         for purpose in ("single", "wave", "parts", "reading"):
             self._daq.take_back(purpose)
         self._begin_single()
@@ -80,7 +81,7 @@ class AnalogOutput:
         self._held_V = found_V
 
     def write_V(self, voltage_V: float) -> None:
-        """Put out a voltage; it ends a wave that plays, and the parts of a step.
+        """Put out a voltage; it ends a playing waveform, and the parts of a step.
 
         Raises
         ------
@@ -104,7 +105,7 @@ class AnalogOutput:
         self._held_V = voltage_V
 
     def read_V(self) -> float:
-        """Return the voltage that is put out, as it was last written or found.
+        """Return the output voltage in V, as it was last written or found.
 
         Raises
         ------
@@ -150,7 +151,7 @@ class AnalogOutput:
         self._held_V = voltages_V[-1]
 
     def _parts_task(self, count: int, interval_s: float) -> Any:
-        """Return the task for this number of parts and interval, made where there is none."""
+        """Return the task for this number of parts and interval; create it if necessary."""
         if self._parts is not None and self._parts_of == (count, interval_s):
             return self._parts
         if (old := self._parts) is not None:
@@ -201,7 +202,7 @@ class AnalogOutput:
         self._held_V = None
 
     def look(self) -> None:
-        """Write more of the wave; raise InstrumentError where it has broken off, or none plays."""
+        """Write more of the waveform; raise InstrumentError if it has broken off, or none plays."""
         self._daq.must_be_open()
         if not self._playing:
             raise InstrumentError(f"{self._daq.channel}: no wave plays", "misused")
@@ -214,7 +215,7 @@ class AnalogOutput:
             self._held_V = self._wave_V[-1]
 
     def close(self) -> None:
-        """Give the tasks and the line back; the output stays as it is. Twice is once."""
+        """Release tasks and line; the output stays unchanged. Repeated calls do nothing."""
         self._daq.close({"wave": self._wave, "parts": self._parts, "single": self._single})
 
     def _must_be_within(self, voltage_V: float) -> None:
@@ -247,7 +248,7 @@ class AnalogOutput:
         task.start()
 
     def _released(self) -> bool:
-        """End a wave, or the parts of a step; return whether there was either."""
+        """End a waveform, or the parts of a step; return whether there was either."""
         if self._playing:
             self._playing = False
             if not self._stopped("wave", self._wave):
@@ -261,7 +262,7 @@ class AnalogOutput:
         return False
 
     def _stopped(self, purpose: str, task: Any) -> bool:
-        """Stop a task, and clear it where that fails; return whether it can be started again."""
+        """Stop a task, and clear it if that fails; return whether it can be started again."""
         try:
             self._daq.ask(f"ending {purpose}", task.stop)
         except InstrumentError as error:
@@ -271,7 +272,7 @@ class AnalogOutput:
         return True
 
     def _resume(self) -> None:
-        """Let the task of single values own the output again."""
+        """Give the output back to the task of single values."""
         if self._single is None:
             return
         try:
@@ -281,7 +282,7 @@ class AnalogOutput:
             raise
 
     def _drop(self) -> None:
-        """Let the next write or wave begin with new tasks."""
+        """Make the next write or waveform begin with new tasks."""
         tasks = {"wave": self._wave, "parts": self._parts, "single": self._single}
         self._wave = self._parts = self._single = None
         self._playing = self._stepping = False

@@ -1,4 +1,4 @@
-"""Where an NI-DAQmx channel is, by its url, and whether there is a package to reach it with."""
+"""NI-DAQmx channels from urls, and the check for the package that they need."""
 
 import re
 from collections.abc import Generator
@@ -11,11 +11,11 @@ from pincette.instruments.protocols import InstrumentError
 LOCAL, SERVER = "ni:", "grpc://"
 CHANNEL = re.compile(r"[\w-]+/\w+")
 EXCHANGE_S = 0.001
-"""Of a call, at this machine or at a device server in the same network; assumed."""
+"""Duration of a call on this machine or to a device server in the same network, in s; assumed."""
 
 
 def channel_of(url: str, channel: str) -> str:
-    """Physical channel of a url, or the one given where the url names none.
+    """Return the physical channel of a url, or the given one if the url names none.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def channel_of(url: str, channel: str) -> str:
 
 @contextmanager
 def needing_the_package(url: str) -> Generator[None]:
-    """Import within it what needs the package; InstrumentError where it is not installed."""
+    """Import code that needs the package; InstrumentError if the package is not installed."""
     try:
         yield
     except ImportError as error:

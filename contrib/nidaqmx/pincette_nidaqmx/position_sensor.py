@@ -17,9 +17,9 @@ from pincette.instruments.protocols import BufferedSensor, InstrumentError, Link
 from pincette_nidaqmx.channel import EXCHANGE_S, channel_of, needing_the_package
 
 MET = False
-"""Whether this driver has met its instrument."""
+"""True if this driver has been tested with its instrument."""
 URL = "ni:cDAQ1Mod1/ai0"
-"""Where it usually is."""
+"""Typical url of the instrument."""
 NOTE = "an exchange of 1 ms is assumed unless stated, and a monitor output without delay"
 
 
@@ -30,37 +30,38 @@ def _not_zero(value: float) -> float:
 
 
 class NidaqmxInputOptions(Table):
-    """The monitor's scale, and where the drive is measured."""
+    """Scale of the monitor output, and the channel that measures the drive."""
 
     um_per_V: Annotated[float, AfterValidator(_not_zero)]
-    """Of the monitor output, as set at the sensor; negative where the voltage falls."""
+    """Scale of the monitor output in µm/V, as set at the sensor; negative if the voltage falls."""
     offset_um: float = 0.0
-    """Position at 0 V."""
+    """Position at 0 V, in µm."""
     drive_channel: str = ""
-    """Analog input at the amplifier's input, as in cDAQ1Mod1/ai1; without it, no capture."""
+    """Analog input at the amplifier's input, as cDAQ1Mod1/ai1; without it no capture is possible.
+    """
     least_V: float = -10.0
-    """Lowest voltage of the input's range."""
+    """Lowest voltage of the input's range, in V."""
     most_V: float = 10.0
-    """Highest voltage of the input's range."""
+    """Highest voltage of the input's range, in V."""
     average: int = Field(default=1, ge=1, le=1000)
-    """Samples of a single reading."""
+    """Number of samples that a single reading averages."""
     rate_hz: Positive = 50_000.0
-    """Highest rate of a capture; assumed."""
+    """Highest rate of a capture, in Hz; assumed."""
     channel: str = ""
-    """Physical channel, where the url names none."""
+    """Physical channel, if the url names none."""
     exchange_s: Positive = EXCHANGE_S
-    """Time of a call; measure it where the period is short."""
+    """Duration of a call, in s; measure it if the period is short."""
 
 
 def timing(settings: Sensor) -> Timing:
-    """Time of one reading, and the highest rate of a capture; raises ConfigError."""
+    """Return the time of one reading, and the highest rate of a capture; raises ConfigError."""
     options = read_options(NidaqmxInputOptions, "nidaqmx", settings.options)
     captures_hz = options.rate_hz if options.drive_channel else None
     return Timing(options.exchange_s, buffered_hz=captures_hz, note=NOTE)
 
 
 def open_sensor(settings: Sensor, link: Link | None = None) -> BufferedSensor:
-    """Open the way to the device, or take ``link``, and make the task of the single readings.
+    """Open the connection to the device, or use ``link``, and make the task of single readings.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A line to an instrument that is called by gRPC: each call is one exchange of bytes.
+"""Line to an instrument that is called by gRPC: each call is one exchange of bytes.
 
 A request is the method's full name, NUL and the serialized message. A reply begins with one of
 
@@ -33,7 +33,7 @@ LOST: dict[str, ErrorCode] = {
     "DEADLINE_EXCEEDED": "silent",
     "DATA_LOSS": "garbled",
 }
-"""Statuses that say that no reply came, or none that can be read, and what that means."""
+"""Error codes by the gRPC statuses of a call without a readable reply."""
 
 _grpc: Any = grpc
 _log = logging.getLogger(__name__)
@@ -47,8 +47,7 @@ def open_rpc_link(
 ) -> Link:  # fmt: skip
     """Open a line to ``grpc://host:port/…``, or play the recording of ``replay:FILE``.
 
-    Nothing is sent: the first call connects, and later ones connect again where the server was
-    gone.
+    Nothing is sent: the first call connects, and later ones connect again if the server was lost.
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ class RpcLink:
         self._closed = False
 
     def exchange(self, request: bytes) -> bytes:
-        """Call a method and return its reply; raises InstrumentError where there is none."""
+        """Call a method and return its reply; raises InstrumentError if there is none."""
         if self._closed:
             raise InstrumentError(f"{self._url}: the port is closed; open it again", "misused")
         name, _, message = request.partition(b"\0")
@@ -121,17 +120,17 @@ class RpcLink:
         return reply
 
     def tell(self, line: bytes) -> None:
-        """Call a method whose reply is of no interest; raises InstrumentError."""
+        """Call a method and ignore its reply; raises InstrumentError."""
         self.exchange(line)
 
     def close(self) -> None:
-        """Give the channel back; twice is once."""
+        """Close the channel; repeated calls do nothing."""
         if not self._closed:
             self._closed = True
             self._channel.close()
 
     def _made(self, method: str) -> tuple[Callable[..., bytes], float]:
-        """The call of a method, and how long it may last; bytes go as they are."""
+        """Return the callable of a method, and its time limit; bytes are passed unchanged."""
         quick = method.rpartition("/")[2] in self._quick
         call = self._channel.unary_unary(method, None, None)
         return call, self._timeout_s if quick else self._patience_s
@@ -167,7 +166,7 @@ class _Entry(NamedTuple):
 
 
 class _CallError(grpc.RpcError):
-    """A call that the server, or the instrument behind it, has refused."""
+    """Call that the server, or the instrument behind it, has rejected."""
 
     def __init__(self, status: str, text: str, code: str = "") -> None:
         super().__init__(text)
@@ -185,10 +184,10 @@ class _CallError(grpc.RpcError):
 
 
 class LinkChannel:
-    """A gRPC channel, as far as a generated stub needs one, over a link.
+    """The part of a gRPC channel that a generated stub needs, over a link.
 
-    A call returns the decoded message, raises grpc.RpcError for what the server refuses, and
-    InstrumentError where the link fails or brings no reply of this kind.
+    A call returns the decoded message, raises grpc.RpcError if the server rejects it, and
+    InstrumentError if the link fails or brings no reply of this kind.
     """
 
     def __init__(self, link: Link) -> None:
@@ -201,7 +200,7 @@ class LinkChannel:
         response_deserializer: Callable[[bytes], Any],
         **_how: object,
     ) -> Callable[..., Any]:
-        """Return the call of a method."""
+        """Return the callable of a method."""
         head = method.encode() + b"\0"
 
         def call(request: Any, **_how: object) -> Any:
@@ -215,7 +214,7 @@ class LinkChannel:
         return call
 
     def unary_stream(self, method: str, *_form: object, **_how: object) -> Callable[..., NoReturn]:
-        """Return a call that fails: a link carries one reply to one request."""
+        """Return a callable that fails: a link carries one reply to one request."""
 
         def call(*_request: object, **_how: object) -> NoReturn:
             raise InstrumentError(f"{method}: a link carries no streams", "misused")

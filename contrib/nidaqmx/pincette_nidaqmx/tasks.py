@@ -1,4 +1,4 @@
-"""Tasks of NI-DAQmx: of the driver on this machine, or of a device server, whose faults are ours.
+"""Tasks of NI-DAQmx in this machine's driver or a device server; errors are InstrumentError.
 
 The url says where: ``ni:cDAQ1Mod1/ai0`` is this machine's driver, ``grpc://host:port/cDAQ1Mod1/ai0``
 an NI gRPC Device Server. Through the latter every call is an exchange of bytes over a link. From
@@ -29,9 +29,10 @@ from pincette.instruments.protocols import ErrorCode, InstrumentError, Link
 from pincette_nidaqmx.channel import LOCAL, needing_the_package
 
 PATIENCE_S = 2.0
-"""For a call that sets up hardware; assumed."""
+"""Timeout of a call that sets up hardware, in s; assumed."""
 SHARE = 0.8
-"""Of the timeout, that the device may wait for samples, so that its answer comes before the end."""
+"""Share of the timeout for which the device may wait for samples, so that its answer comes in time.
+"""
 QUICK: frozenset[str] = frozenset(
     {
         "GetReadAttributeUInt32",
@@ -43,10 +44,10 @@ QUICK: frozenset[str] = frozenset(
     }
 )
 QUICK_WITH_PARTS = QUICK | {"StartTask", "StopTask"}
-"""Calls of a tick where steps are written in parts."""
+"""Calls within a tick if steps are written in parts."""
 METADATA = (("ni-api-key", MEASUREMENTLINK_23Q1_NIDAQMX_PYTHON_API_KEY),)
 GONE = (DAQmxErrors.INVALID_TASK, DAQmxErrors.DEV_CANNOT_BE_ACCESSED)
-"""What a task answers whose server was started anew, or whose device was unplugged."""
+"""Errors of a task whose server was restarted, or whose device was unplugged."""
 CAUSES: dict[int, ErrorCode] = {
     DAQmxErrors.INVALID_TASK: "hung_up",
     DAQmxErrors.DEV_CANNOT_BE_ACCESSED: "hung_up",
@@ -69,28 +70,28 @@ T = TypeVar("T")
 
 
 class TaskGoneError(InstrumentError):
-    """The task does not exist any more; it must be made anew."""
+    """The task no longer exists and must be created again."""
 
 
 @dataclass(slots=True)
 class Daq:
-    """Where the tasks of one channel are; ``link`` is None for the driver of this machine."""
+    """Access to the tasks of one channel; ``link`` is None for the driver of this machine."""
 
     channel: str
     link: Link | None
     wait_s: float
-    """That the device may wait for samples."""
+    """Time for which the device may wait for samples, in s."""
     left: set[str] = field(default_factory=set[str])
-    """Purposes whose task may be at the server still, because a call about it was lost."""
+    """Purposes whose task may still be at the server, because a call about it was lost."""
     _closed: bool = field(default=False, init=False)
 
     def must_be_open(self) -> None:
-        """Raise InstrumentError once everything has been given back."""
+        """Raise InstrumentError once the channel has been closed."""
         if self._closed:
             raise InstrumentError(f"{self.channel}: the port is closed; open it again", "misused")
 
     def ask(self, what: str, call: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-        """Call the package; what it raises leaves as an InstrumentError that says ``what``."""
+        """Call the package; its errors are raised as InstrumentError that contain ``what``."""
         try:
             return call(*given, **named)
         except (DaqNotFoundError, DaqNotSupportedError) as error:
@@ -106,7 +107,7 @@ class Daq:
             raise InstrumentError(text) from error
 
     def task(self, purpose: str, arrange: Callable[[Any], None]) -> Any:
-        """Make a task; it is cleared again where ``arrange``, or anything else, fails."""
+        """Create a task; it is cleared again if ``arrange`` or another step fails."""
         if purpose in self.left:
             self.take_back(purpose)
         task = self._created(purpose, SessionInitializationBehavior.INITIALIZE_SERVER_SESSION)
@@ -118,7 +119,7 @@ class Daq:
         return task
 
     def take_back(self, purpose: str) -> None:
-        """Clear the task that is at the server still, if there is one."""
+        """Clear the task that is still at the server, if there is one."""
         if self.link is None:
             return
         try:
@@ -133,7 +134,7 @@ class Daq:
         self.clear(purpose, found)
 
     def clear(self, purpose: str, task: Any) -> None:
-        """Give a task back; where that fails it is taken back before it is made again."""
+        """Clear a task; if that fails it is taken back before it is created again."""
         try:
             self.ask(f"clearing {purpose}", task.close)
         except TaskGoneError as error:
@@ -143,7 +144,7 @@ class Daq:
             _log.info("%s", error)
 
     def close(self, tasks: Mapping[str, Any] = NO_TASKS) -> None:
-        """Give tasks, by their purposes, and the line back; twice is once."""
+        """Close tasks, by their purposes, and the line; repeated calls do nothing."""
         if self._closed:
             return
         self._closed = True
@@ -175,7 +176,9 @@ class Daq:
 
 
 def open_daq(settings: Sensor | Output, channel: str, link: Link | None, met: bool) -> Daq:
-    """Open the way to a channel, or take ``link``; ``met`` is whether the driver has met one.
+    """Open the access to a channel, or use ``link``.
+
+    ``met`` states if the driver was ever tested.
 
     Raises
     ------

@@ -20,36 +20,36 @@ from pincette.instruments.protocols import InstrumentError, Link, Timing, WaveOu
 from pincette_nidaqmx.channel import EXCHANGE_S, channel_of, needing_the_package
 
 MET = False
-"""Whether this driver has met its instrument."""
+"""True if this driver has been tested with its instrument."""
 URL = "ni:cDAQ1Mod2/ao0"
-"""Where it usually is."""
+"""Typical url of the instrument."""
 STEP_V = 20.0 / 2**16
-"""Of 16 bits over ±10 V."""
+"""Voltage step of 16 bits over ±10 V."""
 SETTLING_S = 3e-6
 PARTS_CALLS = 3
-"""Calls for a step that is written in parts: stop, write, start."""
+"""Number of calls for a step that is written in parts: stop, write, start."""
 NOTE = (
     "an exchange of 1 ms unless stated, settling in 3 µs and waves at the stated rate are assumed"
 )
 
 
 class NidaqmxOutputOptions(Table):
-    """Range of the output, and how its voltage is known before the first write."""
+    """Range of the output, and the source of its voltage before the first write."""
 
     least_V: float = -10.0
-    """Lowest voltage of the output's range."""
+    """Lowest voltage of the output's range, in V."""
     most_V: float = 10.0
-    """Highest voltage of the output's range."""
+    """Highest voltage of the output's range, in V."""
     read_channel: str = ""
-    """Analog input that measures the output, as in Dev1/_ao0_vs_aognd; read once, at opening."""
+    """Analog input that measures the output, as Dev1/_ao0_vs_aognd; read once, at opening."""
     found_V: float = 0.0
-    """Assumed to be put out before the first write, where there is no ``read_channel``."""
+    """Voltage in V that is assumed before the first write, if there is no ``read_channel``."""
     rate_hz: Positive = 50_000.0
-    """Highest rate of a wave; assumed."""
+    """Highest rate of a waveform, in Hz; assumed."""
     channel: str = ""
-    """Physical channel, where the url names none."""
+    """Physical channel, if the url names none."""
     exchange_s: Positive = EXCHANGE_S
-    """Time of a call; measure it where the period is short."""
+    """Duration of a call, in s; measure it if the period is short."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "NidaqmxOutputOptions":
@@ -61,14 +61,17 @@ class NidaqmxOutputOptions(Table):
 
 
 def timing(settings: Output) -> Timing:
-    """Time of one write, settling, and the highest rate of a wave; raises ConfigError."""
+    """Return the time of one write, settling, and the highest rate of a waveform.
+
+    Raises ConfigError.
+    """
     options = read_options(NidaqmxOutputOptions, "nidaqmx", settings.options)
     calls = PARTS_CALLS if settings.shaping else 1
     return Timing(calls * options.exchange_s, SETTLING_S, options.rate_hz, NOTE)
 
 
 def open_output(settings: Output, link: Link | None = None) -> WaveOutput:
-    """Open the way to the device, or take ``link``, and make its task; moves nothing.
+    """Open the connection to the device, or use ``link``, and make its task; moves nothing.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""The gripper as a SiLA 2 server: an adapter that stands on ``pincette.client`` alone."""
+"""Gripper as a SiLA 2 server: an adapter that uses only ``pincette.client``."""

@@ -1,4 +1,4 @@
-"""An event loop in a thread of its own: what SiLA's threads ask of the supervisor runs there."""
+"""Event loop in its own thread; it runs the requests of SiLA's threads to the supervisor."""
 
 import asyncio
 import threading
@@ -18,12 +18,12 @@ class Background:
         self._loop = asyncio.new_event_loop()
         self._closing = False
         self._accepting = threading.Lock()
-        """Held while a coroutine is handed over, so that none comes after the last cancel."""
+        """Held while a coroutine is submitted, so that none arrives after the last cancel."""
         self._thread = threading.Thread(target=self._loop.run_forever, name="client", daemon=True)
         self._thread.start()
 
     def call(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine and wait for its end; raises CommandError where the server ends first."""
+        """Run a coroutine and wait for its end; raises CommandError if the server ends first."""
         words = "this SiLA server ends; a motion that has begun goes on without it"
         with self._accepting:
             if self._closing:
@@ -36,11 +36,11 @@ class Background:
             raise CommandError("SupervisorUnreachable", words) from error
 
     def begin(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        """Run a coroutine beside all others."""
+        """Run a coroutine concurrently with all others."""
         asyncio.run_coroutine_threadsafe(coroutine, self._loop)
 
     def close(self) -> None:
-        """Cancel what runs, and end."""
+        """Cancel running coroutines, and end the thread."""
         with self._accepting:
             if self._closing:
                 return

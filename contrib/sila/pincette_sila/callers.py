@@ -1,4 +1,4 @@
-"""Who calls: this server with its own key, or a client of SiLA that has logged in with one."""
+"""Callers: this server with its own key, or a SiLA client that has logged in with one."""
 
 import secrets
 import time
@@ -27,7 +27,7 @@ from pincette_sila.background import Background
 from pincette_sila.errors import CommandError
 
 LIFETIME_S = 3600
-"""Of a login that is not used."""
+"""Lifetime of an unused login, in s."""
 MOST_LOGINS = 100
 
 
@@ -38,7 +38,7 @@ class _Login:
 
 
 class Callers:
-    """The supervisor, as this server and those who have logged in reach it."""
+    """Supervisor with the permissions of this server or of a logged-in client."""
 
     def __init__(
         self,
@@ -48,14 +48,14 @@ class Callers:
         authority: Path | None,
         background: Background,
     ) -> None:
-        """``authority``: whose certificate is believed where the supervisor speaks TLS."""
+        """Prepare the client; ``authority`` is the trusted one of a supervisor with TLS."""
         self._url, self._rig, self._authority = url, rig, authority
         self._background = background
         self.supervisor = self._supervisor(key, "sila")
         self._logins: dict[str, _Login] = {}
 
     def rig(self, metadata: MetadataDict | None = None) -> AsyncRigHandle:
-        """The rig, as the caller of a command reaches it."""
+        """Return the rig with the permissions of the caller of a command."""
         supervisor = self.supervisor
         if metadata is not None and ACCESS_TOKEN in metadata:
             supervisor = self._known(metadata[ACCESS_TOKEN]).supervisor
@@ -81,11 +81,11 @@ class Callers:
         return token
 
     def log_out(self, token: str) -> bool:
-        """Forget a token; False where it is not known."""
+        """Invalidate a token; False if it is not known."""
         return self._logins.pop(token, None) is not None
 
     def check(self, token: str) -> None:
-        """Raise InvalidAccessToken unless a token is known; it is then valid for longer."""
+        """Raise InvalidAccessToken unless a token is known; this also extends its validity."""
         self._known(token).until_s = time.monotonic() + LIFETIME_S
 
     def _known(self, token: str) -> _Login:
@@ -102,7 +102,10 @@ ACCESS_TOKEN = cast("Any", AuthorizationServiceFeature)["AccessToken"]
 
 
 class Authentication(AuthenticationServiceBase):
-    """The password is a key of the supervisor; the user is a name, kept with what is done."""
+    """Authentication by a key of the supervisor as password.
+
+    The user's name is kept with actions.
+    """
 
     def __init__(self, parent_server: SilaServer, callers: Callers) -> None:
         super().__init__(parent_server)
@@ -117,7 +120,7 @@ class Authentication(AuthenticationServiceBase):
         *,
         metadata: MetadataDict,
     ) -> Login_Responses:
-        """Give a token for a key; the supervisor says what the key permits."""
+        """Return a token for a key; the supervisor determines what the key permits."""
         try:
             meant = UUID(RequestedServer)
         except ValueError as error:
@@ -128,14 +131,14 @@ class Authentication(AuthenticationServiceBase):
         return Login_Responses(self._callers.log_in(UserIdentification, Password), LIFETIME_S)
 
     def Logout(self, AccessToken: str, *, metadata: MetadataDict) -> Logout_Responses:
-        """Forget a token."""
+        """Invalidate a token."""
         if not self._callers.log_out(AccessToken):
             raise UnknownToken("this token is not known")
         return Logout_Responses()
 
 
 class Authorization(AuthorizationServiceBase):
-    """Which commands want a token: what moves, and what cancels; never an emergency stop."""
+    """Authorization of commands that move or cancel; never of an emergency stop."""
 
     def __init__(
         self, parent_server: SilaServer, callers: Callers, protected: list[Command]
@@ -145,7 +148,7 @@ class Authorization(AuthorizationServiceBase):
         parent_server.add_metadata_interceptor(_TokenCheck(callers))
 
     def get_calls_affected_by_AccessToken(self) -> list[Command]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The commands."""
+        """Return the commands that need a token."""
         return self._protected
 
 

@@ -1,4 +1,4 @@
-"""Features of the standard: cancel or pause a command, and say whether the rig is simulated."""
+"""Standard features: cancel or pause a command, and report whether the rig is simulated."""
 
 from queue import Queue
 from uuid import UUID
@@ -21,11 +21,11 @@ from pincette_sila.gripper import Gripper
 from pincette_sila.recovery import ErrorRecovery
 
 UNPAUSED = ("Release",)
-"""Commands that go to their end."""
+"""Commands that cannot be paused."""
 
 
 class Cancelling(FeatureImplementationBase):
-    """Cancels by a stop: the motion comes to rest, and what is held stays held."""
+    """Cancels by a stop: the motion comes to rest, and a held part stays held."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Cancelling(FeatureImplementationBase):
         self._recovery = recovery
 
     def CancelCommand(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
-        """Stop what a command has begun, also while its job is being planned."""
+        """Stop the motion of a command, also while its job is being planned."""
         execution = UUID(CommandExecutionUUID)
         if execution not in self._gripper.running():
             node = feature(CANCEL_CONTROLLER).defined_execution_errors[
@@ -51,7 +51,7 @@ class Cancelling(FeatureImplementationBase):
         return ()
 
     def CancelAll(self, *, metadata: MetadataDict) -> tuple[()]:
-        """Stop what every command has begun."""
+        """Stop the motions of all commands."""
         for execution in self._gripper.running():
             self._cancel(execution, metadata)
         return ()
@@ -85,20 +85,20 @@ class Pausing(FeatureImplementationBase):
         self._told: list[str] | None = None
 
     def PausedCommands_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Everybody listens to one queue."""
+        """Return one common queue for all subscribers."""
 
     def tell(self, paused: list[str]) -> None:
-        """Tell those who listen which commands rest, where that has changed."""
+        """Send subscribers the list of paused commands if it has changed."""
         if paused != self._told:
             self._told = paused
             self._PausedCommands_producer_queue.put(paused)
 
     def Pause(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
-        """Ask the motion of a command to rest."""
+        """Pause the motion of a command."""
         return self._act(UUID(CommandExecutionUUID), "pause", metadata)
 
     def Resume(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
-        """Let it go on."""
+        """Resume the motion of a command."""
         return self._act(UUID(CommandExecutionUUID), "resume", metadata)
 
     def _act(self, execution: UUID, action: ActionType, metadata: MetadataDict) -> tuple[()]:
@@ -135,22 +135,22 @@ def _paused(identifier: str, words: str) -> DefinedExecutionError:
 
 
 class Simulation(FeatureImplementationBase):
-    """What a rig drives is in its rig file: here it is only told."""
+    """Simulation mode, which the rig file determines; this feature only reports it."""
 
     def __init__(self, parent_server: SilaServer, *, simulated: bool) -> None:
         super().__init__(parent_server)
         self._simulated = simulated
 
     def get_SimulationMode(self, *, metadata: MetadataDict) -> bool:
-        """Whether the rig is simulated."""
+        """Return whether the rig is simulated."""
         return self._simulated
 
     def StartSimulationMode(self, *, metadata: MetadataDict) -> tuple[()]:
-        """Refuse on a real rig."""
+        """Raise an error on a real rig."""
         return self._keep("StartSimulationModeFailed", is_so=self._simulated)
 
     def StartRealMode(self, *, metadata: MetadataDict) -> tuple[()]:
-        """Refuse on a simulated rig."""
+        """Raise an error on a simulated rig."""
         return self._keep("StartRealModeFailed", is_so=not self._simulated)
 
     def _keep(self, error: str, *, is_so: bool) -> tuple[()]:

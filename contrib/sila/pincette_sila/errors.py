@@ -1,4 +1,4 @@
-"""What a client raises, as defined execution errors of SiLA; value, unit and limit stay in it."""
+"""Client errors as defined execution errors of SiLA; value, unit and limit are kept."""
 
 from collections.abc import Mapping
 
@@ -36,25 +36,25 @@ NAMES: Mapping[type[ClientError], str] = {
     NoAnswerError: "SupervisorUnreachable",
     ForeignAnswerError: "SupervisorUnreachable",
 }
-"""Identifiers in the feature definition; any other refusal is ``RigNotReady``. A job that has ended
-otherwise than it was asked to has one by its ending."""
+"""Identifiers in the feature definition; any other rejection is ``RigNotReady``. A job with an
+unexpected ending has an identifier by its ending."""
 UNCONFIRMED = "estop-unconfirmed"
 RECOVERABLE = ("no_contact", "slipped")
-"""Outcomes after which the arm is back, and nothing is held."""
+"""Outcomes after which the arm is back, and no part is held."""
 
 
 class CommandError(Exception):
-    """A command that has not come to its end, by the identifier of its error."""
+    """Command that failed, with the identifier of its error."""
 
     def __init__(self, identifier: str, text: str, *, recoverable: bool = False) -> None:
         super().__init__(text)
         self.identifier = identifier
         self.recoverable = recoverable
-        """Whether the same motion may be begun again, as where no part was met."""
+        """True if the same motion may be started again, for example if no part was met."""
 
 
 def command_error(error: ClientError) -> CommandError:
-    """The error of a command that is refused, not answered, or has not come to its end."""
+    """Return the error of a command that was rejected, got no reply, or failed."""
     if isinstance(error, ProblemError) and error.code == UNCONFIRMED:
         return CommandError("StopUnconfirmed", str(error))
     if isinstance(error, JobEndedError) and not isinstance(error, RigLatchedEndError):
@@ -63,13 +63,13 @@ def command_error(error: ClientError) -> CommandError:
 
 
 def defined(feature: Feature, error: CommandError | ClientError) -> DefinedExecutionError:
-    """The error as the client of SiLA gets it."""
+    """Return the error in the form for SiLA clients."""
     found = error if isinstance(error, CommandError) else command_error(error)
     return DefinedExecutionError(feature.defined_execution_errors[found.identifier], str(found))
 
 
 def _ended(error: JobEndedError) -> CommandError:
-    """The error of a job that has ended on a rig that is not latched, or no more."""
+    """Return the error of a job that has ended on a rig that is not latched, or no longer."""
     job = error.job
     code = "" if job.ending is None else job.ending.code
     if job.state == "aborted" or code == "tripped":

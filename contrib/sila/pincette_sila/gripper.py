@@ -1,4 +1,4 @@
-"""The feature Microgripper: commands and properties, each over the client of the supervisor."""
+"""Feature Microgripper: commands and properties, over the client of the supervisor."""
 
 import asyncio
 import logging
@@ -25,19 +25,19 @@ from pincette_sila.recovery import ErrorRecovery
 log = logging.getLogger("pincette.sila")
 T = TypeVar("T")
 KEPT = 100
-"""Commands of each name whose responses can still be asked for after their end."""
+"""Number of commands of each name whose responses stay available after their end."""
 MOVING = ("Grip", "Hold", "Release", "Track", "Calibrate")
 Responses = tuple[Any, ...] | str
-"""One value is not wrapped."""
+"""Responses of a command; a single value is not wrapped."""
 
 
 def moving_commands() -> list[Command]:
-    """The commands that begin a motion."""
+    """Return the commands that start a motion."""
     return [command(name) for name in MOVING]
 
 
 class Gripper(FeatureImplementationBase):
-    """One rig; methods have the names of the feature definition, and are called in threads."""
+    """One rig. The methods have the names of the feature definition, and are called in threads."""
 
     def __init__(
         self,
@@ -52,18 +52,18 @@ class Gripper(FeatureImplementationBase):
         self._recovery = recovery
         self.watch = RigWatch(callers.rig())
         self.unresumed: str | None = "the commands of an earlier SiLA server are being looked up"
-        """Why the commands of an earlier server are not known yet; None once they are."""
+        """Reason why the commands of an earlier server are not known yet; None once they are."""
         self._told: tuple[str, list[str], str] | None = None
         self._RigState_producer_queue: Queue[str] = Queue()
         self._Reasons_producer_queue: Queue[list[str]] = Queue()
         self._Part_producer_queue: Queue[str] = Queue()
         self._ContactForce_producer_queue: Queue[Sample] = Queue()
         self.jobs: dict[UUID, AsyncJobHandle] = {}
-        """Jobs of the commands that run."""
+        """Jobs of the running commands."""
         self.rigs: dict[UUID, AsyncRigHandle] = {}
-        """The rig, as the callers of the commands that run reach it; a cancel takes their right."""
+        """Rig with the permissions of the callers of running commands; a cancel uses them."""
         self.keys: dict[UUID, str] = {}
-        """Idempotency keys of the commands that run, where they have begun a job again."""
+        """Idempotency keys of the running commands that have started a job again."""
 
     def publish(self) -> None:
         """Publish the state of the rig if it has changed. Call it in the client's loop.
@@ -90,26 +90,26 @@ class Gripper(FeatureImplementationBase):
         return unknown_status(self.unresumed, now.age_s)
 
     def tell_sample(self, sample: Sample) -> None:
-        """Tell those who listen the newest sample."""
+        """Send the newest sample to subscribers."""
         self._ContactForce_producer_queue.put(sample)
 
     def RigState_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Everybody listens to one queue."""
+        """Return one common queue for all subscribers."""
 
     Reasons_on_subscription = RigState_on_subscription
     Part_on_subscription = RigState_on_subscription
     ContactForce_on_subscription = RigState_on_subscription
 
     def get_Rig(self, *, metadata: MetadataDict) -> str:
-        """Name of the rig."""
+        """Return the name of the rig."""
         return self._rig
 
     def get_StateAge(self, *, metadata: MetadataDict) -> float:
-        """Time since the actuator was last heard, in s."""
+        """Return the time since the last message of the actuator, in s."""
         return known(self.watch.status.age_s)
 
     def get_Recipes(self, *, metadata: MetadataDict) -> list[str]:
-        """Names of the recipes."""
+        """Return the names of the recipes."""
         found = self._call(self._callers.supervisor.recipes())
         return [recipe.name for recipe in found]
 
@@ -155,11 +155,11 @@ class Gripper(FeatureImplementationBase):
         return self.resume("Grip", instance, job, execution, rig)
 
     def Hold(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
-        """Go on holding what is held."""
+        """Continue to hold the held part."""
         return self._begin("Hold", instance, metadata, "hold", until_released=True)
 
     def Release(self, *, metadata: MetadataDict, instance: Execution) -> Responses:
-        """Let go of the part."""
+        """Release the part."""
         execution = instance.execution_uuid
         rig = self.rigs[execution] = self._callers.rig(metadata)
         instance.begin_execution()
@@ -203,11 +203,11 @@ class Gripper(FeatureImplementationBase):
         return self._begin("Calibrate", instance, metadata, "calibrate", **wanted)
 
     def managers(self) -> dict[str, dict[UUID, ObservableCommandManager]]:
-        """Commands by name and execution UUID, those that have ended too."""
+        """Return the commands by name and execution UUID, including those that have ended."""
         return self.parent_server.feature_servicers["Microgripper"].observable_command_managers
 
     def running(self) -> dict[UUID, str]:
-        """Names of the commands that are being executed."""
+        """Return the names of the commands that are being executed."""
         return {
             execution: name
             for name, managers in self.managers().items()
@@ -223,7 +223,7 @@ class Gripper(FeatureImplementationBase):
         execution: UUID,
         rig: AsyncRigHandle | None = None,
     ) -> Responses:
-        """Follow the job of a command to its responses, and begin it again where that is wanted."""
+        """Follow the job of a command to its responses, and start it again on request."""
         rig = rig or self._callers.rig()
 
         async def follow() -> Responses:
@@ -318,7 +318,7 @@ async def _calibrated(job: AsyncJobHandle, instance: Execution) -> Responses:
 
 
 async def _succeeded(job: AsyncJobHandle, instance: Execution) -> dict[str, Any]:
-    """The result of a job that is followed to its end."""
+    """Return the result of a job that is followed to its end."""
     await motion.follow(job.to_success(), instance)
     return job.job.result or {}
 
@@ -331,4 +331,4 @@ FOLLOWERS: dict[str, Follower] = {
     "Track": _tracked,
     "Calibrate": _calibrated,
 }
-"""How a command comes from its job to its responses."""
+"""Functions that follow a command's job to its responses, by command."""

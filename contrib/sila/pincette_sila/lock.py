@@ -1,7 +1,7 @@
-"""The standard's lock: it keeps others from beginning a motion, and never from stopping one.
+"""Standard lock feature: it prevents others from starting a motion, never from stopping one.
 
-The implementation that sila2 brings locks out an emergency stop, and while it is open it refuses
-clients that send no lock identifier.
+The implementation in sila2 locks out an emergency stop, and rejects clients without a lock
+identifier even while it is open.
 """
 
 import hmac
@@ -33,7 +33,7 @@ class _Held:
 
 
 class Lock(LockControllerBase):
-    """Open, or held by whoever knows its identifier until it was not used for its timeout."""
+    """Lock that is open, or held by the owner of its identifier until its timeout without use."""
 
     def __init__(self, parent_server: SilaServer, protected: list[Command]) -> None:
         super().__init__(parent_server)
@@ -43,14 +43,14 @@ class Lock(LockControllerBase):
         parent_server.add_metadata_interceptor(_LockCheck(self))
 
     def get_IsLocked(self, *, metadata: MetadataDict) -> bool:
-        """Whether it is held."""
+        """Return whether the lock is held."""
         with self._guard:
             return self._current() is not None
 
     def LockServer(
         self, LockIdentifier: str, Timeout: int, *, metadata: MetadataDict
     ) -> LockServer_Responses:
-        """Take the lock; a timeout of 0 s has no end."""
+        """Acquire the lock; a timeout of 0 s has no end."""
         with self._guard:
             if self._current() is not None:
                 raise ServerAlreadyLocked("the server is locked")
@@ -61,7 +61,7 @@ class Lock(LockControllerBase):
     def UnlockServer(
         self, LockIdentifier: str, *, metadata: MetadataDict
     ) -> UnlockServer_Responses:
-        """Open the lock."""
+        """Release the lock."""
         with self._guard:
             if self._current() is None:
                 raise ServerNotLocked("the server is not locked")
@@ -70,12 +70,15 @@ class Lock(LockControllerBase):
         return UnlockServer_Responses()
 
     def get_calls_affected_by_LockIdentifier(self) -> list[Command]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What needs the identifier while it is held; nothing while it is open."""
+        """Return the commands that need the identifier while the lock is held.
+
+        No command needs it while it is open.
+        """
         with self._guard:
             return [] if self._current() is None else self._protected
 
     def check(self, token: str) -> None:
-        """Raise InvalidLockIdentifier where another one holds it."""
+        """Raise InvalidLockIdentifier if another client holds the lock."""
         with self._guard:
             held = self._current()
             if held is None:

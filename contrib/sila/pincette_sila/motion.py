@@ -1,4 +1,4 @@
-"""A motion from its request to its end, as an observable command of SiLA follows it."""
+"""Motion from its request to its end, as an observable command of SiLA."""
 
 from collections.abc import AsyncGenerator
 from datetime import timedelta
@@ -11,15 +11,15 @@ from pincette.api.jobs import Progress
 from pincette.client import AsyncJobHandle, AsyncRigHandle, left_s
 
 LABEL = "sila"
-"""Label of a job: the command and the execution UUID that have begun it."""
+"""Label of a job with the command and the execution UUID that started it."""
 UNKNOWN = -1.0
-"""Value of a figure that is not known, since SiLA has no null."""
+"""Value of an unknown figure, since SiLA has no null."""
 DEFAULT = -1.0
-"""Value of a parameter that is left to the recipe or the rig file; 0 is sent as it is."""
+"""Value of a parameter that is left to the recipe or the rig file; 0 is sent unchanged."""
 
 
 class Sample(NamedTuple):
-    """One moment of a motion; the fields are those of the feature definition."""
+    """Sample of a motion; the fields are those of the feature definition."""
 
     Phase: str
     Position: float
@@ -30,11 +30,11 @@ class Sample(NamedTuple):
 
 
 Execution = ObservableCommandInstanceWithIntermediateResponses[Sample]
-"""What a command reports to."""
+"""Receiver of a command's progress."""
 
 
 def given(**fields: Any) -> dict[str, Any]:
-    """Return the fields that a caller states: -1 and an empty text leave one to its default."""
+    """Return the fields that a caller states; -1 and an empty text mean the default."""
     return {name: value for name, value in fields.items() if value not in (DEFAULT, "")}
 
 
@@ -45,12 +45,12 @@ def grip_fields(force_mN: float, hold_s: float, recipe: str) -> dict[str, Any]:
 
 
 def known(value: float | None) -> float:
-    """A figure as SiLA has it."""
+    """Return a figure in the form of SiLA."""
     return UNKNOWN if value is None else value
 
 
 def labels(command: str, execution: UUID) -> dict[str, str]:
-    """The label of a command's job."""
+    """Return the label of a command's job."""
     return {LABEL: f"{command} {execution}"}
 
 
@@ -65,7 +65,10 @@ async def start(
 async def reach(
     rig: AsyncRigHandle, execution: UUID, force_mN: float, hold_s: float | None
 ) -> tuple[AsyncJobHandle, Progress | None]:
-    """Start what brings a part to a force once for a command; see ``AsyncRigHandle.reach``."""
+    """Start the job that brings a part to a force once for a command.
+
+    See ``AsyncRigHandle.reach``.
+    """
     key, named = str(execution), labels("Grip", execution)
     return await rig.reach(
         force_mN, own=(LABEL, None), hold_s=hold_s, idempotency_key=key, labels=named
@@ -73,13 +76,16 @@ async def reach(
 
 
 async def again(rig: AsyncRigHandle, job: AsyncJobHandle, key: str) -> AsyncJobHandle:
-    """Start the same job again, as the next try of the same command."""
+    """Start the same job again, as the next attempt of the same command."""
     asked: dict[str, Any] = {**job.job.request, "kind": job.job.kind}
     return await rig.start(asked.pop("kind"), idempotency_key=key, **asked)
 
 
 async def follow(moments: AsyncGenerator[Progress], execution: Execution) -> Progress | None:
-    """Report each moment of a motion; the last one. Raises what the client's job raises."""
+    """Report the progress of a motion; return the last one.
+
+    Raises the errors of the client's job.
+    """
     now: Progress | None = None
     async for now in moments:
         _report(execution, now)
@@ -87,7 +93,7 @@ async def follow(moments: AsyncGenerator[Progress], execution: Execution) -> Pro
 
 
 def _report(execution: Execution, now: Progress) -> None:
-    """Tell progress, remaining time, and the sample if it is whole."""
+    """Report progress, remaining time, and the sample if it is complete."""
     remaining_s = left_s(now)
     if remaining_s is not None:
         whole_s = now.elapsed_s + remaining_s

@@ -1,4 +1,4 @@
-"""The SiLA 2 server of one rig; it starts without its supervisor, and says that it waits."""
+"""SiLA 2 server of one rig; it starts without its supervisor, and reports that it waits."""
 
 import logging
 import os
@@ -35,10 +35,10 @@ from pincette_sila.subscriptions import install
 from pincette_sila.watching import watch_rig, watch_samples
 
 KEY = "PINCETTE_KEY"
-"""Variable with the key by which this server reaches a supervisor that wants one."""
+"""Variable with the key for a supervisor that requires one."""
 VENDOR = "https://pincette.invalid"
 IDENTITY = "sila-server-uuid"
-"""File in the data folder: a server's UUID stays the same over restarts."""
+"""File in the data folder that keeps a server's UUID over restarts."""
 
 
 def run(context: Context) -> None:
@@ -99,7 +99,7 @@ def run(context: Context) -> None:
 
 
 def identity(path: Path) -> uuid.UUID:
-    """The UUID in a file, which is made where there is none."""
+    """Return the UUID in a file, which is created if missing."""
     try:
         return uuid.UUID(path.read_text(encoding="ascii").strip())
     except FileNotFoundError:
@@ -126,7 +126,7 @@ def _listen(server: SilaServer, context: Context) -> None:
 
 
 class _Quiet(logging.Filter):
-    """Leaves out sila2, which logs each call, and a refusal as a fault with its stack."""
+    """Log filter for sila2, which logs each call, and each rejection as a fault with its stack."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         return record.name.startswith("pincette") or not record.pathname.partition("sila2")[1]

@@ -1,6 +1,6 @@
-"""The standard's error recovery: a client decides how a command goes on that has met an error.
+"""Standard error recovery feature: a client decides how a command continues after an error.
 
-A command waits for that only once a client has said, by a timeout, that it decides such things.
+A command waits for that only after a client has set a timeout for such decisions.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ RETRY = "Retry"
 
 
 class Option(NamedTuple):
-    """A way to go on; the fields are those of the feature definition."""
+    """Option to continue; the fields are those of the feature definition."""
 
     Identifier: str
     Description: str
@@ -29,7 +29,7 @@ class Option(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """An error that waits for a decision; the fields are those of the feature definition."""
+    """Error that waits for a decision; the fields are those of the feature definition."""
 
     ErrorIdentifier: str
     CommandIdentifier: str
@@ -51,24 +51,24 @@ class _Open:
 
 
 class ErrorRecovery(FeatureImplementationBase):
-    """Errors that wait; all of it happens in the client's event loop."""
+    """Errors that wait for a decision; used only in the client's event loop."""
 
     def __init__(self, parent_server: SilaServer, background: Background) -> None:
         super().__init__(parent_server)
         self._RecoverableErrors_producer_queue: Queue[list[Waiting]] = Queue()
         self._background = background
         self._timeout_s: float | None = None
-        """None until a client has set one; infinite for its 0."""
+        """Timeout in s; None until a client has set one; infinite for its 0."""
         self._open: dict[UUID, _Open] = {}
         self._tell()
 
     def RecoverableErrors_on_subscription(self, *, metadata: MetadataDict) -> None:
-        """Everybody listens to one queue."""
+        """Return one common queue for all subscribers."""
 
     def SetErrorHandlingTimeout(
         self, ErrorHandlingTimeout: int, *, metadata: MetadataDict
     ) -> tuple[()]:
-        """Wait for decisions from here on; 0 s has no end."""
+        """Wait for decisions from here on; 0 s means without end."""
         self._timeout_s = float(ErrorHandlingTimeout) or float("inf")
         return ()
 
@@ -80,7 +80,7 @@ class ErrorRecovery(FeatureImplementationBase):
         *,
         metadata: MetadataDict,
     ) -> tuple[()]:
-        """Go on; there is one option, and it needs nothing."""
+        """Continue; there is one option, which has no parameters."""
         return self._decide(CommandExecutionUUID, ContinuationOption)
 
     def AbortErrorHandling(self, CommandExecutionUUID: str, *, metadata: MetadataDict) -> tuple[()]:
@@ -88,7 +88,7 @@ class ErrorRecovery(FeatureImplementationBase):
         return self._decide(CommandExecutionUUID, None)
 
     async def wants_retry(self, execution: UUID, name: str, error: CommandError) -> bool:
-        """Wait for a client's decision; raises CommandError where the command is cancelled."""
+        """Wait for a client's decision; raises CommandError if the command is cancelled."""
         timeout_s = self._timeout_s
         if timeout_s is None or not error.recoverable:
             return False
@@ -115,7 +115,7 @@ class ErrorRecovery(FeatureImplementationBase):
             self._tell()
 
     def cancel(self, execution: UUID) -> bool:
-        """Cancel a command that waits here; False where none does. Call it in the client's loop."""
+        """Cancel a command that waits here; False without one. Call it in the client's loop."""
         one = self._open.get(execution)
         if one is None or one.retries.done():
             return False

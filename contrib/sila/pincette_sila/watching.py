@@ -1,4 +1,4 @@
-"""What goes on without being asked: the state of the rig, its samples, and commands of the past."""
+"""Background work: the state of the rig, its samples, and commands of an earlier server."""
 
 import asyncio
 import logging
@@ -21,12 +21,12 @@ log = logging.getLogger("pincette.sila")
 LOOK_S = 0.25
 """Pause between two readings of the rig, in s."""
 PUBLISH_S = 0.05
-"""How often the age of the newest reading is checked, in s."""
+"""Interval at which the age of the newest reading is checked, in s."""
 SAMPLE_S = 1.0 / 15.0
-"""Between two samples that are told, at least."""
+"""Least time between two published samples, in s."""
 RETRY_S = 1.0
 REMEMBERED = 20
-"""Jobs that are looked through for commands of an earlier server."""
+"""Number of jobs that are searched for commands of an earlier server."""
 
 
 async def watch_rig(
@@ -44,7 +44,7 @@ async def watch_rig(
 
 
 async def _read(server: SilaServer, gripper: Gripper, callers: Callers, pausing: Pausing) -> None:
-    """Read the state of the rig repeatedly, and which commands rest."""
+    """Read the state of the rig repeatedly, and which commands are paused."""
     while True:
         status = await gripper.watch.read()
         try:
@@ -62,7 +62,7 @@ async def _read(server: SilaServer, gripper: Gripper, callers: Callers, pausing:
 
 
 async def watch_samples(gripper: Gripper, callers: Callers, second: SecondArm | None) -> None:
-    """Tell the newest whole sample of a motion, some times a second, and of a second arm too."""
+    """Publish the newest complete sample of a motion, several times a second, for each arm."""
     told_at_s = 0.0
     while True:
         try:
@@ -82,7 +82,7 @@ async def watch_samples(gripper: Gripper, callers: Callers, second: SecondArm | 
 
 
 async def resume(server: SilaServer, gripper: Gripper, callers: Callers) -> None:
-    """Make the commands of an earlier server known again, by the labels of their jobs."""
+    """Restore the commands of an earlier server, by the labels of their jobs."""
     found: dict[UUID, tuple[str, AsyncJobHandle]] = {}
     for job in await callers.rig().jobs(REMEMBERED):
         name, _, text = job.job.labels.get(LABEL, "").partition(" ")

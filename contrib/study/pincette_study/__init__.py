@@ -1,1 +1,1 @@
-"""The paper's experiments on a simulated rig, and how its numbers compare."""
+"""The paper's experiments on a simulated rig, and the comparison with its numbers."""

@@ -1,4 +1,4 @@
-"""A rig as a laboratory would prepare it: free response taught, contact identified, gains tuned."""
+"""Rig as prepared in a laboratory: free response taught, contact identified, gains tuned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from pincette_study.closed_loop import StudyError, outcome, play, tracking_plan
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A calibrated rig file, and what the contact was found to be."""
+    """Calibrated rig file, and the identified contact."""
 
     rig: RigFile
     stiffness_mN_per_um: float
     contact_um: float
 
     def gains(self, scheme: str) -> LawSettings:
-        """The balanced gains of a scheme on the identified model."""
+        """Return the balanced gains of a scheme on the identified model."""
         return tuned(self.rig, scheme, "consistent").chosen.settings
 
 
@@ -34,12 +34,12 @@ def prepare(rig: RigFile) -> Prepared:
 
 
 def pressed(taught: RigFile) -> Prepared:
-    """Press once on the part of a rig whose free response is taught, from unpoled."""
+    """Press once on the part of a rig whose free response is taught, starting unpoled."""
     return with_line(taught, *_press(taught))
 
 
 def with_line(taught: RigFile, stiffness: float, contact_um: float) -> Prepared:
-    """Take over a contact line: K_e in mN/µm, x_e in µm."""
+    """Return the rig file with a contact line: K_e in mN/µm, x_e in µm."""
     part = taught.part.model_copy(
         update={"stiffness_mN_per_um": stiffness, "contact_um": contact_um}
     )
@@ -47,12 +47,12 @@ def with_line(taught: RigFile, stiffness: float, contact_um: float) -> Prepared:
 
 
 def _press(rig: RigFile) -> tuple[float, float]:
-    """Contact line of a track's load: the controller's own identification."""
+    """Return the contact line of a track's load, from the controller's own identification."""
     return line_of(play(rig, tracking_plan(rig, x_pp_um=printed.X_PP_UM).program))
 
 
 def line_of(messages: Sequence[Message]) -> tuple[float, float]:
-    """K_e in mN/µm and x_e in µm as identified over a track's load; raises StudyError."""
+    """Return K_e in mN/µm and x_e in µm, identified over a track's load; raises StudyError."""
     lines = [
         (view.contact_stiffness_mN_per_um, view.contact_x_um)
         for view in messages

@@ -1,6 +1,6 @@
-"""The free response as the product's calibration ``free_response`` finds it, on a simulated rig.
+"""Free response as the calibration ``free_response`` finds it, on a simulated rig.
 
-The same motion in voltage, and the same identification; in a study no supervisor runs.
+The voltages and the identification are the same; in a study no supervisor runs.
 """
 
 from pincette.config import IdentifiedFreeResponse, RigFile, derived
@@ -23,11 +23,11 @@ from pincette.engine.teaching import SPEED_FACTOR, free_range_um, without_part
 from pincette_study.closed_loop import StudyError, outcome
 
 LINE_ERROR = 0.5
-"""Share of the travel by which the first stroke of an unpoled arm may leave the line."""
+"""Share of the travel by which the first stroke of an unpoled arm may deviate from the line."""
 
 
 def with_calibrated_response(rig: RigFile) -> RigFile:
-    """Move the arm with the part away, and take the model over; raises ValueError."""
+    """Move the arm with the part away, and add the identified model; raises ValueError."""
     d_p = rig.model.piezo_um_per_V
     low_V, high_V = (end_um / d_p for end_um in free_range_um(rig))
     program = free_response_program(
@@ -49,14 +49,14 @@ def with_calibrated_response(rig: RigFile) -> RigFile:
 
 
 def _unknown(rig: RigFile) -> RigFile:
-    """A rig without its part of which a line says little: no force is to be read off its motion."""
+    """Return a rig without its part and with an uncertain line, so that no force is estimated."""
     free = without_part(rig)
     update = {"hysteresis_fraction": LINE_ERROR}
     return free.model_copy(update={"model": free.model.model_copy(update=update)})
 
 
 def _motion(rig: RigFile, program: Program, messages: list[Message]) -> FreeMotion:
-    """Samples of the phases; ``voltage_V[k]`` led to ``x_um[k]``."""
+    """Return the samples of the phases; ``voltage_V[k]`` led to ``x_um[k]``."""
     estimates = {m.seq: m for m in messages if isinstance(m, Estimate)}
     views = [m for m in messages if isinstance(m, Telemetry)]
     phases = [str(view.phase) for view in views]

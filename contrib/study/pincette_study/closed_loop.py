@@ -26,7 +26,7 @@ from pincette_study import printed
 Series = NDArray[np.float64]
 
 LOWEST_MN = 4.0
-"""Force at the path's trough: the part stays pressed, whatever the loop's errors are."""
+"""Force at the trough of the path, in mN: the part stays pressed in spite of the loop's errors."""
 CYCLES = 6
 
 
@@ -36,11 +36,11 @@ class Record:
 
     t_s: Series
     x_um: Series
-    """Measured."""
+    """Measured position, in µm."""
     x_r_um: Series
     true_x_um: Series
     force_mN: Series
-    """Estimated."""
+    """Estimated force, in mN."""
     force_r_mN: Series
     true_force_mN: Series
     voltage_V: Series
@@ -49,17 +49,17 @@ class Record:
     perturbation_error_mN: Series
     residual_um: Series
     stiffness_mN_per_um: float
-    """K_e of the contact line that the references lie on."""
+    """Stiffness K_e of the contact line that contains the references."""
 
     @property
     def true_stiffness(self) -> float:
-        """K_e as force and position truly were."""
+        """Return K_e from true force and position, in mN/µm."""
         return float(np.polyfit(self.true_x_um, self.true_force_mN, 1)[0])
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Of a tracked path: r.m.s., per cent of peak to peak, and largest."""
+    """Errors of a tracked path: r.m.s., in per cent of peak to peak, and largest."""
 
     position_um: float
     position_percent: float
@@ -72,7 +72,7 @@ class Errors:
 
 
 class StudyError(RuntimeError):
-    """A run that did not come to its end; the text says how it ended."""
+    """Error of a run that did not finish; the text states how it ended."""
 
 
 def tracking_plan(
@@ -85,7 +85,8 @@ def tracking_plan(
 ) -> ContactPlan:
     """Plan the paper's sinusoid on the contact line of the rig file's part, or on another.
 
-    ``cycles`` at full amplitude; None: as many as take the time of six of the paper's.
+    ``cycles`` is their number at full amplitude; None: as many as take the time of six of the
+    paper's.
     """
     K_e = stiffness_mN_per_um or rig.part.stiffness_mN_per_um
     force_pp_mN = K_e * x_pp_um
@@ -115,18 +116,18 @@ def tracking_plan(
 
 
 def play(rig: RigFile, program: Program) -> list[Message]:
-    """Play a program on a rig that starts unpoled; every message in order."""
+    """Play a program on a rig that starts unpoled; return every message in order."""
     return ComposedLoop(rig).play(program)
 
 
 def outcome(messages: Sequence[Message]) -> str:
-    """The controller's last word."""
+    """Return the last outcome that the controller reported; empty without one."""
     outcomes = [m.outcome for m in messages if isinstance(m, Telemetry) and m.outcome]
     return outcomes[-1] if outcomes else ""
 
 
 def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
-    """Columns of one phase; raises StudyError where the run never had it."""
+    """Return the columns of one phase; raises StudyError if the run did not have it."""
     views = [m for m in messages if isinstance(m, Telemetry) and m.phase == phase]
     if not views:
         tripped = [applied_text(m) for m in messages if isinstance(m, Applied) and m.cause]
@@ -171,24 +172,28 @@ def record(messages: Sequence[Message], phase: str, period_s: float) -> Record:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A law on a path."""
+    """Law on a path."""
 
     rig: RigFile
     settings: LawSettings
     plan: ContactPlan
     identified: bool = True
-    """Whether the references lie on the contact line identified over the load, or the plan's."""
+    """True if the references lie on the contact line identified over the load, False for the
+    plan's."""
 
 
 def track(
     rig: RigFile, settings: LawSettings, plan: ContactPlan, *, identified: bool = True
 ) -> tuple[Record, Errors]:
-    """Track a path with one law; the errors are those of its full cycles."""
+    """Track a path with one law; return the errors of its full cycles."""
     return track_all([Trial(rig, settings, plan, identified)])[0]
 
 
 def track_all(trials: Sequence[Trial], workers: int = 1) -> list[tuple[Record, Errors]]:
-    """Track each, on so many processes; raises StudyError where one does not come to its path."""
+    """Track each trial in this number of processes.
+
+    Raises StudyError if one does not reach its path.
+    """
     if workers == 1 or len(trials) < 2:
         return [_track(trial) for trial in trials]
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
@@ -221,7 +226,7 @@ def tracked(messages: Sequence[Message], path: Path, period_s: float, cycle: int
 
 
 def errors(found: Record) -> Errors:
-    """Position as it was measured, force as it truly was, against the references."""
+    """Return the errors of measured position and true force against the references."""
     x_pp = float(np.ptp(found.x_r_um))
     force_pp = float(np.ptp(found.force_r_mN))
     x_error = found.x_um - found.x_r_um
@@ -239,5 +244,5 @@ def errors(found: Record) -> Errors:
 
 
 def rms(values: Series) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return sqrt(float(np.mean(values**2)))

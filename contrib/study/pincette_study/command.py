@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 MOST_WORKERS = 8
-"""Processes; each holds some 300 MB."""
+"""Largest number of processes; each needs about 300 MB."""
 OUT = Path("data/paper")
 BEYOND_RIGS = 5
-"""Each takes some 13 s of a core."""
+"""Default number of rigs; each takes about 13 s of one core."""
 FAST_RIGS, FAST_RIG = 1, Path("deploy/rigs/kilohertz.toml")
-"""Each takes half a minute of a core, and the first of its class as long again off nominal."""
+"""Default number of rigs and the rig file at 1 ms. Each rig takes half a minute of one core, and
+the first of its class the same again off nominal."""
 
 
 app = group()

@@ -12,11 +12,11 @@ from pincette_study.report import Comparison, Picture, Section
 from pincette_study.rigs import simulation_of
 
 OFFSET_MN = printed.FORCE_PP_MN - printed.STIFFNESS_SLOPE_MN_PER_UM * printed.X_PP_UM
-"""Of the paper's line, through the planned pair."""
+"""Offset of the paper's line through the planned pair, in mN."""
 
 
 def fig_8(rig: RigFile, response: FreeResponse) -> Section:
-    """Four voltage levels on a part that the arm touches from the start."""
+    """Run Fig. 8: four voltage levels on a part that the arm touches from the start."""
     touching = simulation_of(rig).model_copy(update={"bead_contact_um": 0.0})
     observer = QuasiStatic(QuasiStaticParameters(rig.model.compliance_um_per_mN))
     x_pp_um: list[float] = []

@@ -1,6 +1,6 @@
-"""A simulated rig that goes on from job to job, and a person beside it.
+"""Simulated rig that continues from job to job, and a person beside it.
 
-Memory and creep of the arm are carried on, as those of a real one are. Grips, and the calibration
+Memory and creep of the arm are kept between jobs, as in a real arm. Grips, and the calibration
 ``residual``, are planned and evaluated by the supervisor's own functions.
 """
 
@@ -31,12 +31,13 @@ from pincette_supervisor.plugin.model_in_use import motion_digest, rig_file_alon
 FORCE_MAX_MN = 1e3
 REST_S = 0.5
 TRIES = 3
-"""Of a run without the part, which a person too makes again where its guard took noise for one."""
+"""Number of attempts at a run without the part; a person would also repeat one whose guard mistook
+noise for a part."""
 AWAY = ResidualRequest(kind="calibrate", calibration="residual", confirm=False)
 
 
 class Desk:
-    """The loop of one rig, and hands that take its part away and put it back."""
+    """Loop of one rig, and a person who takes its part away and puts it back."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self._epoch = rig, 0
@@ -50,15 +51,15 @@ class Desk:
         self._bench = benches[0]
 
     def play(self, program: Program, known: Calibration | None = None) -> list[Message]:
-        """Play a program to its end; ``known``: what is laid over the rig file's model."""
+        """Play a program to its end; ``known`` overrides parts of the rig file's model."""
         self._epoch += 1
         return self.loop.play(program, self._epoch, "" if known is None else known.text())
 
     def stroke(self, rest_s: float = REST_S) -> None:
-        """Go twice over the taught range with the part away, then rest.
+        """Stroke twice over the taught range with the part away, then rest.
 
-        Such strokes wipe out the turning points that an arm has been through before, of which the
-        model knows nothing, and a rest of some minutes its slow creep.
+        Such strokes erase earlier turning points of the arm, which the model does not know, and a
+        rest of some minutes its slow creep.
         """
         rig = self.rig
         low_V, high_V = (end_um / rig.model.piezo_um_per_V for end_um in free_range_um(rig))
@@ -75,7 +76,7 @@ class Desk:
             raise StudyError(f"the strokes over the taught range ended {ended!r}")
 
     def grip(self, profile: str) -> tuple[Planned, list[Message]]:
-        """Grip the part of the rig file; raises StudyError where it cannot be planned."""
+        """Grip the part of the rig file; raises StudyError if it cannot be planned."""
         request = GripJobRequest.model_validate({"kind": "grip", "profile": profile})
         planned = plan_job(request, self.rig)
         if planned.plan.violations:
@@ -83,9 +84,9 @@ class Desk:
         return planned, self.play(planned.program)
 
     def residual(self, program: Program, played: list[Message]) -> Calibration | None:
-        """Play the voltages of a job without the part; what the model missed of them.
+        """Play the voltages of a job without the part; return the errors of the model.
 
-        None where a guard ended every one of ``TRIES``.
+        None if a guard ended every one of ``TRIES``.
         """
         rig, period_s = self.rig, self.rig.rig.period_s
         motion = motion_of(

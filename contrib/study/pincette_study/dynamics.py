@@ -1,4 +1,4 @@
-"""Fig. 5, and where the printed laws stop working: the frequency response and the stability map."""
+"""Fig. 5, and where the printed laws stop working: frequency response and stability map."""
 
 from math import pi
 
@@ -27,13 +27,13 @@ SWEEP_V = 0.1
 PERIODS_S = tuple(1e-3 * ms for ms in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30))
 GAINS = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 SHORT_S = 0.0055
-"""Below it the quasi-static observer takes the ring of the mode for force."""
+"""Duration in s below which the quasi-static observer mistakes the ring of the mode for force."""
 SOFT_MN_PER_UM = 1e-5
-"""Of a spring that pushes with a force which the arm's own way does not change: a weight."""
+"""Stiffness of a spring whose force the arm's own motion does not change: a weight."""
 
 
 def fig_5(rig: RigFile) -> Section:
-    """Swept sine on the free arm, the second-order model of it, and the compliance."""
+    """Run Fig. 5: swept sine on the free arm, its second-order model, and the compliance."""
     response = _sweep(simulation_of(rig))
     model = fit_second_order(
         response.frequency_hz,
@@ -65,7 +65,7 @@ def fig_5(rig: RigFile) -> Section:
 
 
 def stability(rig: RigFile) -> Section:
-    """Spectral radius over period and gain, of the loop as it runs."""
+    """Return the spectral radius over period and gain, of the loop as it runs."""
     settings = PBSMIC.settings()
     maps = {
         law.title: radius_map(
@@ -116,7 +116,7 @@ def _observer(rig: RigFile, period_s: float) -> ForceObserver:
 
 
 def _sweep(simulation: Simulation) -> FrequencyResponse:
-    """A chirp that begins and ends at rest, from an output without delay or lag."""
+    """Return a chirp that begins and ends at rest, from an output without delay or lag."""
     bare = simulation.model_copy(
         update={
             "bead": False,
@@ -138,7 +138,7 @@ def _sweep(simulation: Simulation) -> FrequencyResponse:
 
 
 def _sag_um(simulation: Simulation) -> float:
-    """Displacement under a known weight, as the sensor sees it."""
+    """Return the displacement under a known weight in µm, as the sensor measures it."""
     weighted = simulation.model_copy(
         update={
             "environment_stiffness_mN_per_um": SOFT_MN_PER_UM,

@@ -1,4 +1,4 @@
-"""Fig. 6: the force estimator without a contact, and what makes it err."""
+"""Fig. 6: the force estimator without a contact, and the sources of its errors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ from pincette_study.rigs import loop_percent, simulation_of
 Series = NDArray[np.float64]
 
 REST_S = 1.0
-"""Before a signal begins; its end is the zero."""
+"""Rest before a signal begins, in s; its end gives the zero."""
 CYCLES = 6
 PAPER_SIGNAL = "sinusoid 0.5 Hz"
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A motion after its rest, and the force that was estimated for it."""
+    """Motion after its rest, with the estimated force."""
 
     motion: Motion
     force_mN: Series
 
     @property
     def error_mN(self) -> float:
-        """R.m.s. against the true force."""
+        """Return the r.m.s. error against the true force, in mN."""
         return rms(self.force_mN - self.motion.true_force_mN)
 
 
@@ -48,7 +48,7 @@ def read(
     observer: ForceObserver,
     period_s: float = printed.PERIOD_S,
 ) -> Reading:
-    """Drive a rig by a voltage that it was not taught with, and estimate the force.
+    """Drive a rig by a voltage that was not used for teaching, and estimate the force.
 
     The rig rests first, and is zeroed there.
     """
@@ -72,7 +72,7 @@ def read(
 
 
 def unseen_signals(period_s: float) -> dict[str, list[float]]:
-    """Voltages of 2 V peak to peak that no teaching motion has."""
+    """Return voltages of 2 V peak to peak that no teaching motion contains."""
     level = printed.VOLTAGE_LEVELS_V[-1]
     count = round(CYCLES / (printed.FREQUENCY_HZ * period_s))
     t = [index * period_s for index in range(count)]
@@ -93,9 +93,9 @@ def unseen_signals(period_s: float) -> dict[str, list[float]]:
 
 
 def fig_6(rig: RigFile, sources: dict[str, FreeResponse]) -> tuple[Section, dict[str, float]]:
-    """The estimator without a contact: Fig. 6, its sources of x_1, and the ages of (53).
+    """Run Fig. 6: the estimator without a contact, its sources of x_1, and the ages of (53).
 
-    ``sources`` by name, the first being the one that is used elsewhere.
+    ``sources`` by name; the first is the one used elsewhere.
     """
     free = simulation_of(rig).model_copy(update={"bead": False})
     s_p, d_p = rig.model.compliance_um_per_mN, rig.model.piezo_um_per_V
@@ -176,7 +176,7 @@ def _fig_6(reading: Reading) -> bytes:
 
 
 def other_sources(rig: RigFile) -> dict[str, FreeResponse]:
-    """A straight line and a recorded loop, from the same teaching motion as the operator."""
+    """Return a straight line and a recorded loop, from the same teaching motion as the operator."""
     voltage_V, x_um = free_motion(rig)
     recording = record_free_response(voltage_V, x_um)
     d_p = rig.model.piezo_um_per_V

@@ -17,9 +17,9 @@ SWEPT = tuple(value for value in printed.K_F_SWEEP if value <= 5000.0)
 
 
 def force_gain(rig: RigFile, workers: int = 1) -> Section:
-    """Figs. 10 and 11: DSMIFC by K_f, with the paper's plan and with a consistent one.
+    """Run Figs. 10 and 11: DSMIFC by K_f, with the paper's plan and with a consistent one.
 
-    ``workers``: processes that play the loops.
+    ``workers`` is the number of processes that play the loops.
     """
     contact = simulation_of(rig).environment_stiffness_mN_per_um
     plans = {

@@ -1,4 +1,4 @@
-"""The search for gains, drawn, and its choice tried on the rig."""
+"""Search for gains, drawn as a figure, with a test of its choice on the rig."""
 
 from pincette.config.gains import tuned
 from pincette.control.stability.tuning import Tuning
@@ -11,7 +11,7 @@ SCHEMES = ("pbsmic", "dsmifc")
 
 
 def search(prepared: Prepared) -> Section:
-    """Tune both laws on the identified model, then track with what was chosen."""
+    """Tune both laws on the identified model, then track with the chosen gains."""
     found: dict[str, Tuning] = {
         scheme: tuned(prepared.rig, scheme, "consistent") for scheme in SCHEMES
     }

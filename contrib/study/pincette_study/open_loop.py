@@ -1,4 +1,4 @@
-"""Open loop: a voltage put out sample by sample, and what the rig made of it."""
+"""Open loop: voltages put out sample by sample, and the response of the rig."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ Series = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """N samples, each of the state that the voltages before it have led to."""
+    """N samples, each with the state that results from the voltages before it."""
 
     period_s: float
     voltage_V: Series
-    """Put out at the sample before, hence of the age of ``x_um``."""
+    """Voltage put out at the sample before, in V, so that it belongs to ``x_um``."""
     x_um: Series
-    """As the sensor gives it."""
+    """Position from the sensor, in µm."""
     true_x_um: Series
     true_force_mN: Series
 
     def tail(self, samples: int) -> "Motion":
-        """The last samples."""
+        """Return the last samples."""
         return Motion(
             self.period_s,
             self.voltage_V[-samples:],
@@ -38,7 +38,7 @@ class Motion:
 
 
 def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -> Motion:
-    """Put out a voltage each period on a rig that starts unpoled, and look before each."""
+    """Put out a voltage each period on a rig that starts unpoled, and sample before each."""
     truths: list[GroundTruth] = []
     rig = SimulatedRig(
         simulation,
@@ -64,7 +64,7 @@ def drive(simulation: Simulation, voltage_V: Sequence[float], period_s: float) -
 def raised_sinusoid(
     peak_to_peak_V: float, frequency_hz: float, cycles: int, period_s: float
 ) -> list[float]:
-    """U/2·(1 - cos 2πft): from 0 V up, whole cycles."""
+    """Return U/2·(1 - cos 2πft): from 0 V up, whole cycles."""
     samples = round(cycles / (frequency_hz * period_s))
     return [
         0.5 * peak_to_peak_V * (1.0 - cos(2.0 * pi * frequency_hz * index * period_s))
@@ -73,5 +73,5 @@ def raised_sinusoid(
 
 
 def peak_to_peak(values: Series) -> float:
-    """Largest less smallest value."""
+    """Return the largest minus the smallest value."""
     return float(values.max() - values.min())

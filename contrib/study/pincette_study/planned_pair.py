@@ -1,4 +1,4 @@
-"""Fig. 7: the estimator with a contact, and how far the planned pair is off before any control."""
+"""Fig. 7: the estimator with a contact, and the errors of the planned pair before any control."""
 
 from math import pi
 
@@ -19,7 +19,7 @@ Series = NDArray[np.float64]
 
 
 def fig_7(rig: RigFile, response: FreeResponse) -> Section:
-    """Drive the arm by the voltage that the planned pair asks of a linear arm, in contact."""
+    """Drive the arm by the voltage of the planned pair for a linear arm, in contact."""
     touching = simulation_of(rig).model_copy(update={"bead_contact_um": 0.0})
     s_p, d_p = rig.model.compliance_um_per_mN, rig.model.piezo_um_per_V
     level_V = (printed.X_PP_UM + s_p * printed.FORCE_PP_MN) / d_p
@@ -68,7 +68,7 @@ def fig_7(rig: RigFile, response: FreeResponse) -> Section:
 
 
 def _planning_errors(reading: Reading) -> tuple[Series, Series]:
-    """Planned less actual over the last cycle: position in µm, negative force in mN."""
+    """Return planned minus actual over the last cycle: position in µm, negative force in mN."""
     cycle = len(reading.force_mN) // CYCLES
     x_um, force_mN = reading.motion.x_um[-cycle:], reading.force_mN[-cycle:]
     # The position answers to the voltage of the sample before.

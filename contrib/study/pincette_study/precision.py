@@ -1,4 +1,4 @@
-"""How well both laws track with what the paper had not: planning, units and gains in order."""
+"""Tracking errors of both laws with consistent planning, units and gains, unlike the paper."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -24,7 +24,7 @@ RIGS = 20
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One law on one random rig at one frequency."""
+    """Result of one law on one random rig at one frequency."""
 
     draw: Draw
     scheme: str
@@ -35,7 +35,7 @@ class Trial:
 
 
 def sensor_floor_percent(rig: RigFile) -> float:
-    """√(σ² + q²/12) of the sensor, of the planned peak to peak: no measured error is below."""
+    """Return √(σ² + q²/12) of the sensor, in per cent of the planned peak to peak: error floor."""
     simulation = simulation_of(rig)
     noise_um, step_um = simulation.sensor_noise_um, simulation.sensor_step_um
     return 100.0 * sqrt(noise_um**2 + step_um**2 / 12.0) / printed.X_PP_UM
@@ -49,7 +49,7 @@ def run_trials(
 ) -> list[Trial]:
     """Draw, calibrate, tune and track: every scheme and frequency on every rig, in their order.
 
-    ``progress`` takes how many rigs are done; ``workers`` is how many processes do them.
+    ``progress`` receives the number of finished rigs; ``workers`` is the number of processes.
     """
     trials: list[Trial] = []
     for done, found in enumerate(_by_rig(base, rigs, workers), start=1):
@@ -83,7 +83,7 @@ def _on_rig(base: RigFile, seed: int) -> list[Trial]:
 
 
 def summary(trials: Sequence[Trial]) -> dict[str, dict[str, float]]:
-    """Medians over the rigs at the paper's frequency, by scheme."""
+    """Return medians over the rigs at the paper's frequency, by scheme."""
     return {
         scheme: {
             "position_percent": median(_values(trials, scheme, "position_percent")),
@@ -94,7 +94,7 @@ def summary(trials: Sequence[Trial]) -> dict[str, dict[str, float]]:
 
 
 def worst(trials: Sequence[Trial]) -> dict[str, dict[str, float]]:
-    """Largest errors over the rigs at the paper's frequency, by scheme."""
+    """Return the largest errors over the rigs at the paper's frequency, by scheme."""
     return {
         scheme: {
             "position_percent": max(_values(trials, scheme, "position_percent")),
@@ -105,7 +105,7 @@ def worst(trials: Sequence[Trial]) -> dict[str, dict[str, float]]:
 
 
 def section(base: RigFile, trials: Sequence[Trial]) -> Section:
-    """The report's part on the random rigs."""
+    """Return the report's section on the random rigs."""
     rigs = len({trial.draw.seed for trial in trials})
     floor = sensor_floor_percent(base)
     rows: list[Comparison] = []

@@ -1,4 +1,4 @@
-"""The report: sections of text, figures and comparisons, as one HTML file and as JSON."""
+"""Report: sections of text, figures and comparisons, as one HTML file and as JSON."""
 
 import base64
 import html
@@ -25,18 +25,18 @@ nav a { margin-right: 1rem; }
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A number of the paper beside ours."""
+    """Comparison of a number with that of the paper."""
 
     quantity: str
     unit: str
     paper: float | None
-    """None where the paper prints none."""
+    """Value of the paper; None if it prints none."""
     ours: float
     note: str = ""
 
     @property
     def deviation_percent(self) -> float | None:
-        """Ours less the paper's, in per cent of the paper's."""
+        """Return our value minus the paper's, in per cent of the paper's."""
         if self.paper is None or self.paper == 0.0:
             return None
         return 100.0 * (self.ours - self.paper) / abs(self.paper)
@@ -49,7 +49,7 @@ class Trend:
     claim: str
     holds: bool
     found: str
-    """What came out; where it does not hold, with the reason found."""
+    """Result; if the trend does not hold, with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,12 @@ class Section:
     key: str
     title: str
     text: tuple[str, ...]
-    """Paragraphs."""
+    """Paragraphs of the section."""
     pictures: tuple[Picture, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     trends: tuple[Trend, ...] = ()
     data: dict[str, Any] | None = None
-    """For ``paper.json`` alone."""
+    """Data for ``paper.json`` only."""
 
 
 def write_report(folder: Path, sections: Sequence[Section], summary: dict[str, Any]) -> Path:

@@ -1,4 +1,4 @@
-"""The rig on which the paper is repeated, and rigs drawn at random around it.
+"""Rig on which the paper is repeated, and rigs drawn at random around it.
 
 The frozen rig takes its numbers from the paper's Figs. 5 to 8 alone: the mode and s_p as printed,
 the gain 19.0 µm/V at 2 V peak to peak, and the contact of Fig. 7(d). There the plan is 1 µm and
@@ -20,17 +20,17 @@ from pincette_study.open_loop import drive, peak_to_peak, raised_sinusoid
 CONTACT_STIFFNESS = (printed.FORCE_PP_MN - abs(printed.PLANNING_ERROR_MN)) / (
     printed.X_PP_UM - printed.PLANNING_ERROR_UM
 )
-"""mN/µm, from Fig. 7(d)."""
+"""Contact stiffness in mN/µm, from Fig. 7(d)."""
 LOOP_V = 2.0
-"""Peak-to-peak voltage at which gain and loop are stated."""
+"""Peak-to-peak voltage at which gain and loop are stated, in V."""
 LOOP_CYCLES = 4
 SLEW_V_PER_S = 50.0
-"""Beyond what any experiment asks for; the demo rig's own limit would cut 5 Hz."""
+"""Slew limit that no experiment reaches; the demo rig's own limit would distort 5 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What was drawn for one rig."""
+    """Random values of one rig."""
 
     seed: int
     stiffness_mN_per_um: float
@@ -39,14 +39,14 @@ class Draw:
 
 
 def simulation_of(rig: RigFile) -> Simulation:
-    """The simulated rig of a rig file; raises ValueError where it has none."""
+    """Return the simulated rig of a rig file; raises ValueError if it has none."""
     if rig.simulation is None:
         raise ValueError("the rig file has no [simulation]: the study runs on simulated rigs")
     return rig.simulation
 
 
 def frozen_rig(base: RigFile) -> RigFile:
-    """The rig of the study: the demo rig, with gain and contact as in Figs. 5 to 8."""
+    """Return the rig of the study: the demo rig, with gain and contact as in Figs. 5 to 8."""
     simulation = simulation_of(base).model_copy(
         update={
             "natural_frequency_rad_per_s": printed.NATURAL_FREQUENCY_SQUARED**0.5,
@@ -126,12 +126,12 @@ def scaled_to_gain(simulation: Simulation) -> Simulation:
 
 
 def loop_percent(simulation: Simulation) -> float:
-    """Largest width of the free hysteresis loop at 2 V, in per cent of its stroke."""
+    """Return the largest width of the free hysteresis loop at 2 V, in per cent of its stroke."""
     return 100.0 * _loop(simulation)[1]
 
 
 def hysteresis_for_loop(simulation: Simulation, percent: float) -> float:
-    """A/d that makes a loop of this width, by bisection."""
+    """Return A/d that gives a loop of this width, by bisection."""
     low, high = 0.02, 0.9
     for _ in range(24):
         middle = 0.5 * (low + high)
@@ -144,7 +144,7 @@ def hysteresis_for_loop(simulation: Simulation, percent: float) -> float:
 
 
 def _loop(simulation: Simulation) -> tuple[float, float]:
-    """Gain in µm/V and width over stroke of the settled free loop, true positions."""
+    """Return gain in µm/V and width over stroke of the settled free loop, true positions."""
     free = simulation.model_copy(update={"bead": False})
     voltages = raised_sinusoid(LOOP_V, printed.FREQUENCY_HZ, LOOP_CYCLES, printed.PERIOD_S)
     cycle = drive(free, voltages, printed.PERIOD_S).tail(len(voltages) // LOOP_CYCLES)

@@ -1,4 +1,4 @@
-"""The whole study: every experiment in order, its report, and a summary in a few numbers."""
+"""Whole study: every experiment in order, its report, and a summary in a few numbers."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -25,7 +25,7 @@ from pincette_study.report import Comparison, Section, write_report
 from pincette_study.rigs import frozen_rig
 
 Progress = Callable[[str, float], None]
-"""Takes what is being done, and the share of the whole that is done."""
+"""Receives the present activity, and the completed share of the whole."""
 
 
 def run_study(
@@ -127,7 +127,7 @@ def run_study(
 
 
 def _in_short(sections: Sequence[Section], trials: Sequence[Trial]) -> Section:
-    """What comes out and what does not, before the experiments one by one."""
+    """Return a summary of confirmed and unconfirmed results, before the individual experiments."""
     found = precision.summary(trials)
     rows = [
         Comparison(f"{scheme.upper()} {quantity}", "%", None, values[f"{quantity}_percent"])

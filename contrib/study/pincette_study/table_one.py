@@ -12,7 +12,7 @@ from pincette_study.tracked import listed, percent, plain, traces
 
 
 def table_one(rig: RigFile) -> tuple[Section, dict[float, Errors]]:
-    """Table I and Fig. 9: PBSMIC with the printed set, by K_P."""
+    """Run Table I and Fig. 9: PBSMIC with the printed set, by K_P."""
     found: dict[float, Errors] = {}
     records: dict[float, Record] = {}
     plan = tracking_plan(rig, stiffness_mN_per_um=printed.PLANNED_STIFFNESS)

@@ -1,4 +1,4 @@
-"""What the sections on tracking share: a run drawn, and errors put into words and numbers."""
+"""Shared parts of the sections on tracking: drawing a run, and errors as text and numbers."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,22 +9,22 @@ from pincette_study.report import Comparison
 
 
 def percent(quantity: str, paper: float, ours: float, note: str = "") -> Comparison:
-    """A relative error beside the paper's."""
+    """Compare a relative error with that of the paper."""
     return Comparison(quantity, "%", paper, ours, note)
 
 
 def listed(values: Sequence[float]) -> str:
-    """Errors in a row."""
+    """Return errors as a list of words."""
     return ", ".join(f"{value:.2f} %" for value in values)
 
 
 def plain(item: Errors) -> dict[str, Any]:
-    """As ``paper.json`` has them."""
+    """Return errors in the form of ``paper.json``."""
     return {name: getattr(item, name) for name in Errors.__slots__}
 
 
 def traces(seen: Record) -> bytes:
-    """Position, force, their errors, voltage and sliding function, as Figs. 9 and 10 have them."""
+    """Draw position, force, their errors, voltage and sliding function, as Figs. 9 and 10."""
 
     def draw(axes: list[Axis]) -> None:
         t = seen.t_s

@@ -1,4 +1,4 @@
-"""Grip, follow and stop by a client that was generated from the OpenAPI document; print JSON.
+"""Drive of a client generated from the OpenAPI document: grip, follow and stop; print JSON.
 
 Run in a folder with the generated package ``generated``: ``drive.py URL FORCE_MN``.
 """
@@ -17,14 +17,14 @@ GENERATED = Path("generated")
 API = "/api/v1"
 WAIT_S = 60.0
 LAST = "manifest.json"
-"""File that is written when all others are there."""
+"""File that is written after all others."""
 url, force_mN = sys.argv[1], float(sys.argv[2])
 models: Any = import_module("generated.models")
 client: Any = import_module("generated.client").Client(base_url=url, timeout=WAIT_S)
 
 
 def call(method: str, path: str, *names: str, **given: Any) -> Any:
-    """Call the function of an operation, whatever its name; return what it made of the answer."""
+    """Call the function of an operation by any name; return its parsed answer."""
     wanted = f'"method": "{method}"', f'"url": "{API}{path}"'
     found = [
         file

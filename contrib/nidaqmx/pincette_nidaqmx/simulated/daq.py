@@ -1,4 +1,4 @@
-"""NI-DAQmx as an NI gRPC Device Server shows it: a table of calls, free of I/O.
+"""NI-DAQmx as seen through an NI gRPC Device Server: a table of calls, without I/O.
 
 A request is a method's name, NUL and its message; a reply ``ok`` NUL message, ``ni-error`` NUL code
 NUL text, or ``status`` NUL name NUL text. Messages are those of the package nidaqmx 1.7.0; that a
@@ -34,7 +34,7 @@ LONGEST_WAIT_S = 10.0
 
 
 class _StatusError(Exception):
-    """A call that the server itself refuses: the name of a gRPC status and its words."""
+    """Call that the server itself rejects: the name of a gRPC status and its text."""
 
     def __init__(self, name: str, text: str) -> None:
         super().__init__(text)
@@ -42,9 +42,9 @@ class _StatusError(Exception):
 
 
 class SimulatedDaq:
-    """A device server with what is wired to it; calls may come from any thread.
+    """Device server with its wired instruments; calls may come from any thread.
 
-    In real time a read waits for its samples; in lockstep none can come while it waits.
+    In real time a read waits for its samples; in lockstep none can arrive while it waits.
     """
 
     def __init__(self, rig: WiredRig, terminals: Terminals, *, lockstep: bool) -> None:
@@ -55,10 +55,10 @@ class SimulatedDaq:
         self._lock = threading.Lock()
 
     def idle(self) -> None:
-        """Do nothing: this instrument acts only when told to."""
+        """Do nothing: this instrument acts only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Carry out one call; silence where the request is none."""
+        """Execute one call; returns None if the request is none."""
         method, parted, payload = line.partition(b"\0")
         if not parted or not method.startswith(SERVICE):
             return None
@@ -72,7 +72,7 @@ class SimulatedDaq:
         return b"ok\0" + reply.SerializeToString()
 
     def side(self, line: bytes) -> str:
-        """Which of the rig's instruments a call is for: ``sensor``, ``output``, or neither."""
+        """Return the instrument that a call is for: ``sensor``, ``output``, or neither."""
         method, _, payload = line.partition(b"\0")
         name = method.removeprefix(SERVICE).decode(errors="replace")
         if name in ("CreateAIVoltageChan", "CreateAOVoltageChan"):
@@ -102,7 +102,7 @@ class SimulatedDaq:
 
     @cached_property
     def calls(self) -> dict[str, Callable[[Any], Message]]:
-        """What is known, by its name."""
+        """Return the known calls by name."""
         return {
             "GetSystemInfoAttributeUInt32": self._system_info,
             "GetErrorString": self._error_string,
@@ -227,7 +227,7 @@ class SimulatedDaq:
         return messages.ReadAnalogScalarF64Response(value=float(voltages_V[0, 0]))
 
     def _read(self, request: Any) -> Message:
-        """Read many; a status that the device gives is in the reply, as in NI's server."""
+        """Read samples; a status of the device is in the reply, as in NI's server."""
         task = self._task(request)
         try:
             voltages_V = self._device.read(task, request.num_samps_per_chan)

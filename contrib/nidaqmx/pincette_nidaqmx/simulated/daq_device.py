@@ -1,4 +1,4 @@
-"""A simulated NI-DAQmx device: its tasks, what they reserve, and the rig at its terminals."""
+"""Simulated NI-DAQmx device: its tasks, their reservations, and the rig at its terminals."""
 
 from dataclasses import dataclass, field
 
@@ -20,21 +20,21 @@ MOST_SAMPLES = 10_000_000
 
 
 class NotYetError(Exception):
-    """The samples that were asked for are not there yet."""
+    """Error of a read whose samples have not arrived yet."""
 
 
 @dataclass(slots=True)
 class Device:
-    """The device, or several in one chassis."""
+    """One device, or several in one chassis."""
 
     rig: WiredRig
     terminals: Terminals
     output_V: float = 0.0
-    """Of the last single value."""
+    """Last single output value, in V."""
     tasks: dict[int, Task] = field(default_factory=dict[int, Task])
 
     def start(self, task: Task) -> None:
-        """Begin what a task is for; in lockstep a wave ends the tick."""
+        """Start the function of a task; in lockstep a waveform ends the tick."""
         task.must_have_channels()
         if task.started:
             return
@@ -71,7 +71,7 @@ class Device:
         self.output_V = begun_V[-1]
 
     def _go_on(self, task: Task) -> None:
-        """Hand what was written to an output that plays; refuse where it has run dry."""
+        """Pass written samples to a playing output; raise an error if it has run dry."""
         try:
             if task.waiting_V:
                 self.output_V = task.waiting_V[-1]
@@ -84,7 +84,7 @@ class Device:
             raise _dry(task)
 
     def stop(self, task: Task) -> None:
-        """End what a task is doing; a wave, other than a real one, plays on until the next write.
+        """Stop a task; unlike a real waveform, a simulated one plays on until the next write.
 
         In lockstep nothing may reach the rig between two ticks.
         """
@@ -95,7 +95,7 @@ class Device:
         task.started = False
 
     def is_done(self, task: Task) -> bool:
-        """Whether a task has come to its end; in lockstep a question for a wave ends the tick."""
+        """Return whether a task has ended; in lockstep this call for a waveform ends the tick."""
         if not task.started:
             return True
         if not task.rate_hz or task.kind == "ai":
@@ -106,12 +106,12 @@ class Device:
         return over
 
     def available(self, task: Task) -> int:
-        """Samples per channel in the buffer of an input."""
+        """Return the number of samples per channel in the buffer of an input."""
         self._collect(task)
         return task.pending_V.shape[1]
 
     def read(self, task: Task, count: int) -> Samples:
-        """Read inputs, shape (channels, count); a count of -1 is all there are."""
+        """Read inputs, shape (channels, count); a count of -1 means all samples."""
         task.must_have_channels()
         if task.kind != "ai" or not -1 <= count <= MOST_SAMPLES:
             raise DaqError(
@@ -128,7 +128,7 @@ class Device:
         return task.take(there if count < 0 else count)
 
     def write(self, task: Task, wanted_V: Samples, auto_start: bool) -> None:
-        """Write to an output: its buffer, or at once."""
+        """Write to an output: its buffer, or directly."""
         task.must_have_channels()
         if task.kind != "ao" or not bool(np.all(np.abs(wanted_V) <= LIMIT_V)):
             raise DaqError(
@@ -154,7 +154,7 @@ class Device:
             self.rig.put_out(voltage_V)
 
     def _collect(self, task: Task) -> None:
-        """Bring what the rig has kept into the task's buffer."""
+        """Move the samples that the rig has stored into the task's buffer."""
         if not task.started or not task.rate_hz:
             return
         try:

@@ -1,4 +1,4 @@
-"""A simulated NI-DAQmx task: channels, timing and buffers, and what it does to the rig.
+"""Simulated NI-DAQmx task: channels, timing and buffers, and its effect on the rig.
 
 Statuses are NI's. Assumed, since no source says it: the device has ±10 V and 16 bit in both
 directions, samples its inputs at one instant, and reads 0 V where nothing is connected; a buffered
@@ -16,7 +16,7 @@ from nidaqmx.error_codes import DAQmxErrors
 LIMIT_V = 10.0
 STEP_V = 2.0 * LIMIT_V / 65536
 MOST_HZ = 100_000.0
-"""Per channel; the NI-9263's update rate, assumed of the input too."""
+"""Highest sample rate per channel: the NI-9263's update rate, assumed for inputs too."""
 DEFAULT_BUFFER = 1000
 
 Kind = Literal["ai", "ao"]
@@ -24,10 +24,10 @@ Samples = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 class WiredRig(Protocol):
-    """The rig, as the device sees it through its terminals."""
+    """Rig as the device sees it through its terminals."""
 
     def measure_um(self) -> float:
-        """Position as the sensor measures it now."""
+        """Return the present position that the sensor measures, in µm."""
         ...
 
     def put_out(self, voltage_V: float, /) -> None:
@@ -39,7 +39,7 @@ class WiredRig(Protocol):
         ...
 
     def extend_wave(self, voltages_V: Sequence[float]) -> None:
-        """Let the wave that plays go on; raises ValueError where it is over."""
+        """Extend the playing waveform; raises ValueError if it is over."""
         ...
 
     def go_on(self) -> None:
@@ -48,24 +48,24 @@ class WiredRig(Protocol):
 
     @property
     def wave_over(self) -> bool:
-        """Whether the wave has come to its last voltage."""
+        """Return whether the waveform has reached its last voltage."""
         ...
 
     def begin_capture(self, rate_hz: float) -> None:
-        """Keep position and drive at each 1/rate from here on."""
+        """Store position and drive at each 1/rate from here on."""
         ...
 
     def drain(self) -> tuple[list[float], list[float]]:
-        """Positions in µm and drives in V since the last call."""
+        """Return positions in µm and drives in V since the last call."""
         ...
 
     def end_capture(self) -> None:
-        """Keep nothing any more."""
+        """End the capture."""
         ...
 
 
 class DaqError(Exception):
-    """What the device refuses: a status of NI-DAQmx and its words."""
+    """Error of the device: a status of NI-DAQmx and its text."""
 
     def __init__(self, code: DAQmxErrors, text: str) -> None:
         super().__init__(text)
@@ -74,18 +74,18 @@ class DaqError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Terminals:
-    """What is connected to which physical channel."""
+    """Connections of the physical channels."""
 
     um_per_V: float = 1.0
-    """Of the sensor's monitor output."""
+    """Scale of the sensor's monitor output, in µm/V."""
     offset_um: float = 0.0
     position: str = ""
     drives: tuple[str, ...] = ()
-    """Inputs that see the amplifier's input."""
+    """Inputs that measure the amplifier's input."""
     output: str = ""
 
     def check(self, kind: Kind, channel: str) -> None:
-        """Refuse a channel that is not connected."""
+        """Raise an error for a channel that is not connected."""
         known = {"ai": (self.position, *self.drives), "ao": (self.output,)}
         device = channel.partition("/")[0]
         if device not in {name.partition("/")[0] for names in known.values() for name in names}:
@@ -102,35 +102,35 @@ class Terminals:
 
 
 def converted_V(voltages_V: Samples) -> Samples:
-    """Voltages as a converter gives them: in steps, and no further than its range."""
+    """Return voltages as a converter gives them: quantised, and limited to its range."""
     return np.clip(np.rint(voltages_V / STEP_V) * STEP_V, -LIMIT_V, LIMIT_V)
 
 
 @dataclass(slots=True)
 class Task:
-    """One task, of inputs or of one output."""
+    """One task, with inputs or with one output."""
 
     name: str
     kind: Kind | None = None
     channels: list[str] = field(default_factory=list[str])
     rate_hz: float = 0.0
-    """Of the sample clock; 0: on demand."""
+    """Rate of the sample clock, in Hz; 0: on demand."""
     continuous: bool = False
     count: int = DEFAULT_BUFFER
     buffer_size: int = 0
-    """As it was set; 0: by the first write, or by ``count``."""
+    """Size that was set, in samples; 0: determined by the first write, or by ``count``."""
     started: bool = False
     regenerates: bool = True
-    """Whether an output may put out a sample again; else samples may come while it plays."""
+    """True if an output may repeat samples; otherwise samples may be added while it plays."""
     written: int = 0
-    """Samples of a wave so far."""
+    """Number of samples of a waveform written so far."""
     waiting_V: list[float] = field(default_factory=list[float])
-    """Those that the output has not begun to play."""
+    """Samples that the output has not begun to play, in V."""
     pending_V: Samples = field(default_factory=lambda: np.zeros((0, 0)))
     overwritten: bool = False
 
     def reserved(self) -> tuple[str, Kind] | None:
-        """What no other task may use while this one runs."""
+        """Return the resource that no other task may use while this one runs."""
         if not self.started or self.kind is None:
             return None
         return self.channels[0].partition("/")[0], self.kind
@@ -152,7 +152,7 @@ class Task:
         self.channels.append(channel)
 
     def clock(self, rate_hz: float, mode: int, count: int) -> None:
-        """Take samples at a rate."""
+        """Set the sample clock."""
         self.must_have_channels()
         if not 0.0 < rate_hz <= MOST_HZ or count < 2:
             raise DaqError(
@@ -164,7 +164,7 @@ class Task:
         self.continuous = mode == AcquisitionType.CONTINUOUS.value
 
     def must_have_channels(self) -> None:
-        """Refuse what needs a channel."""
+        """Raise an error if the task has no channel."""
         if self.kind is None:
             raise DaqError(
                 DAQmxErrors.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK,
@@ -172,13 +172,13 @@ class Task:
             )
 
     def keep(self, samples_V: Samples) -> None:
-        """Take acquired samples, shape (channels, samples), into the buffer."""
+        """Add acquired samples, shape (channels, samples), to the buffer."""
         self.pending_V = np.concatenate([self.pending_V, samples_V], axis=1)
         if self.pending_V.shape[1] > (self.buffer_size or self.count):
             self.overwritten = True
 
     def take(self, count: int) -> Samples:
-        """Give the oldest samples out of the buffer, shape (channels, count)."""
+        """Remove and return the oldest samples of the buffer, shape (channels, count)."""
         if self.overwritten:
             raise DaqError(
                 DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
@@ -205,7 +205,7 @@ class Task:
         self.waiting_V += voltages_V
 
     def begun_V(self) -> list[float]:
-        """Take the samples to begin with."""
+        """Remove and return the samples with which the output begins."""
         if not self.written or (self.regenerates and self.written < self.count):
             raise DaqError(
                 DAQmxErrors.OUTPUT_BUFFER_EMPTY,
@@ -217,5 +217,5 @@ class Task:
 
     @property
     def wanting(self) -> bool:
-        """Whether samples of the wave are still to come."""
+        """Return whether samples of the waveform are still missing."""
         return self.written < self.count

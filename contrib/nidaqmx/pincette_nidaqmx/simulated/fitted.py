@@ -1,4 +1,4 @@
-"""Simulated NI-DAQmx devices, as the tables of a rig file connect them."""
+"""Simulated NI-DAQmx devices, connected by the tables of a rig file."""
 
 from urllib.parse import urlsplit
 
@@ -11,7 +11,7 @@ from pincette_nidaqmx.simulated.server import DaqServer
 
 
 class ScriptedTerminals:
-    """A rig whose readings and single voltages pass through a script."""
+    """Rig whose readings and single voltages pass through a script."""
 
     def __init__(self, setting: Setting) -> None:
         rig = self._rig = setting.rig
@@ -26,27 +26,27 @@ class ScriptedTerminals:
 
     @property
     def wave_over(self) -> bool:
-        """Whether the wave has come to its last voltage."""
+        """Return whether the waveform has reached its last voltage."""
         return self._rig.wave_over
 
 
 class Sides:
-    """One device behind one port: calls for its input and for its output go each their own way."""
+    """One device behind one port, with separate simulated lines for its input and its output."""
 
     def __init__(self, daq: SimulatedDaq, sensor: Instrument, output: Instrument) -> None:
         self._daq = daq
         self._ways = {"sensor": sensor, "output": output}
 
     def idle(self) -> None:
-        """Do nothing: these instruments act only when told to."""
+        """Do nothing: these instruments act only on commands."""
 
     def answer(self, line: bytes) -> bytes | None:
-        """Carry out one call; silence where there is none."""
+        """Execute one call; returns None if there is none."""
         return self._ways.get(self._daq.side(line), self._daq).answer(line)
 
 
 def fit(setting: Setting, tables: frozenset[str]) -> dict[str, Fitted]:
-    """Connect the devices of some tables, each behind the server that its url names."""
+    """Connect the devices of some tables, each behind the server in its url."""
     made = devices(setting.rig_file, tables, ScriptedTerminals(setting))
     lines = {table: setting.line(table, daq) for table, daq in made.items()}
     servers = {
@@ -61,9 +61,9 @@ def fit(setting: Setting, tables: frozenset[str]) -> dict[str, Fitted]:
 
 
 def devices(rig_file: RigFile, tables: frozenset[str], rig: WiredRig) -> dict[str, SimulatedDaq]:
-    """Devices of the tables that name this driver; raises ConfigError.
+    """Return the devices of the tables that name this driver; raises ConfigError.
 
-    They are one where both are reached at one server.
+    Input and output belong to one device if both are reached at one server.
     """
     sensor, output = rig_file.sensor, rig_file.output
     connected: dict[str, Terminals] = {}
@@ -97,7 +97,7 @@ def devices(rig_file: RigFile, tables: frozenset[str], rig: WiredRig) -> dict[st
 
 
 def _channel(url: str, channel: object) -> str:
-    """Physical channel, as the driver takes it from its table."""
+    """Return the physical channel of a table, as the driver determines it."""
     if url.startswith("ni:"):
         return url.removeprefix("ni:")
     return urlsplit(url).path.strip("/") or str(channel or "")

@@ -1,4 +1,4 @@
-"""A simulated NI gRPC Device Server on a port: any call's bytes go to the instrument and back."""
+"""Simulated NI gRPC Device Server on a port; it passes any call's bytes to the instrument."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,8 +21,8 @@ _grpc: Any = grpc
 class DaqServer:
     """Serves one instrument until it is closed; raises WireError.
 
-    Its silence is the status DEADLINE_EXCEEDED, at once; where it has been pulled out the status is
-    UNAVAILABLE, as where the server has gone; an answer that is none of its kinds is DATA_LOSS.
+    A silent instrument gives the status DEADLINE_EXCEEDED, at once; one that was pulled out
+    UNAVAILABLE, like a lost server; an answer of unknown kind DATA_LOSS.
     """
 
     def __init__(self, url: str, instrument: Instrument) -> None:
@@ -47,7 +47,7 @@ class DaqServer:
         self._server.start()
 
     def close(self) -> None:
-        """Hang up and free the port; twice is once."""
+        """Hang up and free the port; repeated calls do nothing."""
         self._server.stop(GRACE_S).wait()
 
     def __enter__(self) -> "DaqServer":
@@ -74,20 +74,20 @@ class DaqServer:
 
 
 def _refused(context: Any, name: str, words: str) -> bytes:
-    """End a call with a status; the message beside it is not sent."""
+    """End a call with a status; the message with it is not sent."""
     context.set_code(_grpc.StatusCode.__members__.get(name, _grpc.StatusCode.UNKNOWN))
     context.set_details(words)
     return b""
 
 
 class _AnyCall(grpc.GenericRpcHandler):
-    """Hands each call to one function, whatever its method; messages stay bytes."""
+    """Passes each call to one function, for any method; messages stay bytes."""
 
     def __init__(self, carry_out: Callable[[str, bytes, Any], bytes]) -> None:
         self._carry_out = carry_out
 
     def service(self, handler_call_details: Any) -> Any:
-        """Return what carries out the call."""
+        """Return the handler of the call."""
         method: str = handler_call_details.method
 
         def carry_out(message: bytes, context: Any) -> bytes:

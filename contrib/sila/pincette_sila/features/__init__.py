@@ -1,4 +1,4 @@
-"""Feature definitions of this server: the contract with its clients, whose words are our own."""
+"""Feature definitions of this server: the contract with its clients, in our own words."""
 
 from functools import cache
 from pathlib import Path
@@ -11,16 +11,16 @@ CANCEL_CONTROLLER = "CancelController-v1_0"
 SIMULATION_CONTROLLER = "SimulationController-v1_0"
 PAUSE_CONTROLLER = "PauseController-v2_0"
 SECOND_ARM = "SecondArm-v1_0"
-"""Of rigs with two driven arms alone."""
+"""Feature of rigs with two driven arms only."""
 ERROR_RECOVERY = "ErrorRecoveryService-v2_0"
 
 
 def command(name: str, of: str = MICROGRIPPER) -> Any:
-    """A command of a feature, which the library does not tell from a property."""
+    """Return a command of a feature, which the library does not distinguish from a property."""
     return cast("Any", feature(of))[name]
 
 
 @cache
 def feature(name: str) -> Feature:
-    """Read a feature definition; each of them must be one object for a whole server."""
+    """Read a feature definition; a server must use one object for each."""
     return Feature(str(Path(__file__).parent / f"{name}.sila.xml"))

@@ -1,1 +1,1 @@
-"""What goes beyond the paper on one arm: at its own period, and at 1 ms."""
+"""Results beyond the paper on one arm: at its own period, and at 1 ms."""

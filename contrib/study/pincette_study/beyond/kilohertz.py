@@ -1,7 +1,8 @@
 """At T = 1 ms: the law with a filtered perturbation, on the rigs of ``beyond``.
 
-Each was calibrated and pressed at 20 ms. Then it gets the instruments, period and law of another
-rig file, grips, and tracks paths of up to 20 Hz; some off what they were calibrated to be.
+Each rig was calibrated and pressed at 20 ms. Then it gets the instruments, period and law of
+another rig file, grips, and tracks paths of up to 20 Hz; some rigs differ from their calibrated
+state.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -33,12 +34,12 @@ from pincette_study.desk import Desk
 from pincette_study.rigs import Draw, simulation_of
 
 CYCLES = {0.5: 2, 2.0: 6, 10.0: 20, 20.0: 40}
-"""At full amplitude, by frequency."""
+"""Number of cycles at full amplitude, by frequency in Hz."""
 FAST_HZ = 10.0
-"""Of the path that is tracked again after a residual run, and off nominal."""
+"""Frequency in Hz of the path that is tracked again after a residual run, and off nominal."""
 QUICK = "quick"
 FAST = ("substep_s", "sensor_step_um", "output_step_V", "output_lag_s", "actuation_delay_s")
-"""What of a simulated rig belongs to its instruments."""
+"""Fields of a simulated rig that belong to its instruments."""
 MISSED = 0.01
 """Share of the samples that are lost."""
 OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
@@ -52,16 +53,19 @@ OFF_NOMINAL: Mapping[str, Callable[[RigFile], dict[str, Any]]] = {
         "script": (ScriptedOrder(at_s=0.0, target="sensor", what="intermittent", value=MISSED),)
     },
 }
-"""What the simulated rig is then, of which nothing is told but the noise: without it no force is
-zeroed."""
+"""Changes of the simulated rig by name. The rig file does not know them except the noise, without
+which no force is zeroed."""
 SMALLER = {"contact_200": 0.5}
-"""Share of the path that is then tracked: on the whole one the part meets the limit of force."""
+"""Reduced share of the path, by change: on the whole path the part meets the limit of force."""
 OFF_RIGS = 1
-"""Of each class, on which that is tried."""
+"""Number of rigs of each class on which the changes are tried."""
 
 
 def at_kilohertz(rig: RigFile, fast: RigFile) -> RigFile:
-    """The rig with instruments, period and law of ``fast``; arm, part and their models stay."""
+    """Return the rig with instruments, period and law of ``fast``.
+
+    Arm, part and their models stay.
+    """
     simulated, instruments = simulation_of(rig), simulation_of(fast)
     model = {"output_delay_s": fast.model.output_delay_s}
     model |= {"force_observer": fast.model.force_observer}
@@ -89,7 +93,10 @@ def run_kilohertz(
     progress: Callable[[int], None] | None = None,
     workers: int = 1,
 ) -> BeyondTrials:
-    """Play so many rigs of every class; ``progress`` takes how many are done."""
+    """Play this number of rigs of every class.
+
+    ``progress`` receives the number of finished rigs.
+    """
     trials = BeyondTrials([], [])
     for done, found in enumerate(_by_rig(base, fast, rigs, workers), start=1):
         trials.tracks.extend(found.tracks)
@@ -120,7 +127,7 @@ def on_rig(base: RigFile, fast: RigFile, drawn: tuple[str, int]) -> BeyondTrials
 
 
 def nominal(rig: RigFile, name: str, draw: Draw) -> BeyondTrials:
-    """Grip and track, plainly and with what runs without the part have shown."""
+    """Grip and track, without preparation and with the errors found by runs without the part."""
     desk = Desk(rig)
     desk.stroke()
     found = BeyondTrials([], [])
@@ -142,9 +149,10 @@ def nominal(rig: RigFile, name: str, draw: Draw) -> BeyondTrials:
 
 
 def off_nominal(rig: RigFile, name: str, draw: Draw) -> Iterator[BeyondTrial]:
-    """Track with a rig that is not what it was calibrated to be; raises StudyError.
+    """Track with a rig that differs from its calibrated state; raises StudyError.
 
-    The guard that a stiffness must be the planned part's is off, as such parts are tried here.
+    The guard against a stiffness other than the planned part's is off, as such parts are tested
+    here.
     """
     for what, changed in OFF_NOMINAL.items():
         simulation = simulation_of(rig).model_copy(update=changed(rig))

@@ -31,7 +31,10 @@ GRIPS: Mapping[str, str] = {"quick": "", "dry_run": ", after a residual run"}
 
 
 def summary(found: BeyondTrials) -> dict[str, Any]:
-    """Medians over the rigs by class, scheme and frequency, as ``beyond``; and of the grips."""
+    """Return medians over the rigs by class, scheme and frequency, as ``beyond``.
+
+    And of the grips.
+    """
     grips = {
         name: medians({one: [getattr(trial, one) for trial in some] for one in FIGURES})
         for name, some in _grips(found.grips).items()
@@ -45,7 +48,7 @@ def _grips(trials: Sequence[GripTrial]) -> dict[str, list[GripTrial]]:
 
 
 def section(found: BeyondTrials) -> Section:
-    """The report's part on T = 1 ms."""
+    """Return the report's section on T = 1 ms."""
     rigs = len({trial.draw.seed for trial in found.tracks})
     return Section(
         key="beyond.kilohertz",

@@ -1,4 +1,4 @@
-"""Medians, worst cases and pictures of what goes beyond the paper."""
+"""Medians, worst cases and pictures of the results beyond the paper."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
@@ -32,9 +32,9 @@ COLORS = dict(zip(FREQUENCIES_HZ, (BLUE, GREEN, ORANGE), strict=True))
 
 
 def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
-    """Medians over the rigs, by class, scheme and frequency.
+    """Return medians over the rigs, by class, scheme and frequency.
 
-    Each is a number under its name, and the worst one stands beside it under ``…_worst``.
+    Each is a number under its name, with the worst one under ``…_worst``.
     """
     tree: dict[str, Any] = {}
     for trial in trials:
@@ -51,7 +51,7 @@ def summary(trials: Sequence[BeyondTrial]) -> dict[str, Any]:
 
 
 def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
-    """Medians over the rigs of all classes by profile, the worst beside."""
+    """Return medians over the rigs of all classes by profile, with the worst."""
     return {
         profile: medians(
             {
@@ -64,7 +64,7 @@ def grip_summary(trials: Sequence[GripTrial]) -> dict[str, Any]:
 
 
 def medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    """Median of each, and the worst beside."""
+    """Return the median of each figure, with the worst."""
     found: dict[str, float] = {}
     for name, some in values.items():
         found |= {name: median(some), f"{name}_worst": max(some)}
@@ -72,17 +72,17 @@ def medians(values: Mapping[str, Sequence[float]]) -> dict[str, float]:
 
 
 def name_of(prepared: str, quantity: str) -> str:
-    """Name of a figure in the summary."""
+    """Return the name of a figure in the summary."""
     return f"{prepared}_{quantity}_percent" if prepared else f"{quantity}_percent"
 
 
 def key_of(frequency_hz: float) -> str:
-    """Name of a frequency in the summary."""
+    """Return the name of a frequency in the summary."""
     return f"hz_{frequency_hz:g}".replace(".", "_")
 
 
 def section(found: BeyondTrials) -> Section:
-    """The report's part on tracking."""
+    """Return the report's section on tracking."""
     trials = found.tracks
     rigs = len({trial.draw.seed for trial in trials})
     return Section(
@@ -112,7 +112,7 @@ def section(found: BeyondTrials) -> Section:
 
 
 def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
-    """How often the part was believed to be there though it was away."""
+    """Return how many tracks have a residual run; a guard ended the others."""
     counts = [sum(t.prepared == word for t in trials) for word in ("", "dry_run")]
     return (
         f"Residual runs stand behind {counts[1]} of {counts[0]} tracks; a guard ended the others."
@@ -120,7 +120,7 @@ def _without_a_run(trials: Sequence[BeyondTrial]) -> str:
 
 
 def grip_section(found: BeyondTrials) -> Section:
-    """The report's part on grips."""
+    """Return the report's section on grips."""
     trials, rows = found.grips, list[Comparison]()
     for profile, values in grip_summary(trials).items():
         rows += [
@@ -184,7 +184,7 @@ def _of(
 
 
 def _by_class(draw: Callable[[Axis, str], None], x: str, y: str) -> bytes:
-    """One axis for each class of hysteresis, from 0 upwards; x and y are their labels."""
+    """Draw one axis for each class of hysteresis, from 0 upwards; x and y are their labels."""
 
     def draw_all(axes: list[Axis]) -> None:
         for axis, name in zip(axes, CLASSES, strict=True):
@@ -210,7 +210,7 @@ def _scatter(trials: Sequence[BeyondTrial]) -> bytes:
 
 
 def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
-    """Force error after a residual run over that before, below the line where it helped."""
+    """Draw the force error after a residual run over that before; below the line it helped."""
 
     def draw(axis: Axis, name: str) -> None:
         most = 0.0
@@ -230,7 +230,7 @@ def _pairs(trials: Sequence[BeyondTrial]) -> bytes:
 
 
 def _cycles(trials: Sequence[BeyondTrial]) -> bytes:
-    """Median over the rigs of the position's error of each cycle."""
+    """Draw the median over the rigs of the position error of each cycle."""
 
     def draw(axis: Axis, name: str) -> None:
         for frequency_hz, color in COLORS.items():

@@ -1,6 +1,7 @@
 """Beyond the paper: the identified response in the law, a residual run, learning, and grips.
 
-Forgetting plays, of which the model is made, are kin to Bouc-Wen, and flatter it; relays are not.
+Play operators with forgetting, of which the model is made, resemble Bouc-Wen, which favours the
+model; relays do not.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -41,49 +42,51 @@ CLASSES: Mapping[str, Callable[[RigFile, int], tuple[RigFile, Draw]]] = {
     "relays": random_relay_rig,
 }
 FIRST_SEED = 201
-"""Gains and the choice of models were found on seeds below 121."""
+"""First seed of the rigs; gains and models were chosen on seeds below 121."""
 REACH_UM = (-70.0, 120.0)
-"""Limits of position: the calibration's cycles go 1 V below rest, and relays shift the rest."""
+"""Limits of position in µm: the calibration's cycles go 1 V below rest, and relays shift the rest.
+"""
 CYCLES = {0.5: 6, 2.0: 12, 5.0: 20}
-"""At full amplitude, by frequency."""
+"""Number of cycles at full amplitude, by frequency in Hz."""
 LEARNED_CYCLES = 10
 AFTER_CYCLES = {0.5: 2, 2.0: 4, 5.0: 10}
-"""Cycles of the same path after those, by frequency: over these the error is stated."""
+"""Number of cycles of the same path after learning, by frequency in Hz; the error is taken over
+these."""
 PROFILES = ("quick", "gentle")
 
 
 @dataclass(frozen=True, slots=True)
 class BeyondTrial:
-    """A law on a random rig at one frequency."""
+    """Result of a law on a random rig at one frequency."""
 
     hysteresis: str
-    """One of ``CLASSES``."""
+    """Class of hysteresis; one of ``CLASSES``."""
     draw: Draw
     scheme: str
     frequency_hz: float
     errors: Errors
     prepared: str = ""
-    """What was done beside the calibrations, ``dry_run`` or ``learned``."""
+    """Preparation in addition to the calibrations: ``dry_run`` or ``learned``; empty without."""
     cycles_percent: tuple[float, ...] = ()
-    """R.m.s. of the position's error over each cycle, where it is learned from."""
+    """R.m.s. of the position error over each cycle in per cent, if the law learns from cycles."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripTrial:
-    """A grip on a random rig."""
+    """Result of a grip on a random rig."""
 
     hysteresis: str
     draw: Draw
     profile: str
     seconds_without_hold: float
     peak_over_planned: float
-    """Largest true force over the one planned."""
+    """Largest true force divided by the planned one."""
     hold_error_percent: float
-    """R.m.s. of the true force less the one planned, over the hold."""
+    """R.m.s. of the true minus the planned force over the hold, in per cent."""
 
 
 class BeyondTrials(NamedTuple):
-    """Of one rig, or of all."""
+    """Results of one rig, or of all."""
 
     tracks: list[BeyondTrial]
     grips: list[GripTrial]
@@ -97,7 +100,7 @@ def run_beyond(
 ) -> BeyondTrials:
     """Draw, calibrate, grip and track: every class, scheme and frequency, in their order.
 
-    ``progress`` takes how many rigs are done, of all classes.
+    ``progress`` receives the number of finished rigs, over all classes.
     """
     trials = BeyondTrials([], [])
     for done, found in enumerate(_by_rig(base, rigs, workers), start=1):
@@ -138,8 +141,8 @@ def prepared_rig(base: RigFile, drawn: tuple[str, int]) -> tuple[RigFile, Draw]:
 def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
     """Play one rig, of a class and a seed, with default gains, one job after the other.
 
-    Before the first one it strokes over its range, as no model knows what was before, and relays
-    have no unpoled state in common with plays. From then on memory and creep are carried on.
+    Before the first job it strokes over its range, as no model knows the earlier history, and
+    relays have no unpoled state in common with plays. From then on memory and creep are kept.
     """
     rig, draw = prepared_rig(base, drawn)
     desk = Desk(rig)
@@ -153,7 +156,7 @@ def on_rig(base: RigFile, drawn: tuple[str, int]) -> BeyondTrials:
 
 
 def _tracks(desk: Desk, name: str, draw: Draw, frequency_hz: float) -> Iterator[BeyondTrial]:
-    """Track plainly, play it without the part, track with what that has shown, and learn."""
+    """Track without preparation, play without the part, track with the found errors, and learn."""
     rig, period_s = desk.rig, desk.rig.rig.period_s
 
     def program(scheme: str, cycles: int) -> tuple[Program, Path]:
@@ -195,7 +198,7 @@ def _cycles_percent(played: Sequence[Message], path: Path, period_s: float) -> t
 def grip_trial(
     rig: RigFile, name: str, draw: Draw, profile: str, planned: Planned, played: list[Message]
 ) -> GripTrial:
-    """Time and forces of a grip as it was played; raises StudyError where it did not hold."""
+    """Return time and forces of a grip; raises StudyError if it did not hold."""
     if outcome(played) != "gripped":
         raise StudyError(f"the {profile} grip of {name} rig {draw.seed} ended {outcome(played)!r}")
     views = [m for m in played if isinstance(m, Telemetry)]

@@ -1,6 +1,6 @@
-"""``python -m pincette_study.two_arms``: teach random pairs, and try the law of two arms on them.
+"""``python -m pincette_study.two_arms``: teach random pairs, and test the law of two arms.
 
-Each pair takes some two minutes of a core, most of it at 1 ms and for teaching both arms.
+Each pair takes some two minutes of one core, mostly at 1 ms and for teaching both arms.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from pincette_study.two_arms.trials import CASES, MOST_OFF_UM, centre, track
 
 CONSOLE = Console(highlight=False)
 Figures = tuple[tuple[str, float], ...]
-"""Of one trial: what, with its unit, and how much."""
+"""Figures of one trial: value by name with unit."""
 
 
 def run(
@@ -61,7 +61,7 @@ def _trials(pair: TaughtPair) -> Sequence[tuple[str, Callable[[], Figures]]]:
 
 
 def _text(found: Sequence[Figures]) -> str:
-    """Median, and the worst in brackets."""
+    """Return the median, and the worst in brackets."""
     columns = zip(*found, strict=True)
     return ", ".join(
         f"{column[0][0]} {median(value for _, value in column):.2f} "

@@ -1,8 +1,8 @@
 """``python -m pincette_study.two_arms.acceptance``: two arms by the services, pair after pair.
 
-Each pair has rig files of its own. Its jobs are planned, judged and evaluated by the supervisor's
+Each pair has its own rig files. Its jobs are planned, judged and evaluated by the supervisor's
 functions and played by the four services behind the real bytes, in lockstep in one process. Errors
-are as they truly were, force in per cent of the height of its path.
+are the true ones, force in per cent of the height of its path.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ CONSOLE = Console(highlight=False)
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """What is reached, and what is to be: median, worst."""
+    """Limits of a result: median and worst."""
 
     name: str
     unit: str
@@ -50,15 +50,16 @@ FIGURES = (
     Figure("force at 7 Hz, 1 ms", "%", 2.5, 5.0),
     Figure("centre: moved", "µm", 0.5, 0.5),
 )
-"""The medians are those of the issue; where it names no worst one, twice its median stands."""
+"""Limits of the acceptance. The medians are specified; if no worst value is, it is twice the
+median."""
 SLOW_TRACKS = ((0.5, 5, 0.3, 3), (2.0, 10, 1.3, 7))
 FAST_TRACK = (10.0, 20, 7.0, 14)
-"""Of the place frequency in Hz and cycles, of the force likewise."""
+"""Frequency in Hz and number of cycles of the place, then of the force."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairFigures:
-    """What one pair has reached, in the order of ``FIGURES``."""
+    """Results of one pair, in the order of ``FIGURES``."""
 
     hysteresis: str
     number: int
@@ -66,7 +67,7 @@ class PairFigures:
 
 
 def run_pair(base: Path, folder: Path, drawn: tuple[str, int]) -> PairFigures:
-    """Draw, teach, track at three speeds and centre; raises StudyError where a job fails."""
+    """Draw, teach, track at three speeds and centre; raises StudyError if a job fails."""
     hysteresis, number = drawn
     slow, fast = write_pair(base, hysteresis, number, folder)
     values: list[float] = []
@@ -102,7 +103,7 @@ def _tracked(
 
 
 def _off(rig: RigFile, off_um: float) -> RigFile:
-    """The rig with its part off the place where it is planned."""
+    """Return the rig with its part away from its planned place."""
     simulation = rig.simulation
     assert simulation is not None
     assert simulation.second is not None
@@ -115,7 +116,7 @@ def _off(rig: RigFile, off_um: float) -> RigFile:
 
 
 def moved_um(table: Columns) -> float:
-    """The furthest that the part went before both arms held it with ``FIRM_MN``."""
+    """Return the largest motion of the part until both arms held it with ``FIRM_MN``, in µm."""
     names = "true_part_um", "true_force_mN", "true_second_force_mN"
     places, first, second = (np.array(table[name], dtype=np.float64) for name in names)
     held = int(np.argmax(np.minimum(first, second) >= FIRM_MN))
@@ -123,7 +124,7 @@ def moved_um(table: Columns) -> float:
 
 
 def run_pairs(base: Path, pairs: int, folder: Path, workers: int = 1) -> Iterator[PairFigures]:
-    """As many pairs of each class, one after the other."""
+    """Yield this number of pairs of each class, one after the other."""
     drawn = [(hysteresis, number) for number in range(pairs) for hysteresis in CLASSES]
     one = partial(run_pair, base, folder)
     if workers == 1:
@@ -153,7 +154,7 @@ def main(
 
 
 def report(found: list[PairFigures]) -> Iterator[str]:
-    """A line for each figure: of all pairs, and of each class."""
+    """Print a line for each figure: for all pairs, and for each class."""
     for place, figure in enumerate(FIGURES):
         of_class = [
             f"{name} {_text([one.values[place] for one in found if one.hysteresis == name])}"
@@ -167,7 +168,7 @@ def report(found: list[PairFigures]) -> Iterator[str]:
 
 
 def _text(values: list[float]) -> str:
-    """Median, and the worst in brackets."""
+    """Return the median, and the worst in brackets."""
     return f"{median(values):.2f} ({max(values):.2f})"
 
 

@@ -1,4 +1,4 @@
-"""Two simulated arms under the law of two arms, tick by tick, as they are read and driven."""
+"""Two simulated arms under the law of two arms, read and driven tick by tick."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,30 +37,31 @@ from pincette_study.two_arms.pairs import Instruments, TaughtPair, arm_of, model
 
 Series = NDArray[np.float64]
 Table = list[Pair]
-"""Of a phase, by tick: what both models miss in µm."""
+"""Model errors of both arms in µm, by tick of a phase."""
 SMOOTH_S = {0.02: 0.1, 0.001: 0.015}
-"""σ by which it is smoothed, by period in s: five samples of a slow pair, fifteen of a fast one."""
+"""Standard deviation in s of the smoothing of ``Table``, by period in s: five samples of a slow
+pair, fifteen of a fast one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """One sample: what was read, what was wanted of it, and what was true."""
+    """One sample: readings, references, and true values."""
 
     wanted: TwoArmReferences | None
-    """References that this sample was to meet, given a tick before; None of arms that were led
-    by their voltages."""
+    """References for this sample, given one tick before; None if the voltages were given directly.
+    """
     tips_um: Pair
     forces_mN: Pair
-    """Of each arm's estimator."""
+    """Force from each arm's estimator, in mN."""
     true_tips_um: Pair
     true_forces_mN: Pair
     part_um: float
     voltages_V: Pair
-    """Applied from this tick on."""
+    """Voltages applied from this tick on, in V."""
 
 
 class PairBench:
-    """A pair from the moment it is switched on; each tick reads both arms and drives both."""
+    """Pair from its switching on; each tick reads both arms and drives both."""
 
     def __init__(
         self,
@@ -80,7 +81,7 @@ class PairBench:
         self.state: PairState = start_pair(self.plant)
         self.ticks: list[Tick] = []
         self.free_um: list[Pair] = []
-        """Where both models stand at each sample."""
+        """Free positions of both models at each sample, in µm."""
         self._noise = [GaussianNoise(pair.number, 2 * run + arm) for arm in (0, 1)]
         self._models: list[HysteresisModel] = [model_of(rig) for rig in pair.arms]
         self._memories: list[HysteresisState] = [at_rest(model) for model in self._models]
@@ -104,18 +105,18 @@ class PairBench:
         ]
 
     def begin(self, phase: str) -> None:
-        """Begin a phase, of which it may be known what the models miss."""
+        """Begin a phase, whose model errors may be known."""
         self.begun[phase] = len(self.ticks)
         self._missed, self._phase_index = self._known.get(phase, []), len(self.ticks)
 
     def drive(self, voltages_V: Callable[[], Pair]) -> None:
-        """One tick without a law; the voltages are asked for after the sample."""
+        """Play one tick without a law; the voltages are requested after the sample."""
         self._sample()
         self._put(voltages_V())
         self._wanted = None
 
     def lead(self, references: TwoArmReferences) -> two_arms.TwoArmOutput:
-        """One tick under the law."""
+        """Play one tick under the law."""
         tick = self._sample()
         self._law_state, output = two_arms.step(
             self.law,
@@ -142,7 +143,7 @@ class PairBench:
         return output
 
     def zero(self, ticks: int) -> None:
-        """Rest free of the part, and take both forces for 0."""
+        """Rest free of the part, and take both forces as zero."""
         self.begin("zero")
         for _ in range(ticks):
             self.drive(lambda: self._voltages_V)
@@ -156,16 +157,16 @@ class PairBench:
         self.state = remove_pair_part(self.state)
 
     def with_part(self) -> None:
-        """Put the part back where it lay."""
+        """Put the part back at its place."""
         at_um = self.plant.part_um
         self.state = structs.replace(
             self.state, part="there", contact=APART, part_um=at_um, anchor_um=at_um
         )
 
     def replayed(self) -> dict[str, Table]:
-        """Play the voltages once more, from a new start and without the part: what H misses.
+        """Play the voltages again, from a new start and without the part; return the errors of H.
 
-        By phase and tick, against its mean over the zero, smoothed.
+        They are given by phase and tick, minus their mean over the zero, smoothed.
         """
         other = PairBench(self.pair, self.instruments, self._part, run=self._run + 10)
         other.without_part()
@@ -224,7 +225,7 @@ class PairBench:
         return tick
 
     def _missed_um(self) -> Pair:
-        """What is known to be missed of the sample to come."""
+        """Return the known model errors of the next sample, in µm."""
         if not self._missed:
             return 0.0, 0.0
         place = len(self.ticks) - self._phase_index
@@ -251,7 +252,7 @@ class PairBench:
 
 
 def _smoothed(values: Series, ticks: float) -> Series:
-    """Columns under a Gaussian of so many ticks, the ends as if they went on."""
+    """Return columns smoothed by a Gaussian whose width is in ticks, with the ends extended."""
     reach = round(4.0 * ticks)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / ticks) ** 2)
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")

@@ -1,4 +1,4 @@
-"""What a pair goes through: strokes, zeros, the way to the part, the touch and the press."""
+"""Motions of a pair: strokes, zeros, approach, touch and press."""
 
 from pincette.control.laws.two_arms import Pair, TwoArmReferences
 from pincette.control.planning.profiles import PEAK_SPEED, Quintic, move
@@ -9,17 +9,17 @@ from pincette_study.two_arms.bench import PairBench
 
 REST_S, ZERO_S = 0.5, 1.0
 APPROACH_UM_PER_S, SEEK_UM_PER_S = 20.0, 4.0
-"""Of each arm on its way, and of one or of the sum of both while the part is looked for."""
+"""Speed of each arm on its approach, and of one arm or the sum of both in the search, in µm/s."""
 STAND_OFF_UM = 6.0
-"""What is left between both arms and the part when the search begins."""
+"""Distance in µm between both arms and the part when the search begins."""
 TOUCH_MN, TOUCH_S = 0.8, 0.06
-"""Force that is taken for a touch, in the mean over this time, three samples at least."""
+"""Mean force in mN that counts as a touch, and the averaging time in s, three samples at least."""
 SETTLE_S = 0.2
 LOAD_S, HOLD_S = 2.0, 1.0
 
 
 def prepare(bench: PairBench) -> None:
-    """Judge the loop, stroke with the part away, put it back, and take both zeros.
+    """Assess the loop, stroke with the part away, put it back, and take both zeros.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def prepare(bench: PairBench) -> None:
 
 
 def go(bench: PairBench, tips_um: Pair) -> None:
-    """Lead both free arms to positions, from where they are."""
+    """Move both free arms from their present to new positions."""
     begin = tips(bench)
     way_um = max(abs(a - b) for a, b in zip(begin, tips_um, strict=True))
     seconds = max(0.3, PEAK_SPEED * way_um / APPROACH_UM_PER_S)
@@ -58,7 +58,7 @@ def go(bench: PairBench, tips_um: Pair) -> None:
 
 
 def close(bench: PairBench, place_um: float) -> None:
-    """Close both arms about a place, over a gap that is known to some µm, until both touch."""
+    """Close both arms about a place until both touch; the gap is known to a few µm."""
     opening = bench.plant.gap_um - STAND_OFF_UM
     if sum(tips(bench)) < opening - 1.0:
         go(bench, (0.5 * opening + place_um, 0.5 * opening - place_um))
@@ -66,7 +66,7 @@ def close(bench: PairBench, place_um: float) -> None:
 
 
 def press(bench: PairBench, place_um: float, force_mN: float) -> None:
-    """Raise the force from what it is, and hold it."""
+    """Raise the force from its present value, and hold it."""
     period_s = bench.instruments.period_s
     begin_mN = sum(0.5 * sum(t.forces_mN) for t in bench.ticks[-3:]) / 3
     bench.begin("press")
@@ -85,9 +85,9 @@ def press(bench: PairBench, place_um: float, force_mN: float) -> None:
 def seek(
     bench: PairBench, begin: Pair, slope: Pair, sides: tuple[int, ...], most_um: float
 ) -> Pair:
-    """Go on slowly until each of these sides has touched; where the tips then are, in the mean.
+    """Move slowly until each of these sides has touched; return the mean positions of the tips.
 
-    Raises StudyError where ``most_um`` are gone and nothing is touched.
+    Raises StudyError if nothing is touched within ``most_um``.
     """
     period_s = bench.instruments.period_s
     several = max(3, round(TOUCH_S / period_s))
@@ -145,7 +145,7 @@ def _about(place_um: float, opening_um: float) -> Pair:
 
 
 def tips(bench: PairBench) -> Pair:
-    """Where the arms are, in the mean of the newest samples."""
+    """Return the mean positions of the arms over the newest samples, in µm."""
     last = bench.ticks[-5:]
     one, two = (sum(t.tips_um[arm] for t in last) / len(last) for arm in (0, 1))
     return one, two

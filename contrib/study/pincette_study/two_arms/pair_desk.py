@@ -1,7 +1,7 @@
-"""A simulated rig of two arms that goes on from job to job, and a person beside it.
+"""Simulated rig of two arms that continues from job to job, and a person beside it.
 
-As ``desk`` for one arm: memory and creep of both are carried on, jobs are planned and evaluated by
-the supervisor's own functions.
+As in ``desk`` for one arm, memory and creep of both arms are kept between jobs, and jobs are
+planned and evaluated by the supervisor's own functions.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ REQUEST: TypeAdapter[JobRequest] = TypeAdapter(Body)
 
 
 class PairDesk:
-    """The loop of one rig of two arms, and hands that take its part away and put it back."""
+    """Loop of one rig of two arms, and a person who takes its part away and puts it back."""
 
     def __init__(self, rig: RigFile) -> None:
         self.rig, self._epoch = rig, 0
@@ -49,7 +49,7 @@ class PairDesk:
         self._bench = benches[0]
 
     def play(self, body: dict[str, Any]) -> tuple[JobResult, Columns]:
-        """Play a job; raises StudyError where it may not or does not succeed."""
+        """Play a job; raises StudyError if it is not permitted or does not succeed."""
         request = REQUEST.validate_python(body)
         planned = plan_job(request, self.rig)
         if planned.plan.violations:
@@ -68,7 +68,7 @@ class PairDesk:
         return result, run.table
 
     def taught(self) -> RigFile:
-        """Identify the free response of one arm after the other, the part away; the rig with both.
+        """Identify the free response of each arm with the part away; return the rig with both.
 
         It uses the calibration, as on hardware: ``pincette.engine.response_table`` takes an arm as
         unpoled, and relays are not.
@@ -83,7 +83,7 @@ class PairDesk:
         return calibrated(self.rig, Calibration(values=values))
 
     def stroke(self) -> None:
-        """Go twice over the taught range with the part away, then rest; see ``Desk.stroke``."""
+        """Stroke twice over the taught range with the part away, then rest; see ``Desk.stroke``."""
         first, second = (_strokes(arm) for arm in self.rig.arms)
         guards = replace(FREE, force_max_mN=FORCE_MAX_MN)
         seconds = max(first.duration_s, second.duration_s)

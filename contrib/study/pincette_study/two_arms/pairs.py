@@ -1,4 +1,4 @@
-"""Pairs of random arms, each taught by itself, and the part between them."""
+"""Pairs of random arms, each taught separately, and the part between them."""
 
 from dataclasses import dataclass
 
@@ -14,18 +14,18 @@ from pincette_study.calibrated_free import with_calibrated_response
 from pincette_study.rigs import simulation_of
 
 FIRST_SEED = 501
-"""Seeds of single rigs and of the search for gains are below."""
+"""First seed of pairs; seeds of single rigs and of the search for gains are lower."""
 SPREAD = 0.05
-"""By which mode and compliance of an arm differ from those printed; the law knows s_p alone."""
+"""Relative range of mode and compliance around the printed values; the law knows only s_p."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """What reads and drives both arms."""
+    """Instruments of both arms."""
 
     period_s: float
     delay_s: float
-    """From a sample to its voltages."""
+    """Delay from a sample to its voltages, in s."""
     lag_s: float
     output_step_V: float
     sensor_step_um: float
@@ -34,21 +34,21 @@ class Instruments:
 
 
 SLOW = Instruments(0.02, 0.005, 0.0033, 0.001220703125, 0.025, 0.001, 50.0)
-"""Those of ``demo.toml``."""
+"""Instruments of ``demo.toml``."""
 FAST = Instruments(0.001, 0.00065, 0.0, 0.00030517578125, 0.003, 0.00025, 60.0)
-"""Those of ``kilohertz.toml``."""
+"""Instruments of ``kilohertz.toml``."""
 
 
 @dataclass(frozen=True, slots=True)
 class TaughtPair:
-    """Two arms with their models, and where their part lies."""
+    """Two arms with their models, and the place of their part."""
 
     hysteresis: str
-    """One of ``beyond.CLASSES``."""
+    """Class of hysteresis; one of ``beyond.CLASSES``."""
     number: int
     arms: tuple[RigFile, RigFile]
     contacts_um: tuple[float, float]
-    """Where each tip touches a part that lies in the middle."""
+    """Position of each tip in µm at which it touches a part in the middle."""
 
 
 def taught_pair(base: RigFile, hysteresis: str, number: int) -> TaughtPair:
@@ -61,7 +61,7 @@ def taught_pair(base: RigFile, hysteresis: str, number: int) -> TaughtPair:
 
 
 def taught_arm(base: RigFile, hysteresis: str, seed: int) -> RigFile:
-    """Draw an arm, of which the compliance is measured and the mode taken as printed; teach it."""
+    """Draw an arm with measured compliance and the printed mode, and teach it."""
     rig, _ = CLASSES[hysteresis](base, seed)
     simulation, chance = simulation_of(rig), np.random.default_rng([FIRST_SEED, seed])
     faster = 1.0 + float(chance.uniform(-SPREAD, SPREAD))
@@ -82,7 +82,7 @@ def taught_arm(base: RigFile, hysteresis: str, seed: int) -> RigFile:
 
 
 def arm_of(rig: RigFile) -> ArmParameters:
-    """m, b, k, d of an arm as its rig file has them."""
+    """Return m, b, k, d of an arm, as in its rig file."""
     model = rig.model
     return consistent_arm(
         model.natural_frequency_rad_per_s,
@@ -93,7 +93,7 @@ def arm_of(rig: RigFile) -> ArmParameters:
 
 
 def model_of(rig: RigFile) -> HysteresisModel:
-    """The identified free response; raises TypeError where there is none."""
+    """Return the identified free response; raises TypeError if there is none."""
     response = derived.free_response(rig.model)
     model = getattr(response, "model", None)
     if not isinstance(model, HysteresisModel):
@@ -102,7 +102,7 @@ def model_of(rig: RigFile) -> HysteresisModel:
 
 
 def plant_of(pair: TaughtPair, made: Instruments) -> PairParameters:
-    """Both arms as simulated, with the part in the middle."""
+    """Return both arms as simulated, with the part in the middle."""
     first, second = (
         plant_parameters(
             simulation_of(rig).model_copy(

@@ -1,4 +1,4 @@
-"""Rig files of random pairs: two arms as they are drawn, each taught by its calibration."""
+"""Rig files of random pairs: two drawn arms, each taught by its calibration."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ from pincette_study.two_arms.pairs import FIRST_SEED, SPREAD
 
 Tree = dict[str, Any]
 PLAN_UM = (30.0, 30.5)
-"""Tips at first touch as the rig file has them, and by how much each may be off:"""
+"""Tip positions at first touch in the rig file, in µm; the next constant is their largest error."""
 OFF_UM = 0.5
 FAST: Tree = {
     "rig": {"period_s": 0.001, "composed": ["loop"]},
@@ -31,14 +31,14 @@ FAST: Tree = {
         "actuation_delay_s": 0.00065,
     },
 }
-"""What a pair at 1 ms has else than one at 20 ms, as ``kilohertz.toml`` has it."""
+"""Settings in which a pair at 1 ms differs from one at 20 ms, as in ``kilohertz.toml``."""
 
 
 def write_pair(base: Path, hysteresis: str, number: int, folder: Path) -> tuple[Path, Path]:
     """Draw the pair of a number, teach both arms, and write its rig files at 20 ms and at 1 ms.
 
-    Mode and compliance of each arm differ by up to ``SPREAD``; its rig file knows the compliance,
-    which a weight at the tip shows, and has the mode as printed.
+    Mode and compliance of each arm differ by up to ``SPREAD``. Its rig file contains the true
+    compliance, which a weight at the tip shows, and the printed mode.
     """
     rig = read_rig(base)
     seeds = FIRST_SEED + 2 * number, FIRST_SEED + 2 * number + 1
@@ -76,7 +76,7 @@ def _drawn(rig: RigFile, hysteresis: str, seed: int) -> Simulation:
 
 
 def _arm(simulation: Simulation, contact_um: float) -> Tree:
-    """What is of one arm."""
+    """Return the tables of one arm."""
     names = (
         "natural_frequency_rad_per_s",
         "compliance_um_per_mN",
@@ -95,7 +95,7 @@ def _without_other_class(simulation: Tree, hysteresis: str) -> None:
 
 
 def _fast(tree: Tree) -> Tree:
-    """The same pair behind one device with a channel of each kind for each arm."""
+    """Return the tables of the same pair with one device that has both channels of each arm."""
     device = "grpc://127.0.0.1:7461/cDAQ1Mod"
     found = laid_over(tree, FAST)
     for arm, place in ((found, 0), (found["second"], 1)):
@@ -124,7 +124,7 @@ def _tree(tables: RigFile | Simulation) -> Tree:
 
 
 def as_toml(tree: Tree) -> str:
-    """Write tables as TOML, which ``read_rig`` reads."""
+    """Write tables as TOML that ``read_rig`` reads."""
     return "".join(_lines(tree, ""))
 
 

@@ -1,7 +1,7 @@
-"""Place and force of one part, each along a path of its own, and a part that is centred.
+"""Place and force of one part, each along its own path, and a part that is centred.
 
 A pair strokes over its range with the part away, takes both zeros, closes, presses, and follows two
-sinusoids at once that no line binds; ``centre`` looks for the part from both sides first.
+independent sinusoids at once; ``centre`` first searches for the part from both sides.
 """
 
 from dataclasses import dataclass, replace
@@ -21,32 +21,33 @@ from pincette_study.two_arms.pairs import FAST, SLOW, Instruments, TaughtPair
 
 FORCE_MN, FORCE_PP_MN = 15.0, 10.0
 BACK_UM = 3.0
-"""By which an arm stands back from where it has touched."""
+"""Distance in µm by which an arm retracts from its touch."""
 FIRM_MN = 2.0
-"""Force at which a part counts as held, and its way until then as what centring did to it."""
+"""Force in mN from which a part counts as held; its motion until then is caused by centring."""
 MOST_OFF_UM = 5.0
-"""By which a part may lie off the middle."""
+"""Largest distance of a part from the middle, in µm."""
 GROUND_SLIP_MN = 1.5
-"""What the ground holds a part by in the study; see ``centre``."""
+"""Force in mN with which the ground holds a part in the study; see ``centre``."""
 FADE_S = 1.0
-"""Over which both sinusoids grow to their size."""
+"""Time over which both sinusoids grow to their amplitude, in s."""
 DISAGREEMENT_S = 0.1
-"""Over which the difference of both forces is averaged."""
+"""Time over which the difference of both forces is averaged, in s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Two sinusoids on instruments of a rate."""
+    """Two sinusoids, on instruments with a rate."""
 
     name: str
     instruments: Instruments
     place_hz: float
     force_hz: float
     seconds: float
-    """Whole cycles of both."""
+    """Duration in s, with whole cycles of both."""
     position_percent: tuple[float, float]
     force_percent: tuple[float, float]
-    """What is to be reached, median and worst."""
+    """Required force error in per cent, median and worst; the field before is that of the position.
+    """
 
 
 CASES = (
@@ -58,38 +59,38 @@ CASES = (
 
 @dataclass(frozen=True, slots=True)
 class PairTrial:
-    """How a pair followed both paths, as it truly was."""
+    """True errors of a pair on both paths."""
 
     hysteresis: str
     number: int
     case: str
     position_percent: float
-    """R.m.s. of q - q_r, of the peak to peak of its path, and"""
+    """R.m.s. of q - q_r, in per cent of the peak to peak of its path."""
     force_percent: float
-    """of F - F_r, likewise."""
+    """R.m.s. of F - F_r, in per cent of the peak to peak of its path."""
     disagreement_mN: float
-    """R.m.s. of F̂_1 - F̂_2, low-passed as the law's force."""
+    """R.m.s. of F̂_1 - F̂_2 in mN, low-passed as the force of the law."""
 
 
 @dataclass(frozen=True, slots=True)
 class CentreTrial:
-    """How far centring moved a part before it was held."""
+    """Motion of a part by centring before it was held."""
 
     hysteresis: str
     number: int
     off_um: float
-    """By which the part lay off the middle between both arms."""
+    """Distance of the part from the middle between both arms, in µm."""
     moved_um: float
-    """The furthest, until ``FIRM_MN`` were reached."""
+    """Largest motion of the part until ``FIRM_MN`` was reached, in µm."""
     held_mN: float
-    """At the end; the force asked for is ``FORCE_MN``."""
+    """Force at the end in mN; the requested force is ``FORCE_MN``."""
 
 
 def track(pair: TaughtPair, case: Case, *, dry_run: bool = False) -> PairTrial:
-    """Press the part and follow both paths; raises StudyError where it may not or cannot.
+    """Press the part and follow both paths; raises StudyError if this is not permitted or fails.
 
-    With ``dry_run`` the voltages of a first run are played once more with the part away, and what
-    the models miss of them is known to a second run, of which the errors are.
+    With ``dry_run`` the voltages of a first run are played again with the part away. The resulting
+    model errors are known to a second run, whose errors are returned.
     """
     bench = PairBench(pair, case.instruments, _lifted)
     _follow(bench, case)
@@ -141,9 +142,9 @@ def _follow(bench: PairBench, case: Case) -> None:
 
 
 def centre(pair: TaughtPair, off_um: float, slip_mN: float = GROUND_SLIP_MN) -> CentreTrial:
-    """Find the part from both sides, one after the other, and close without moving it.
+    """Find the part from both sides in turn, and close without moving it.
 
-    The ground must hold the part by more than ``TOUCH_MN``: a loose one gives way to the first arm
+    The ground must hold the part by more than ``TOUCH_MN``: a loose one yields to the first arm
     without a force that any estimator sees. It is off the middle by ``off_um``.
     """
 
@@ -178,7 +179,7 @@ def centre(pair: TaughtPair, off_um: float, slip_mN: float = GROUND_SLIP_MN) -> 
 
 
 def _wave(middle: float, pp: float, hz: float, t_s: float) -> tuple[float, float, float]:
-    """A sinusoid about a middle that grows to its size, with its first two derivatives."""
+    """Return a growing sinusoid about a middle value, with its first two derivatives."""
     step_s = 1e-4
     values = [
         0.5 * pp * quintic(at_s / FADE_S) * sin(2.0 * pi * hz * at_s)
@@ -193,6 +194,6 @@ def _wave(middle: float, pp: float, hz: float, t_s: float) -> tuple[float, float
 
 
 def _lifted(plant: PairParameters) -> PairParameters:
-    """A part that lies on the ground and is lifted once it is held."""
+    """Return a part that lies on the ground and is lifted once it is held."""
     part = PartParameters(hold_mN=0.02, lift_after_s=0.5)
     return replace(plant, ground_slip_mN=GROUND_SLIP_MN, part=part)
